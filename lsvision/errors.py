@@ -1,4 +1,4 @@
-"""Errors of the package; each message states what failed, got and needed, and the remedy.
+"""Errors of the package; each message states the failure, values got and needed, and a remedy.
 
 A wrong argument (shape, negative radius) is a ``ValueError`` or ``TypeError``; data that cannot be
 used (empty file, no line in the image, too few poses) are a `LsvisionError`; an arc that is not a
@@ -26,9 +26,9 @@ class TooFewPoints(LsvisionError):
     Parameters
     ----------
     what : str
-        What has too few points, in the user's terms (an arc, a profile).
+        Object with too few points, in the user's terms (an arc, a profile).
     got, need : int
-        Counts.
+        Number of points, and smallest number that is needed.
     hint : str
         Remedy.
     """
@@ -40,7 +40,7 @@ class TooFewPoints(LsvisionError):
 
 
 class UnreadableFile(LsvisionError):
-    """A file that cannot be read as what it should be; the message names file and remedy."""
+    """A file that cannot be read as expected; the message states file and remedy."""
 
 
 class UnwritableFile(LsvisionError):
@@ -59,8 +59,8 @@ class NoLaserLine(LsvisionError):
     finding : str
         What was found instead, with its numbers.
     remedy : str
-        Settings that may find the line; empty if the finding names what is to be done. The message
-        is both.
+        Settings that may find the line; empty if `finding` contains the remedy. The message
+        contains both.
     """
 
     def __init__(self, finding: str, remedy: str = "") -> None:
@@ -69,7 +69,7 @@ class NoLaserLine(LsvisionError):
 
 
 class DegenerateGeometry(LsvisionError):
-    """Data that do not determine the result, even without noise; names what is missing."""
+    """Data that do not determine the result, even without noise; the message states the remedy."""
 
 
 class CalibrationFailed(LsvisionError):

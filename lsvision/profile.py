@@ -35,7 +35,7 @@ METRES_EXTENTS, METRES_PITCH, MIN_STEPS = (1e-3, 1.0), 0.002, 5
 number of steps for that test. No profile sensor is as fine: the smallest fields of view are some
 mm wide, the finest pitch is 0.0025 mm. Units: mm."""
 
-FARTHEST_MM = 1e5
+MAX_PLAUSIBLE_COORDINATE_MM = 1e5
 """Largest coordinate that is not questioned: lidars reach 100 m, and a profile in micrometres at a
 range of 0.1 m has this coordinate. Units: mm."""
 MIN_ZERO_ROWS = 3
@@ -59,7 +59,7 @@ class NoiseModel(Protocol):
         Parameters
         ----------
         points : (n, 2) ndarray
-            Section frame; NaN rows are lost points. Units: mm.
+            Points in the section frame; NaN rows are lost points. Units: mm.
 
         Returns
         -------
@@ -71,7 +71,7 @@ class NoiseModel(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class PointNoise(ComparedByValue):
-    """Noise given point by point, as by a calibrated camera.
+    """Noise model with a covariance for each point, as from a calibrated camera.
 
     Parameters
     ----------
@@ -169,13 +169,13 @@ class Profile(ComparedByValue):
         rows = as_section_points(points)
         valid: BoolArray = np.abs(rows) < MAX_COORDINATE_MM
         if not valid.all():
-            rows = _without(rows, ~(valid[:, 0] & valid[:, 1]))
+            rows = _mark_lost(rows, ~(valid[:, 0] & valid[:, 1]))
         if lost is None:
             _warn_of_markers(rows)
         else:
             for value in np.atleast_1d(np.asarray(lost, dtype=np.float64)):
-                near: BoolArray = np.abs(rows - value) <= MARKER_TOLERANCE * abs(value)
-                rows = _without(rows, near[:, 0] | near[:, 1])
+                is_marker: BoolArray = np.abs(rows - value) <= MARKER_TOLERANCE * abs(value)
+                rows = _mark_lost(rows, is_marker[:, 0] | is_marker[:, 1])
         object.__setattr__(self, "points", rows)
         object.__setattr__(self, "noise", noise)
 
@@ -184,12 +184,12 @@ class Profile(ComparedByValue):
 
     def __repr__(self) -> str:
         valid = self.points[~np.isnan(self.points[:, 0])]
-        spans = [
+        ranges = [
             f", {name} {column.min():.6g} to {column.max():.6g} mm"
             for name, column in zip("xy", valid.T, strict=True)
             if len(column)
         ]
-        return f"<Profile: {len(self)} points, {self.lost} lost{''.join(spans)}>"
+        return f"<Profile: {len(self)} points, {self.lost} lost{''.join(ranges)}>"
 
     @property
     def lost(self) -> int:
@@ -211,11 +211,11 @@ def as_profile(points: Profile | npt.ArrayLike) -> Profile:
     profile = points if isinstance(points, Profile) else Profile(cast("Points", points))
     valid = profile.points[~np.isnan(profile.points[:, 0])]
     extent, (low, high) = extent_of(valid), METRES_EXTENTS
-    farthest = float(np.abs(valid).max(initial=0.0))
-    if farthest > FARTHEST_MM:
+    largest_coordinate = float(np.abs(valid).max(initial=0.0))
+    if largest_coordinate > MAX_PLAUSIBLE_COORDINATE_MM:
         warnings.warn(
-            f"expected a profile in mm, got coordinates up to {farthest:.3g} mm: micrometres? "
-            "divide the points by 1000",
+            f"expected a profile in mm, got coordinates up to {largest_coordinate:.3g} mm: "
+            "micrometres? divide the points by 1000",
             UserWarning,
             stacklevel=3,
         )
@@ -254,11 +254,11 @@ def require_several(profiles: Any) -> None:
     raise TypeError(f"expected a sequence of profiles, got {hint}")
 
 
-def _without(points: Points, lost: BoolArray) -> Points:
+def _mark_lost(points: Points, lost: BoolArray) -> Points:
     """Return read-only points with NaN in the rows of lost ones."""
-    kept: Points = np.where(lost[:, np.newaxis], np.nan, points)
-    kept.setflags(write=False)
-    return kept
+    points_with_lost_rows: Points = np.where(lost[:, np.newaxis], np.nan, points)
+    points_with_lost_rows.setflags(write=False)
+    return points_with_lost_rows
 
 
 def _warn_of_markers(points: Points) -> None:
@@ -283,14 +283,14 @@ def _warn_of_markers(points: Points) -> None:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PreparedProfile:
-    """A profile in its order along the line, with the noise of its points.
+    """Profile in its order along the line, with the noise of its points.
 
     Parameters
     ----------
     points : (n, 2) ndarray
         Points of the profile in their order along the line. Units: mm.
     noisy_points : NoisyPoints
-        The same points with the covariances of their errors, in complex numbers.
+        Points with the covariances of their errors, in complex numbers.
     valid_indices : (k,) int ndarray
         Indices of the `points` that are not lost, ascending.
     sensor_columns : (n,) int ndarray
@@ -332,12 +332,12 @@ class PreparedProfile:
 
 @dataclass(frozen=True)
 class Arc:
-    """Index span of a profile whose inliers lie on one ellipse.
+    """Range of indices of a profile whose inliers lie on one ellipse.
 
     Parameters
     ----------
     start, stop : int
-        Half open: ``profile.points[start:stop]``.
+        First index, and index after the last: ``profile.points[start:stop]``.
 
     Examples
     --------
@@ -366,7 +366,7 @@ class Arc:
         Returns
         -------
         (k, 2) ndarray
-            Section frame. Units: mm.
+            Points in the section frame. Units: mm.
 
         Examples
         --------

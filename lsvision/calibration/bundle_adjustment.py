@@ -109,10 +109,8 @@ def adjust_bundle(
     vector, _ = _minimise(corner_problem, 1e-6)
     initial_guess = corner_problem.state(vector)
     corner, line = corner_problem.residuals_in_pixels(vector)
-    corner_std, line_residuals = _mad_std(corner), corner_problem.split_by_view(line, line=True)
-    corner_stds = [
-        _huber_std(values) for values in corner_problem.split_by_view(corner, line=False)
-    ]
+    corner_std, line_residuals = _mad_std(corner), corner_problem.split_views(line, line=True)
+    corner_stds = [_huber_std(values) for values in corner_problem.split_views(corner, line=False)]
     line_noise = estimate_line_noise(views, line_residuals)
     problem = BundleAdjustmentProblem(
         [
@@ -136,8 +134,8 @@ def adjust_bundle(
     covariance, bow_std = _plane_covariance_and_bow_std(problem, information)
     return BundleAdjustmentResult(
         problem.state(vector),
-        problem.split_by_view(corner, line=False),
-        problem.split_by_view(line, line=True),
+        problem.split_views(corner, line=False),
+        problem.split_views(line, line=True),
         covariance,
         bow_std,
         line_inconsistent=False,
@@ -154,8 +152,8 @@ def _solve_plane_only(
     corner, line = problem.residuals_in_pixels(np.zeros(problem.size))
     return BundleAdjustmentResult(
         state,
-        problem.split_by_view(corner, line=False),
-        problem.split_by_view(line, line=True),
+        problem.split_views(corner, line=False),
+        problem.split_views(line, line=True),
         _cluster_robust_covariance(state, laser_points),
         np.zeros(SHAPE_TERMS),
         line_inconsistent=True,

@@ -190,7 +190,7 @@ class BundleAdjustmentProblem:
         """Return the indices of the bow; empty where it is fixed."""
         return np.flatnonzero(self.free >= 21)
 
-    def split_by_view(self, values: FloatArray, line: bool) -> tuple[FloatArray, ...]:
+    def split_views(self, values: FloatArray, line: bool) -> tuple[FloatArray, ...]:
         """Return values of all corners, or of all line points, as one array per view."""
         view = self._line_view if line else self._corner_view
         return tuple(values[view == index] for index in range(self._count))

@@ -58,8 +58,8 @@ class _OneLineErrors(TyperGroup):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Accept ``--debug`` and ``--max-size`` before and after the command."""
         end = args.index("--") if "--" in args else len(args)
-        first, rest = _split_global_options(args[:end])
-        return super().parse_args(ctx, [*first, *rest, *args[end:]])
+        global_options, arguments = _split_global_options(args[:end])
+        return super().parse_args(ctx, [*global_options, *arguments, *args[end:]])
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command; known failures end with exit code 1."""
@@ -82,27 +82,27 @@ class _OneLineErrors(TyperGroup):
 def _import_command(name: str) -> Any:
     """Import a command, or a group of commands, and return it as the classes of click."""
     command = getattr(import_module(f"lsvision.cli.{name}"), name)
-    holder = typer.Typer(rich_markup_mode=None)
+    parent = typer.Typer(rich_markup_mode=None)
     if isinstance(command, typer.Typer):
-        holder.add_typer(command)
+        parent.add_typer(command)
     else:
-        holder.command()(command)
-    return get_group(holder).commands[name]
+        parent.command()(command)
+    return get_group(parent).commands[name]
 
 
 def _split_global_options(args: list[str]) -> tuple[list[str], list[str]]:
     """Return the global options, and the other arguments."""
-    first: list[str] = []
-    rest: list[str] = []
+    global_options: list[str] = []
+    arguments: list[str] = []
     remaining = iter(args)
-    for word in remaining:
-        if word == "--debug" or word.startswith("--max-size="):
-            first.append(word)
-        elif word == "--max-size":
-            first += [word, *islice(remaining, 1)]
+    for argument in remaining:
+        if argument == "--debug" or argument.startswith("--max-size="):
+            global_options.append(argument)
+        elif argument == "--max-size":
+            global_options += [argument, *islice(remaining, 1)]
         else:
-            rest.append(word)
-    return first, rest
+            arguments.append(argument)
+    return global_options, arguments
 
 
 def _parse_size(text: str) -> int:

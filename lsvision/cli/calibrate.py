@@ -126,8 +126,8 @@ def camera(
         bent_board=not flat_board,
     )
     with prefix_file_names(image=names):
-        shots = read_images(files)
-        calibration = calibrate_camera(shots, board, model)
+        photos = read_images(files)
+        calibration = calibrate_camera(photos, board, model)
     rows = camera_rows(calibration)
     warnings = warning_lines(names, calibration)
     provenance = build_provenance(f"{len(calibration.views)} views of {board}", files)
@@ -135,15 +135,15 @@ def camera(
         from lsvision.draw.calibration_report import ReportContent, camera_page
         from lsvision.files.atomic_files import write_atomic
 
-        content = ReportContent(rows, warnings, names, provenance, shots)
+        content = ReportContent(rows, warnings, names, provenance, photos)
         write_atomic(report, camera_page(calibration, content))
     write_calibration(out, calibration, provenance)
     if ros_yaml is not None:
         write_camera_yaml(ros_yaml, calibration.camera)
     width, height = calibration.camera.size
-    used = f"{len(calibration.views)} of {len(files)} images"
-    head = f"{out}: camera of {width} x {height} px from {used}"
-    print_lines([head, *value_lines(rows), *warnings])
+    source = f"{len(calibration.views)} of {len(files)} images"
+    heading = f"{out}: camera of {width} x {height} px from {source}"
+    print_lines([heading, *value_lines(rows), *warnings])
 
 
 @calibrate.command("laser-plane")
@@ -208,13 +208,18 @@ def laser_plane(
 
     settings = LaserPlaneSettings(line=line_options.parse())
     names = [printable(file.name) for file in board_files]
-    view = read_camera(camera_file)
-    shots, line_shots = read_images(board_files), line_options.read(line_files)
+    camera_model = read_camera(camera_file)
+    board_images, line_images = read_images(board_files), line_options.read(line_files)
     with prefix_file_names(
         image=names, board_image=names, line_image=[printable(file.name) for file in line_files]
     ):
         calibration = calibrate_laser_plane(
-            view, board, shots, line_shots, settings, read_camera_covariance(camera_file)
+            camera_model,
+            board,
+            board_images,
+            line_images,
+            settings,
+            read_camera_covariance(camera_file),
         )
     provenance = build_provenance(
         f"laser line on {board} in {len(calibration.views)} poses", dict.fromkeys(files)
@@ -222,28 +227,28 @@ def laser_plane(
     rows = laser_plane_rows(calibration)
     warnings = warning_lines(names, calibration)
     if report is not None:
-        photos = [
+        combined_photos = [
             combine_photos(*pair, line_options.pattern)
-            for pair in zip(shots, line_shots, strict=True)
+            for pair in zip(board_images, line_images, strict=True)
         ]
-        page = ReportContent(rows, warnings, names, provenance, photos)
+        page = ReportContent(rows, warnings, names, provenance, combined_photos)
         write_atomic(report, laser_plane_page(calibration, board.points, page))
     replace(calibration.light_section, provenance=provenance).save(out)
     if details is not None:
         write_calibration(details, calibration, provenance)
-    used = f"{len(calibration.views)} of {len(names)} poses of the board"
-    print_lines([f"{out}: laser plane from {used}", *value_lines(rows), *warnings])
+    source = f"{len(calibration.views)} of {len(names)} poses of the board"
+    print_lines([f"{out}: laser plane from {source}", *value_lines(rows), *warnings])
 
 
 def _image_pairs(
-    board_words: Sequence[str], line_words: Sequence[str]
+    board_names: Sequence[str], line_names: Sequence[str]
 ) -> tuple[list[Path], list[Path]]:
     """Return the files of board and line images, the same number of each."""
-    boards, lines = image_files(board_words), image_files(line_words)
+    boards, lines = image_files(board_names), image_files(line_names)
     if len(boards) != len(lines):
         raise UnreadableFile(
             f"expected a line image for each of {len(boards)} board images ({boards[0].name} to "
             f"{boards[-1].name}), got {len(lines)} ({lines[0].name} to {lines[-1].name}): leave "
-            "out what has no partner"
+            "out images without a partner"
         )
     return boards, lines

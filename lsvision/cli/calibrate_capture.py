@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from lsvision.calibration.capture_pairs import Pair
 
 DEFAULT_PAIRS = 15
+"""Default number of pairs."""
 
 
 @expand_option_groups
@@ -27,11 +28,11 @@ def capture(
             help="Index of a connected camera, a GenICam camera, or a video in its place.",
         ),
     ],
-    boards: Annotated[Path, typer.Option(metavar="DIR", help="Gets board_00.png and so on.")],
-    lines: Annotated[Path, typer.Option(metavar="DIR", help="Gets line_00.png and so on.")],
+    boards: Annotated[Path, typer.Option(metavar="DIR", help="Folder for board_00.png and so on.")],
+    lines: Annotated[Path, typer.Option(metavar="DIR", help="Folder for line_00.png and so on.")],
     target_options: TargetOptions,
     pairs: Annotated[
-        int, typer.Option(min=2, metavar="N", help="How many to take.")
+        int, typer.Option(min=2, metavar="N", help="Number of pairs.")
     ] = DEFAULT_PAIRS,
     line_options: LineOptions,
 ) -> None:
@@ -53,12 +54,12 @@ def capture(
     from lsvision.calibration.capture_pairs import CaptureSettings, CaptureState, next_state
     from lsvision.io.camera_frames import open_camera
 
-    settings, state, printed = CaptureSettings(line=line), CaptureState(), ""
+    settings, state, printed_instruction = CaptureSettings(line=line), CaptureState(), ""
     for frame in open_camera(camera):
-        state, text, pair = next_state(state, frame, board, settings)
-        if text != printed:
-            typer.echo(text)
-        printed = text
+        state, instruction, pair = next_state(state, frame, board, settings)
+        if instruction != printed_instruction:
+            typer.echo(instruction)
+        printed_instruction = instruction
         if pair is not None:
             _write_pair(pair, len(state.pairs) - 1, boards, lines)
             typer.echo(f"missing: {'; '.join(missing_views(state.pairs, pairs)) or 'nothing'}")
@@ -90,6 +91,6 @@ def _write_pair(pair: "Pair", number: int, boards: Path, lines: Path) -> None:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise UnwritableFile(
-                f"{folder}: {error.strerror}: name a folder that can be made"
+                f"{folder}: {error.strerror}: name a folder that can be created"
             ) from None
         write_atomic(folder / f"{name}_{number:02d}.png", encode_png(image))

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from lsvision.cli.calibrate_inputs import image_files, prefix_file_names
-from lsvision.cli.hand_eye_boards import see_boards
+from lsvision.cli.hand_eye_boards import find_boards
 from lsvision.cli.hand_eye_command import (
     HandEyeOptions,
     HandEyeResultOptions,
@@ -40,7 +40,7 @@ Profiles = Annotated[
 def sphere(
     *,
     profiles: Profiles,
-    job: HandEyeOptions,
+    options: HandEyeOptions,
     radius: Annotated[
         float | None,
         typer.Option(
@@ -68,13 +68,13 @@ def sphere(
     from lsvision.calibration.hand_eye import calibrate_hand_eye_sphere
 
     calibration = partial(calibrate_hand_eye_sphere, radius=radius)
-    calibrate_from_profiles(calibration, profiles, job, plan, reading)
+    calibrate_from_profiles(calibration, profiles, options, plan, reading)
 
 
 @hand_eye.command()
 @expand_option_groups
 def plane(
-    *, profiles: Profiles, job: HandEyeOptions, plan: PosePlanOptions, reading: ReadingOptions
+    *, profiles: Profiles, options: HandEyeOptions, plan: PosePlanOptions, reading: ReadingOptions
 ) -> None:
     """Calibrate a profile sensor to the robot on a flat plate.
 
@@ -89,7 +89,7 @@ def plane(
     """  # noqa: D301 - the backspace makes click keep the line breaks
     from lsvision.calibration.hand_eye import calibrate_hand_eye_plane
 
-    calibrate_from_profiles(calibrate_hand_eye_plane, profiles, job, plan, reading)
+    calibrate_from_profiles(calibrate_hand_eye_plane, profiles, options, plan, reading)
 
 
 @hand_eye.command()
@@ -101,7 +101,7 @@ def board(
         typer.Argument(metavar="FILE|DIR|GLOB", help="Images of the board, one per pose."),
     ],
     camera: Annotated[Path, typer.Option(metavar="F", help="From calibrate camera.")],
-    job: HandEyeOptions,
+    options: HandEyeOptions,
     target_options: TargetOptions,
 ) -> None:
     """Calibrate a camera to the robot on a board; gives flange_from_camera.
@@ -112,27 +112,34 @@ def board(
     """  # noqa: D301 - the backspace makes click keep the line breaks
     target = target_options.parse()
     files = image_files(images)
-    inputs = [job.poses, camera, *files]
-    job.check_files(inputs)
+    inputs = [options.poses, camera, *files]
+    options.check_files(inputs)
     from lsvision.calibration.hand_eye import calibrate_hand_eye_board
     from lsvision.io.robot_poses import find_pose_files
 
     names = [printable(file.name) for file in files]
-    flanges = job.read_flanges(names)
-    boards = see_boards(files, target, camera)
+    flanges = options.read_flanges(names)
+    boards = find_boards(files, target, camera)
     names, flanges = [names[k] for k in boards.indices], [flanges[k] for k in boards.indices]
     with prefix_file_names(pose=names):
-        boards = boards.numbered_from_one_end(target, flanges, job.placement)
-        found = calibrate_hand_eye_board(
+        boards = boards.number_from_one_end(target, flanges, options.placement)
+        calibration = calibrate_hand_eye_board(
             boards.poses,
             flanges,
             covariances=boards.covariances,
             camera_modes=boards.camera_modes,
-            mounting=job.placement,
-            settings=job.settings,
+            mounting=options.placement,
+            settings=options.settings,
         )
-    read = [*find_pose_files(job.poses), camera, *files]
-    report_hand_eye(found, flanges, names, job, read, boards.evidence(found, flanges, names))
+    used_files = [*find_pose_files(options.poses), camera, *files]
+    report_hand_eye(
+        calibration,
+        flanges,
+        names,
+        options,
+        used_files,
+        boards.build_evidence(calibration, flanges, names),
+    )
 
 
 @hand_eye.command("poses")
@@ -146,7 +153,7 @@ def target_poses(
             help="Samples of MoveIt or easy_handeye; with --poses: poses of the target alone.",
         ),
     ],
-    job: HandEyeResultOptions,
+    options: HandEyeResultOptions,
     poses: Annotated[
         Path | None,
         typer.Option(metavar="F", help="Poses of the flange, if they are in another file."),
@@ -177,13 +184,13 @@ def target_poses(
     if rows is None and target_convention is not None:
         raise typer.BadParameter("expected --poses with --target-convention, got none")
     inputs = [samples] if rows is None else [samples, rows.path]
-    job.check_files(inputs)
+    options.check_files(inputs)
     from lsvision.calibration.hand_eye import calibrate_hand_eye_board
 
     if rows is None:
         from lsvision.io.hand_eye_samples import read_hand_eye_samples
 
-        flanges, targets = read_hand_eye_samples(samples, job.placement)
+        flanges, targets = read_hand_eye_samples(samples, options.placement)
     else:
         from lsvision.io.robot_poses import read_robot_poses
 
@@ -191,9 +198,9 @@ def target_poses(
         parse_convention(target_convention)
         targets = read_robot_poses(samples, target_convention)
         flanges = rows.read(len(targets), "of the target")
-    job = replace(job, frame_convention=job.frame_convention or convention)
+    options = replace(options, frame_convention=options.frame_convention or convention)
     names = [f"sample {number}" for number in range(len(targets))]
-    found = calibrate_hand_eye_board(
-        targets, flanges, mounting=job.placement, settings=job.settings
+    calibration = calibrate_hand_eye_board(
+        targets, flanges, mounting=options.placement, settings=options.settings
     )
-    report_hand_eye(found, flanges, names, job, inputs)
+    report_hand_eye(calibration, flanges, names, options, inputs)

@@ -58,11 +58,11 @@ class LineOptions:
 
     @property
     def pattern(self) -> "Bayer | None":
-        """The colours of the mosaic as the library names them."""
+        """Colours of the mosaic in the notation of the library."""
         return cast("Bayer | None", self.bayer and self.bayer.upper())
 
     def read(self, paths: Sequence[Path]) -> list[Any]:
-        """Read images of the laser line.
+        """Return images of the laser line.
 
         Raises
         ------
@@ -89,7 +89,7 @@ class LineOptions:
 
 
 def image_files(names: Sequence[str]) -> list[Path]:
-    """Return the images of names, folders and patterns, in natural order; exit without any."""
+    """Return the image files of names, folders and patterns, in natural order; exit if none."""
     return _find(names, IMAGE_SUFFIXES)
 
 
@@ -99,12 +99,12 @@ def profile_files(names: Sequence[str], dx: float | None) -> list[Path]:
 
 
 def read_images(paths: Sequence[Path]) -> list[Any]:
-    """Read the images of files, in order.
+    """Return the images of files, in order.
 
     Raises
     ------
     UnreadableFile
-        Names the file and the remedy.
+        If a file cannot be read; the message states the file and the remedy.
     """
     from lsvision.io.images import read_image
 
@@ -114,12 +114,12 @@ def read_images(paths: Sequence[Path]) -> list[Any]:
 def read_named_profiles(
     paths: Sequence[Path], options: "ReadOptions"
 ) -> "tuple[list[Profile], list[str]]":
-    """Read the profiles of all files in order, and name each.
+    """Return the profiles of all files in order, and a name for each.
 
     Raises
     ------
     UnreadableFile
-        Names the file and the remedy.
+        If a file cannot be read; the message states the file and the remedy.
     """
     files = read_sources(paths, options)
     profiles = [profile for file in files for profile in file.profiles]
@@ -140,7 +140,7 @@ def prefix_file_names(**names: Sequence[str]) -> Iterator[None]:
     Raises
     ------
     LsvisionError
-        The same error with the names.
+        Error with the names added to its message.
     """
     try:
         yield
@@ -156,19 +156,20 @@ def replace_image_numbers(text: str, **names: Sequence[str]) -> str:
     >>> replace_image_numbers("image 1 is blurred", image=["a.png", "b.png"])
     'image 1 (b.png) is blurred'
     """
-    for kind, every in sorted(names.items(), key=lambda item: -len(item[0])):
+    for kind, file_names in sorted(names.items(), key=lambda item: -len(item[0])):
         label = kind.replace("_", " ")
-        before = r"(?<!board )(?<!line )" if label == "image" else ""
+        lookbehind = r"(?<!board )(?<!line )" if label == "image" else ""
 
-        def with_name(match: re.Match[str], every: Sequence[str] = every) -> str:
+        def add_name(match: re.Match[str], file_names: Sequence[str] = file_names) -> str:
             number = int(match[1])
-            return f"{match[0]} ({every[number]})" if number < len(every) else match[0]
+            return f"{match[0]} ({file_names[number]})" if number < len(file_names) else match[0]
 
-        text = re.sub(rf"{before}\b{label} (\d+)\b", with_name, text)
+        text = re.sub(rf"{lookbehind}\b{label} (\d+)\b", add_name, text)
     return text
 
 
 def _find(names: Sequence[str], suffixes: frozenset[str]) -> list[Path]:
+    """Return the files of names, folders and patterns; print errors and exit if any is missing."""
     files, missing = find_sources(names, suffixes)
     if any(str(file) == STDIN for file in files):
         raise typer.BadParameter("expected files, which are read twice, got - for standard input")

@@ -1,4 +1,4 @@
-"""Calibrations as text: values with one sigma, and warnings."""
+"""Calibrations as text: values with standard deviations, and warnings."""
 
 import math
 from collections.abc import Sequence
@@ -16,11 +16,16 @@ if TYPE_CHECKING:
 
 
 def pose_rows(hand_eye: "HandEye", names: Sequence[str]) -> list[tuple[str, str, str, str]]:
-    """Return for each pose: name, residual, held-out residual, and whether it was left out."""
+    """Return for each pose: name, residual, leave-one-out residual, and whether it was rejected."""
     left_out = {pose.index for pose in hand_eye.rejected}
     return [
-        (name, _mm(residual), _mm(held_out), "left out" if index in left_out else "")
-        for index, (name, residual, held_out) in enumerate(
+        (
+            name,
+            _format_mm(residual),
+            _format_mm(leave_one_out),
+            "left out" if index in left_out else "",
+        )
+        for index, (name, residual, leave_one_out) in enumerate(
             zip(names, hand_eye.residuals, hand_eye.leave_one_out_residuals, strict=True)
         )
     ]
@@ -49,5 +54,5 @@ def warning_lines(
     return [replace_image_numbers(line, image=names) for line in lines]
 
 
-def _mm(value: float) -> str:
+def _format_mm(value: float) -> str:
     return f"{value:.3f}" if math.isfinite(value) else "-"

@@ -55,15 +55,15 @@ class PartOptions:
     measuring : callable
         Function that measures a profile.
     sensor : ProfileSensor, optional
-        The sensor whose noise `measuring` uses.
+        Sensor whose noise `measuring` uses.
     reading : ReadOptions
         Options of reading profile files.
     imaging : ImagingOptions, optional
         Rig and settings for converting images to profiles; without them an image is an error.
     placing : RobotFrame, optional
-        Transformation of cylinders to the robot's frame; without, they stay in the section frame.
+        Transformation of cylinders to the robot's frame; None leaves them in the section frame.
     verbose, debug : bool
-        Also list the rejected arcs; show tracebacks.
+        Whether to list the rejected arcs, too; whether to print tracebacks.
     """
 
     measuring: Measure
@@ -108,14 +108,14 @@ class FilePart:
     def slices(self, count: int) -> "Iterator[FilePart]":
         """Yield this part in parts of at most `count` profiles."""
         for start in range(0, max(len(self), 1), count):
-            kept = slice(start, start + count)
+            indices = slice(start, start + count)
             yield replace(
                 self,
-                file=_slice_of(self.file, kept),
+                file=_select_profiles(self.file, indices),
                 first=self.first + start,
                 header=[] if start else self.header,
-                flanges=self.flanges and self.flanges[kept],
-                pictures=self.pictures and self.pictures[kept],
+                flanges=self.flanges and self.flanges[indices],
+                pictures=self.pictures and self.pictures[indices],
             )
 
 
@@ -126,11 +126,11 @@ class PartResult:
     Parameters
     ----------
     lines : list of str
-        Printed text.
+        Text to print.
     records : list of dict
         Records of the profiles.
     errors : list of str
-        Errors, one line each.
+        Messages of errors, one line each.
     """
 
     lines: list[str] = field(default_factory=list)
@@ -156,7 +156,7 @@ def read_parts(source: Path | LiveCamera, options: PartOptions) -> Iterator[File
 
 
 def read_whole(source: Path | LiveCamera, options: PartOptions) -> FilePart:
-    """Read a file as one part; see `read_parts`."""
+    """Return a file as one part; see `read_parts`."""
     if _holds_images(source, options):
         return _read_images(source, options)
     file = read_source(Path(str(source)), options.reading)
@@ -179,46 +179,55 @@ def _read_images(source: Path | LiveCamera, options: PartOptions) -> FilePart:
 
 
 def measure_files(options: PartOptions, sources: Sequence[Path]) -> list[PartResult]:
-    """Read and measure small files; return the result of each."""
+    """Return the results of small files, after reading and measuring them."""
     parts, errors = dict[Path, list[FilePart]](), dict[Path, str]()
     for source in sources:
         try:
             parts[source] = list(read_parts(source, options))
         except Exception as error:  # noqa: BLE001 - a bug in one file must not stop the run
             errors[source] = error_text(source, error, options)
-    found = iter(measure_parts(options, [part for each in parts.values() for part in each]))
+    results = iter(
+        measure_parts(options, [part for file_parts in parts.values() for part in file_parts])
+    )
     return [
         PartResult(errors=[errors[source]])
         if source in errors
-        else _join_results([next(found) for _ in parts[source]])
+        else _join_results([next(results) for _ in parts[source]])
         for source in sources
     ]
 
 
 def measure_parts(options: PartOptions, parts: Sequence[FilePart]) -> list[PartResult]:
-    """Measure the profiles of parts, and draw them.
+    """Return the results of parts, after measuring and drawing their profiles.
 
     Parameters
     ----------
     options : PartOptions
         Reading and measuring of the profiles.
     parts : sequence of FilePart
-        The profiles; the intervals of their cylinders are computed together.
+        Parts with the profiles; the intervals of all their cylinders are computed together.
 
     Returns
     -------
     list of PartResult
-        One for each part; if a profile cannot be measured, that of its part has only the error.
+        Result of each part; it has only the error if one of its profiles cannot be measured.
     """
     from lsvision.ellipse.section import compute_intervals
 
     measured = [_measure_part(options, part) for part in parts]
-    found = [section for each in measured if not isinstance(each, PartResult) for section in each]
+    found = [
+        section
+        for part_sections in measured
+        if not isinstance(part_sections, PartResult)
+        for section in part_sections
+    ]
     with contextlib.suppress(Exception):  # raised again in the part that causes it
         compute_intervals(cylinder for each in found for cylinder in each.measurement.cylinders)
     return [
-        each if isinstance(each, PartResult) else _result(options, part, each)
-        for part, each in zip(parts, measured, strict=True)
+        part_sections
+        if isinstance(part_sections, PartResult)
+        else _build_result(options, part, part_sections)
+        for part, part_sections in zip(parts, measured, strict=True)
     ]
 
 
@@ -234,12 +243,12 @@ def _measure_part(options: PartOptions, part: FilePart) -> "list[_Section] | Par
         return PartResult(errors=[error_text(part.file.path, error, options)])
 
 
-def _result(options: PartOptions, part: FilePart, sections: "list[_Section]") -> PartResult:
-    """Return the lines, records and errors of a measured part, and draw it."""
+def _build_result(options: PartOptions, part: FilePart, sections: "list[_Section]") -> PartResult:
+    """Return the lines, records and errors of a measured part, after drawing it."""
     try:
         lines = [*part.header]
         for section in sections:
-            lines += _lines(options, part, section)
+            lines += _section_lines(options, part, section)
         records = _records(part, sections)
     except Exception as error:  # noqa: BLE001 - a bug in one file must not stop the run
         return PartResult(errors=[error_text(part.file.path, error, options)])
@@ -249,9 +258,9 @@ def _result(options: PartOptions, part: FilePart, sections: "list[_Section]") ->
 def _join_results(results: Sequence[PartResult]) -> PartResult:
     """Return the results of the parts of a file as one."""
     return PartResult(
-        [line for each in results for line in each.lines],
-        [record for each in results for record in each.records],
-        [error for each in results for error in each.errors],
+        [line for result in results for line in result.lines],
+        [record for result in results for record in result.records],
+        [error for result in results for error in result.errors],
     )
 
 
@@ -316,17 +325,20 @@ def _header(options: PartOptions, file: "ProfileFile | ImageFile", first: int = 
     return [f"{name}: {file.summary}", *(f"  note: {note}" for note in notes)]
 
 
-def _lines(options: PartOptions, part: FilePart, section: _Section) -> list[str]:
+def _section_lines(options: PartOptions, part: FilePart, section: _Section) -> list[str]:
+    """Return the printed text of a measured profile."""
     text_lines = measurement_lines(section.measurement, section.profile, verbose=options.verbose)
     if part.several:
         head = f"{_kind(part.file)} {part.first + section.index}:"
-        found = bool(section.measurement.cylinders)
-        text_lines = [head, *text_lines] if found else [f"{head} {text_lines[0]}", *text_lines[1:]]
+        has_cylinders = bool(section.measurement.cylinders)
+        text_lines = (
+            [head, *text_lines] if has_cylinders else [f"{head} {text_lines[0]}", *text_lines[1:]]
+        )
     lines = [f"  {line}" for line in (*text_lines, *robot_frame_table(section.placed or ()))]
     if section.upside_down:
-        turn = "--no-flip" if part.file.flipped else "--flip"
+        option = "--no-flip" if part.file.flipped else "--flip"
         lines.append(
-            f"  upside down it holds cylinders: do its heights grow the other way? then use {turn}"
+            f"  cylinders are found if its heights are reversed: if they are, use {option}"
         )
     return lines
 
@@ -336,10 +348,10 @@ def _records(part: FilePart, sections: Sequence[_Section]) -> "list[Record]":
     from lsvision.io.results import input_record, measurement_record
     from lsvision.measure import Measurement
 
-    found = {section.index: section for section in sections}
+    section_by_index = {section.index: section for section in sections}
     name, records = printable_name(part.file.path), []
     for index in range(len(part)):
-        section = found.get(index)
+        section = section_by_index.get(index)
         measurement = Measurement((), ()) if section is None else section.measurement
         reading = None if isinstance(part.file, ImageFile) else input_record(part.file, index)
         records.append(
@@ -356,7 +368,7 @@ def _records(part: FilePart, sections: Sequence[_Section]) -> "list[Record]":
 
 
 def _draw(options: PartOptions, part: FilePart, sections: Sequence[_Section]) -> list[str]:
-    """Draw the pictures; return an error for each that cannot be written."""
+    """Return the errors of pictures that cannot be written, after drawing all."""
     errors = []
     for section in sections if part.pictures is not None else ():
         try:
@@ -370,15 +382,15 @@ def _draw_section(options: PartOptions, part: FilePart, section: _Section, path:
     from lsvision.draw import draw_measurement, draw_overlay, figure_bytes
     from lsvision.files.atomic_files import write_atomic
 
-    found = section.profile, section.measurement
+    profile_and_measurement = section.profile, section.measurement
     title = printable(str(part.file.path))
     if part.several:
         title += f", {_kind(part.file)} {part.first + section.index}"
     if isinstance(part.file, ImageFile) and options.imaging is not None:
         image, rig = part.file.images[section.index], options.imaging.light_section
-        figure = draw_overlay(image, rig, *found, title=title)
+        figure = draw_overlay(image, rig, *profile_and_measurement, title=title)
     else:
-        figure = draw_measurement(*found, title=title)
+        figure = draw_measurement(*profile_and_measurement, title=title)
     write_atomic(path, figure_bytes(figure, path.suffix[1:].lower()))
 
 
@@ -386,8 +398,8 @@ def _kind(file: "ProfileFile | ImageFile") -> str:
     return "frame" if isinstance(file, ImageFile) else "profile"
 
 
-def _slice_of(file: "ProfileFile | ImageFile", kept: slice) -> "ProfileFile | ImageFile":
-    """Return a file with some of its profiles."""
+def _select_profiles(file: "ProfileFile | ImageFile", indices: slice) -> "ProfileFile | ImageFile":
+    """Return a file with the profiles at some indices only."""
     if isinstance(file, ImageFile):
-        return replace(file, profiles=file.profiles[kept], images=file.images[kept])
-    return replace(file, profiles=file.profiles[kept], attributes=file.attributes[kept])
+        return replace(file, profiles=file.profiles[indices], images=file.images[indices])
+    return replace(file, profiles=file.profiles[indices], attributes=file.attributes[indices])

@@ -1,4 +1,4 @@
-"""Boards that a camera on a robot sees: poses, uncertainty, photos and warnings."""
+"""Boards detected by a camera on a robot: poses, uncertainty, photos and warnings."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -31,9 +31,9 @@ class Evidence:
     warnings : sequence of str
         Warnings about the target.
     images : sequence of images
-        A photo of each pose; empty for profiles.
+        Photo of each pose; empty for profiles.
     corners : sequence of ((n, 2) ndarray, (n, 2) ndarray)
-        In each photo, the corners found, and predicted minus found. Units: px.
+        Corners found in each photo, and residuals (predicted minus found). Units: px.
     """
 
     warnings: "Sequence[str]" = ()
@@ -42,27 +42,27 @@ class Evidence:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SeenBoards:
-    """Boards in the images that show one.
+class DetectedBoards:
+    """Boards in those images in which one was found.
 
     Parameters
     ----------
     indices : list of int
-        Images that show the board; what follows is of these only.
+        Indices of the images in which the board was found; all other fields are of these.
     camera : Camera
-        Calibrated.
+        Calibrated camera.
     images : sequence of images
-        As read.
+        Images with a board.
     views : sequence of TargetView
-        Corners in each.
+        Corners in each image.
     poses : sequence of Pose
-        ``camera_from_board``.
+        ``camera_from_board`` of each image.
     covariances : (n, 6, 6) ndarray
-        Of the poses; see `estimate_board_pose`.
+        Covariances of the poses; see `estimate_board_pose`.
     camera_modes : (m, n, 6) ndarray, optional
-        Where the file of the camera has its covariance; see `board_pose_modes`.
+        Shifts by errors of the camera, if its file has a covariance; see `board_pose_modes`.
     warnings : tuple of str
-        Images and corners that were left out, and turned views.
+        Warnings about images and corners that were left out, and about turned views.
     """
 
     indices: list[int]
@@ -74,10 +74,10 @@ class SeenBoards:
     camera_modes: "FloatArray | None"
     warnings: tuple[str, ...]
 
-    def numbered_from_one_end(
+    def number_from_one_end(
         self, target: "Target", flanges: "Sequence[Pose]", mounting: "Mounting"
-    ) -> "SeenBoards":
-        """Return the boards numbered from the same end, which the robot's poses determine.
+    ) -> "DetectedBoards":
+        """Return the boards numbered from the same end, according to the robot's poses.
 
         Raises
         ------
@@ -91,12 +91,15 @@ class SeenBoards:
             return self
         carriers = [pose if mounting == "eye_in_hand" else pose.inverse() for pose in flanges]
         turned = turn_boards(self.poses, carriers, turns)
-        back = [pose.inverse() @ old for pose, old in zip(turned.poses, self.poses, strict=True)]
+        turn_poses = [
+            pose.inverse() @ original
+            for pose, original in zip(turned.poses, self.poses, strict=True)
+        ]
         return replace(
             self,
             views=[
                 replace(view, points=turn.apply(view.points))
-                for view, turn in zip(self.views, back, strict=True)
+                for view, turn in zip(self.views, turn_poses, strict=True)
             ],
             poses=turned.poses,
             covariances=turned.covariances(self.covariances),
@@ -104,26 +107,26 @@ class SeenBoards:
             warnings=(*self.warnings, turned.warning),
         )
 
-    def evidence(
-        self, found: "HandEye", flanges: "Sequence[Pose]", names: Sequence[str]
+    def build_evidence(
+        self, calibration: "HandEye", flanges: "Sequence[Pose]", names: Sequence[str]
     ) -> Evidence:
         """Return photos, corners and warnings; corners are predicted from the robot's poses."""
         from lsvision.geometry import Pose
 
-        assert isinstance(found.target, Pose)
-        in_hand = found.mounting == "eye_in_hand"
+        assert isinstance(calibration.target, Pose)
+        in_hand = calibration.mounting == "eye_in_hand"
         corners = []
         for view, flange in zip(self.views, flanges, strict=True):
             carrier = flange if in_hand else flange.inverse()
-            board = (carrier @ found.mount_from_sensor).inverse() @ found.target
+            board = (carrier @ calibration.mount_from_sensor).inverse() @ calibration.target
             predicted = self.camera.project(board.apply(view.points))
             corners.append((view.pixels, predicted - view.pixels))
         warnings = [replace_image_numbers(text, image=names, pose=names) for text in self.warnings]
         return Evidence(warnings=warnings, images=self.images, corners=corners)
 
 
-def see_boards(files: Sequence[Path], target: "Target", camera_file: Path) -> SeenBoards:
-    """Find the board in each image; an image without it is left out, with its pose.
+def find_boards(files: Sequence[Path], target: "Target", camera_file: Path) -> DetectedBoards:
+    """Return the board in each image; an image without it is left out, with its pose.
 
     Raises
     ------
@@ -152,19 +155,19 @@ def see_boards(files: Sequence[Path], target: "Target", camera_file: Path) -> Se
         indices.append(index)
         views.append(view)
     if len(indices) < MIN_BOARDS:
-        shown = f"{len(indices)} of {counted(len(files), 'image')} show the board"
-        raise LsvisionError("; ".join([f"{shown} and {MIN_BOARDS} are needed", *left_out[:1]]))
-    modes = None
+        finding = f"{len(indices)} of {counted(len(files), 'image')} show the board"
+        raise LsvisionError("; ".join([f"{finding} and {MIN_BOARDS} are needed", *left_out[:1]]))
+    camera_modes = None
     if camera_covariance is not None:
-        modes = board_pose_modes(views, camera, camera_covariance)
+        camera_modes = board_pose_modes(views, camera, camera_covariance)
     warnings = [f"left out with its pose: {reason}" for reason in left_out]
-    return SeenBoards(
+    return DetectedBoards(
         indices=indices,
         camera=camera,
         images=[images[index] for index in indices],
         views=views,
         poses=[estimate.camera_from_board for estimate in estimates],
         covariances=np.array([estimate.covariance for estimate in estimates]),
-        camera_modes=modes,
+        camera_modes=camera_modes,
         warnings=(*warnings, *left_out_warnings(target, views, range(len(views)))),
     )

@@ -31,8 +31,9 @@ if TYPE_CHECKING:
 PLACEMENTS: "dict[str, Mounting]" = {"eye-in-hand": "eye_in_hand", "eye-to-hand": "eye_to_hand"}
 """Mounting in the library for each value of ``--mounting``."""
 NO_EVIDENCE = Evidence()
-FRAMES = "tool0:sensor"
-"""Names of the frames in an easy_handeye file."""
+"""No photos, corners and warnings: for calibrations by profiles or samples."""
+DEFAULT_FRAMES = "tool0:sensor"
+"""Default names of the frames in an easy_handeye file."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,13 +87,13 @@ class HandEyeResultOptions:
     frames: Annotated[
         str,
         typer.Option(metavar="ROBOT:SENSOR", help="Names of the frames in that easy_handeye file."),
-    ] = FRAMES
+    ] = DEFAULT_FRAMES
     report: Report = None
 
     def __post_init__(self) -> None:
         if not all(self.frame_names):
             raise typer.BadParameter(
-                f"expected --frames ROBOT:SENSOR, as {FRAMES}, got {self.frames!r}"
+                f"expected --frames ROBOT:SENSOR, as {DEFAULT_FRAMES}, got {self.frames!r}"
             )
         if self.mounting not in PLACEMENTS:
             raise typer.BadParameter(
@@ -106,27 +107,27 @@ class HandEyeResultOptions:
 
     @property
     def frame_names(self) -> tuple[str, str]:
-        """Return the names of the robot's and of the sensor's frame."""
+        """Names of the robot's and of the sensor's frame."""
         robot, _, sensor = self.frames.partition(":")
         return robot, sensor
 
     @property
     def placement(self) -> "Mounting":
-        """Return the mounting as the library names it."""
+        """Mounting in the notation of the library."""
         return PLACEMENTS[self.mounting]
 
     @property
     def settings(self) -> "HandEyeSettings":
-        """Return the settings of the calibration."""
+        """Settings of the calibration."""
         from lsvision.calibration.hand_eye_result import HandEyeSettings
 
         return HandEyeSettings(
             robot_std=_parse_robot_std(self.robot_std), max_residual_rms=self.max_residual
         )
 
-    def check_files(self, inputs: Sequence[Path], *more: Path | None) -> None:
-        """Raise an error if an output, or one of `more`, cannot be written: `check_outputs`."""
-        outputs = (self.out, self.easy_handeye, self.report, *more)
+    def check_files(self, inputs: Sequence[Path], *other_outputs: Path | None) -> None:
+        """Raise an error if an output cannot be written; see `check_outputs`."""
+        outputs = (self.out, self.easy_handeye, self.report, *other_outputs)
         check_outputs(outputs, inputs)
 
 
@@ -157,7 +158,7 @@ class HandEyeOptions(HandEyeResultOptions):
         parse_convention(self.convention)
 
     def read_flanges(self, names: Sequence[str]) -> "list[Pose]":
-        """Read the poses of the flange, one for each of the named profiles or images.
+        """Return the poses of the flange, one for each of the named profiles or images.
 
         Raises
         ------
@@ -195,8 +196,8 @@ def _parse_robot_std(text: str | None) -> tuple[float, float] | None:
 
 def calibrate_from_profiles(
     calibrate: "Callable[..., HandEye]",
-    words: Sequence[str],
-    job: HandEyeOptions,
+    sources: Sequence[str],
+    options: HandEyeOptions,
     plan: PosePlanOptions,
     reading: ReadingOptions,
 ) -> None:
@@ -206,9 +207,9 @@ def calibrate_from_profiles(
     ----------
     calibrate : callable
         `calibrate_hand_eye_sphere` or `calibrate_hand_eye_plane`.
-    words : sequence of str
+    sources : sequence of str
         Files, folders and patterns of the profiles, one profile for each pose.
-    job, plan, reading
+    options, plan, reading
         Options of the command.
 
     Raises
@@ -218,35 +219,37 @@ def calibrate_from_profiles(
     LsvisionError
         If a file cannot be read, or the profiles do not suffice.
     """
-    _check_plan(job, plan)
+    _check_plan(options, plan)
     from lsvision.io.robot_poses import find_pose_files
 
-    options = reading.parse()
-    files = profile_files(words, reading.dx)
-    job.check_files([job.poses, *files], plan.plan_out)
-    profiles, names = read_named_profiles(files, options)
-    flanges = job.read_flanges(names)
+    read_options = reading.parse()
+    files = profile_files(sources, reading.dx)
+    options.check_files([options.poses, *files], plan.plan_out)
+    profiles, names = read_named_profiles(files, read_options)
+    flanges = options.read_flanges(names)
     with prefix_file_names(pose=names):
-        hand_eye = calibrate(profiles, flanges, mounting=job.placement, settings=job.settings)
+        hand_eye = calibrate(
+            profiles, flanges, mounting=options.placement, settings=options.settings
+        )
         planned = _plan_next_poses(hand_eye, flanges, plan.plan_poses) if plan.plan_poses else None
-    report_hand_eye(hand_eye, flanges, names, job, [*find_pose_files(job.poses), *files])
+    report_hand_eye(hand_eye, flanges, names, options, [*find_pose_files(options.poses), *files])
     if planned is not None:
         _report_pose_plan(planned, plan.plan_out)
 
 
 def report_hand_eye(
     hand_eye: "HandEye", flanges: "Sequence[Pose]", names: Sequence[str],
-    job: HandEyeResultOptions, inputs: Sequence[Path], evidence: Evidence = NO_EVIDENCE,
+    options: HandEyeResultOptions, inputs: Sequence[Path], evidence: Evidence = NO_EVIDENCE,
 ) -> None:  # fmt: skip
-    """Write the files and print the result."""
+    """Write the output files and print the result."""
     from lsvision.calibration.result_tables import accuracy_rows
     from lsvision.geometry import Pose
     from lsvision.io.calibration import build_provenance
     from lsvision.io.hand_eye_file import export_easy_handeye
     from lsvision.io.pose_numbers import frame_rows
 
-    convention = job.convention if isinstance(job, HandEyeOptions) else None
-    rows = frame_rows(hand_eye, job.frame_convention or convention or "ros") + accuracy_rows(
+    convention = options.convention if isinstance(options, HandEyeOptions) else None
+    rows = frame_rows(hand_eye, options.frame_convention or convention or "ros") + accuracy_rows(
         hand_eye
     )
     warnings = [f"left out: {names[pose.index]}: {pose.reason}" for pose in hand_eye.rejected]
@@ -254,27 +257,27 @@ def report_hand_eye(
     used = len(names) - len(hand_eye.rejected)
     origin = "samples" if convention is None else f"{convention} poses"
     kind = "board" if isinstance(hand_eye.target, Pose) else type(hand_eye.target).__name__.lower()
-    method = f"{kind}, {job.mounting}, {origin}"
+    method = f"{kind}, {options.mounting}, {origin}"
     provenance = build_provenance(method, dict.fromkeys(inputs))
-    if job.report is not None:
+    if options.report is not None:
         from lsvision.draw.calibration_report import ReportContent, hand_eye_page
         from lsvision.files.atomic_files import write_atomic
 
         page = ReportContent(rows, warnings, names, provenance, evidence.images)
-        write_atomic(job.report, hand_eye_page(hand_eye, flanges, page, evidence.corners))
-    hand_eye.save(job.out, provenance)
-    if job.easy_handeye is not None:
-        robot, sensor = job.frame_names
-        export_easy_handeye(hand_eye, job.easy_handeye, robot_frame=robot, sensor_frame=sensor)
-    head = f"{job.out}: sensor to robot from {used} of {len(names)} poses"
+        write_atomic(options.report, hand_eye_page(hand_eye, flanges, page, evidence.corners))
+    hand_eye.save(options.out, provenance)
+    if options.easy_handeye is not None:
+        robot, sensor = options.frame_names
+        export_easy_handeye(hand_eye, options.easy_handeye, robot_frame=robot, sensor_frame=sensor)
+    heading = f"{options.out}: sensor to robot from {used} of {len(names)} poses"
     table = text_table(
-        [("pose", "residual mm", "held out mm", ""), *pose_rows(hand_eye, names)], left=1
+        [("pose", "residual mm", "leave-one-out mm", ""), *pose_rows(hand_eye, names)], left=1
     )
-    print_lines([head, *value_lines(rows), "", *table, *warnings])
+    print_lines([heading, *value_lines(rows), "", *table, *warnings])
 
 
-def _check_plan(job: HandEyeOptions, plan: PosePlanOptions) -> None:
-    if plan.plan_poses and job.placement == "eye_to_hand":
+def _check_plan(options: HandEyeOptions, plan: PosePlanOptions) -> None:
+    if plan.plan_poses and options.placement == "eye_to_hand":
         raise typer.BadParameter(
             "expected --plan-poses with --mounting eye-in-hand, got eye-to-hand"
         )
@@ -283,7 +286,7 @@ def _check_plan(job: HandEyeOptions, plan: PosePlanOptions) -> None:
 
 
 def _plan_next_poses(hand_eye: "HandEye", flanges: "Sequence[Pose]", count: int) -> "PosePlan":
-    """Return the poses that improve the calibration most, at the sphere or plate found."""
+    """Return the poses that improve the calibration most, with the measured sphere or plate."""
     from lsvision.calibration import pose_planning as planning
     from lsvision.geometry import Plane
 
@@ -313,8 +316,8 @@ def _report_pose_plan(plan: "PosePlan", out: Path | None) -> None:
     """Print the planned poses, and write them as 4x4 rows."""
     from lsvision.files.atomic_files import write_atomic
 
-    head = ("next pose", "x mm", "y mm", "z mm", "predicted mm")
-    typer.echo("\n".join(["", *text_table([head, *plan_rows(plan)], left=1)]))
+    header = ("next pose", "x mm", "y mm", "z mm", "predicted mm")
+    typer.echo("\n".join(["", *text_table([header, *plan_rows(plan)], left=1)]))
     if out is not None:
         rows = [
             ",".join(f"{value:.6f}" for value in pose.matrix.flat)

@@ -72,51 +72,51 @@ def parse_line_settings(laser: str, method: str, bayer: str | None = None) -> "L
 
 
 def parse_imaging(
-    light_section: Path | None, line: "LineSettings", laser_off: Path | None, **more: Any
+    light_section: Path | None, line: "LineSettings", laser_off: Path | None, **other_options: Any
 ) -> ImagingOptions | None:
-    """Return how images become profiles; None without a rig.
+    """Return the options for converting images to profiles; None without a rig.
 
     Parameters
     ----------
     light_section : Path, optional
-        The rig file.
+        Rig file.
     line : LineSettings
         Settings of the line extraction.
     laser_off : Path, optional
-        The frame without the laser.
-    **more
+        File of the frame without the laser.
+    **other_options
         Other fields of `ImagingOptions`.
 
     Raises
     ------
     LsvisionError
-        If the rig or the laser-off frame cannot be used; names the file.
+        If the rig or the laser-off frame cannot be used; the message states the file.
     typer.BadParameter
         If an option of images is given without a rig.
     """
     if light_section is None:
-        _reject_image_options(line, laser_off, more)
+        _reject_image_options(line, laser_off, other_options)
         return None
     from lsvision.sensors.light_section import LightSection
 
     rig = LightSection.load(light_section)
-    dark = read_laser_off(laser_off, rig.camera.size)
-    return ImagingOptions(light_section=rig, line=line, laser_off=dark, **more)
+    laser_off_image = read_laser_off(laser_off, rig.camera.size)
+    return ImagingOptions(light_section=rig, line=line, laser_off=laser_off_image, **other_options)
 
 
 def _reject_image_options(
-    line: "LineSettings", laser_off: Path | None, more: Mapping[str, Any]
+    line: "LineSettings", laser_off: Path | None, other_options: Mapping[str, Any]
 ) -> None:
-    """Require a rig for options that profiles do not have: else they would do nothing."""
-    given = {
+    """Raise an error for options of images without a rig: they would have no effect."""
+    is_given = {
         "--laser": line.channel != "grey",
         "--bayer": line.bayer,
         "--method": line.method != "derivative",
         "--laser-off": laser_off,
-        "--surface-std": more.get("surface_std"),
-        "--frames": more.get("frames"),
+        "--surface-std": other_options.get("surface_std"),
+        "--frames": other_options.get("frames"),
     }
-    names = [name for name, value in given.items() if value]
+    names = [name for name, value in is_given.items() if value]
     if names:
         raise typer.BadParameter(
             f"expected --light-section RIG.json with {', '.join(names)}, got none: images need the "
@@ -125,7 +125,7 @@ def _reject_image_options(
 
 
 def read_laser_off(path: Path | None, size: tuple[int, int]) -> Any:
-    """Read the image without the laser; None without a path.
+    """Return the image without the laser; None without a path.
 
     Raises
     ------
@@ -137,10 +137,10 @@ def read_laser_off(path: Path | None, size: tuple[int, int]) -> Any:
     from lsvision.io.images import read_image
 
     image = read_image(path)
-    got = image.shape[1::-1]
-    if got != tuple(size):
+    height, width = image.shape[:2]
+    if (width, height) != tuple(size):
         raise UnreadableFile(
-            f"{path}: the laser-off frame is {got[0]} x {got[1]} px and the image {size[0]} x "
+            f"{path}: the laser-off frame is {width} x {height} px and the image {size[0]} x "
             f"{size[1]} px: take both with the same camera and settings"
         )
     return image

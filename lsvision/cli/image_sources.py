@@ -24,18 +24,18 @@ MAX_SATURATED_FRACTION = 0.2
 
 @dataclass(frozen=True, kw_only=True)
 class ImageRemedies:
-    """What is to be done about an image, in the words of a command: options, or a job's keys.
+    """Remedies in messages on images: the options of a command, or the keys of a job.
 
     Parameters
     ----------
     rig : str
-        Where the rig is named.
+        Option or key that states the rig.
     line : str
-        What helps to find a laser line.
+        Remedy if no laser line is found.
     colours : str
-        What to do about an image with colours, if none is named.
+        Remedy for a colour image if no laser colour is stated.
     no_colours : str
-        What to do about an image without the colours that are named; ``{laser}`` is the laser's.
+        Remedy for a grey image if the laser colour ``{laser}`` is stated.
     """
 
     rig: str
@@ -52,7 +52,7 @@ OPTIONS = ImageRemedies(
     no_colours="leave --laser {laser} out, or, if it is the raw image of a colour camera, name its "
     "pattern (--bayer RGGB)",
 )
-"""Of commands with options for images."""
+"""Remedies of commands with options for images."""
 JOB = ImageRemedies(
     rig='light_section = "rig.json" in [rig] of the job',
     line="darken the room, expose until the line is bright, or name the colour of the laser in a "
@@ -60,7 +60,7 @@ JOB = ImageRemedies(
     colours='name the laser\'s colour, laser = "red" in [rig] of the job, or green, blue or white',
     no_colours='leave laser = "{laser}" out of [rig] of the job',
 )
-"""Of commands that run a job."""
+"""Remedies of commands that run a job."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,7 +74,7 @@ class ImagingOptions:
     line : LineSettings
         Settings of the line extraction.
     laser_off : (height, width) or (height, width, 3) ndarray, optional
-        The same view without the laser.
+        Image of the same view without the laser.
     surface_std : float
         Roughness of the surface, one sigma, that adds to the noise of the pixels. Units: mm.
     frames : int, optional
@@ -98,11 +98,11 @@ class ImageFile:
     Parameters
     ----------
     path : Path
-        The file, or the name of a live camera.
+        File, or name of a live camera.
     profiles : tuple of Profile
-        One per frame; without valid points if no line was found in it.
+        Profile of each frame; without valid points if no line was found in it.
     images : tuple of ndarray
-        The frames, if they are kept.
+        Frames, if they are kept.
     summary : str
         Summary in one line.
     notes : tuple of str
@@ -120,7 +120,7 @@ class ImageFile:
 
 @dataclass(frozen=True)
 class LiveCamera:
-    """A connected camera as a source.
+    """Connected camera as a source.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ def check_colours(
     Raises
     ------
     UnreadableFile
-        Begins with `where` and names what to change.
+        If they do; the message begins with `where` and states the remedy.
     """
     coloured = image.ndim == 3 and bool((image != image[..., :1]).any())
     if coloured and laser == "grey":
@@ -175,13 +175,13 @@ def read_image_source(
     imaging : ImagingOptions or None
         Conversion of images to profiles; None without a rig, which is an error.
     remedies : ImageRemedies
-        What the messages advise.
+        Remedies in the messages.
 
     Raises
     ------
     LsvisionError
-        Names the file and the remedy: without a rig, for another size or the wrong colours, or if
-        no frame holds a line.
+        Without a rig, for another size or the wrong colours, or if no frame contains a line; the
+        message states the file and the remedy.
     """
     if imaging is None:
         raise UnreadableFile(
@@ -215,38 +215,40 @@ def _read_profiles(
     for number, image in enumerate(images):
         try:
             with _prefix_errors(f"{source}, frame {number}" if number else str(source), remedies):
-                measured.append(_profile_of_image(image, imaging, remedies))
+                measured.append(_measure_image(image, imaging, remedies))
         except NoLaserLine as error:
             failure = failure or error
             measured.append((_empty_profile(imaging), image if imaging.keep_images else None, None))
     lines = [line for _, _, line in measured if line is not None]
     if failure is not None and not lines:
         raise failure
-    profiles, kept, _ = zip(*measured, strict=True)
+    profiles, kept_images, _ = zip(*measured, strict=True)
     summary, notes = _summary(lines, len(measured)), tuple(_warnings(lines, len(measured)))
-    return ImageFile(path=source, profiles=profiles, images=kept, summary=summary, notes=notes)
+    return ImageFile(
+        path=source, profiles=profiles, images=kept_images, summary=summary, notes=notes
+    )
 
 
 def extract_named_line(
-    source: Path, image: Any, settings: "LineSettings", dark: Any
+    source: Path, image: Any, settings: "LineSettings", laser_off: Any
 ) -> "LaserLine":
-    """Extract the laser line of an image; errors name its file.
+    """Return the laser line of an image; errors state its file.
 
     Raises
     ------
     LsvisionError
-        Names the file and the remedy.
+        If there is no line, or a wrong colour; the message states the file and the remedy.
     """
     from lsvision.laser_line.extraction import extract_laser_line
 
     with _prefix_errors(str(source), OPTIONS):
         check_colours(image, settings.channel, bayer=settings.bayer)
-        return extract_laser_line(image, settings, dark)
+        return extract_laser_line(image, settings, laser_off)
 
 
 @contextmanager
 def _prefix_errors(where: str, remedies: ImageRemedies) -> Iterator[None]:
-    """Prefix errors with the name of a file, and put remedies in the words of the command."""
+    """Prefix errors with the name of a file, and replace remedies by those of the command."""
     try:
         yield
     except NoLaserLine as error:
@@ -256,7 +258,7 @@ def _prefix_errors(where: str, remedies: ImageRemedies) -> Iterator[None]:
         raise LsvisionError(f"{where}: {error}") from error
 
 
-def _profile_of_image(
+def _measure_image(
     image: Any, imaging: ImagingOptions, remedies: ImageRemedies
 ) -> "tuple[Profile, Any, LaserLine]":
     check_colours(image, imaging.line.channel, bayer=imaging.line.bayer, remedies=remedies)
@@ -295,9 +297,9 @@ def _summary(lines: "list[LaserLine]", frames: int) -> str:
 
     std = float(np.median(np.concatenate([line.std[~np.isnan(line.std)] for line in lines])))
     lost, total = sum(line.lost for line in lines), sum(map(len, lines))
-    parts = [f"{frames} frames"] if frames > 1 else ["image"]
-    parts += [f"line along {lines[0].direction}", f"{lost} of {total} points lost"]
-    return ", ".join([*parts, f"{std:.2g} px"])
+    texts = [f"{frames} frames"] if frames > 1 else ["image"]
+    texts += [f"line along {lines[0].direction}", f"{lost} of {total} points lost"]
+    return ", ".join([*texts, f"{std:.2g} px"])
 
 
 def _warnings(lines: "list[LaserLine]", frames: int) -> "list[str]":
@@ -305,12 +307,12 @@ def _warnings(lines: "list[LaserLine]", frames: int) -> "list[str]":
 
     notes = []
     if len(lines) < frames:
-        notes.append(f"{frames - len(lines)} of {frames} frames hold no laser line")
-    second = max(line.second_line_fraction for line in lines)
-    if second > MAX_SECOND_LINE_FRACTION:
+        notes.append(f"{frames - len(lines)} of {frames} frames contain no laser line")
+    second_fraction = max(line.second_line_fraction for line in lines)
+    if second_fraction > MAX_SECOND_LINE_FRACTION:
         notes.append(
-            f"a second line runs through {second:.0%} of the image: see lsvision line --plot "
-            "which one was taken; --laser-off takes away what is not the laser's"
+            f"a second line runs through {second_fraction:.0%} of the image: see lsvision line "
+            "--plot which one is measured; --laser-off removes lines that are not the laser's"
         )
     saturated = float(np.mean([line.saturated.mean() for line in lines]))
     if saturated > MAX_SATURATED_FRACTION:

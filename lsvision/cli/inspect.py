@@ -88,9 +88,9 @@ def inspect(
         raise typer.BadParameter(f"expected --report F.html, got {report.name!r}")
     options = reading.parse()
     job = Job.load(job_file)
-    imaged = job.rig.light_section is not None
-    suffixes = MEASURED_SUFFIXES if imaged else suffixes_of_profiles(reading.dx)
-    groups, missing = _groups(files, suffixes)
+    has_rig = job.rig.light_section is not None
+    suffixes = MEASURED_SUFFIXES if has_rig else suffixes_of_profiles(reading.dx)
+    groups, missing = _group_files(files, suffixes)
     inputs = [job_file, *(source for _, sources in groups for source in sources)]
     check_outputs((parquet, report), inputs, streams=(json_file, csv_file))
     for note in (describe_unrecorded_change(job, job_file), describe_unused_keys(job)):
@@ -107,14 +107,14 @@ def inspect(
     inspected = list(
         _inspect_all(run, groups, find_blocking_reason(job, log, now), to_stderr=to_stderr)
     )
-    _write(inspected, (json_file, csv_file, parquet))
+    _write_results(inspected, (json_file, csv_file, parquet))
     if report is not None and inspected:
         _write_report(report, inspected, run, (log, now))
-    _finish(inspected, run.failures + len(missing), to_stderr=to_stderr)
+    _print_counts_and_exit(inspected, run.failures + len(missing), to_stderr=to_stderr)
 
 
 class _Run:
-    """The job of a run, how its files are read, and how many failed."""
+    """Job of a run, options for reading its files, and number of files that failed."""
 
     def __init__(self, job: "Job", path: Path, reading: "ReadOptions") -> None:
         from lsvision.inspection.calibration_files import check_calibration_files
@@ -125,7 +125,7 @@ class _Run:
         rig = None if job.rig.light_section is None else self.folder / job.rig.light_section
         self.imaging = parse_imaging(rig, parse_line_settings(job.rig.laser, "derivative"), None)
 
-    def measured(
+    def measure(
         self, name: str, sources: Sequence[Path]
     ) -> "Iterator[tuple[str, int, Measurement | ScanMeasurement]]":
         """Yield name, number and measurement of each profile, or of the scan of all profiles."""
@@ -151,8 +151,8 @@ class _Run:
         from lsvision.cli.scan_poses import Robot, parse_motion, scan_poses
 
         rig, scan = self.job.rig, self.job.scan
-        given = (rig.poses, rig.flange_from_section)
-        poses, mount = (None if name is None else self.folder / name for name in given)
+        names = (rig.poses, rig.flange_from_section)
+        poses, mount = (None if name is None else self.folder / name for name in names)
         feed = None
         if scan is not None and scan.feed is not None:
             feed = ",".join(map(repr, scan.feed))
@@ -163,7 +163,7 @@ class _Run:
         return scan_poses(motion, count), calibration
 
 
-def _groups(
+def _group_files(
     words: Sequence[str], suffixes: frozenset[str]
 ) -> tuple[list[tuple[str, list[Path]]], list[LsvisionError]]:
     """Return groups of files, one per folder and one of all others, and the errors."""
@@ -183,19 +183,19 @@ def _groups(
 def _inspect_all(
     run: _Run, groups: Sequence[tuple[str, list[Path]]], blocked: str, *, to_stderr: bool
 ) -> "Iterator[JudgedMeasurement]":
-    """Judge everything, and print each verdict as it comes; a failure does not stop the rest."""
+    """Yield all verdicts after printing each; a failure does not stop the others."""
     for name, sources in groups:
         parts = [(name, sources)] if run.job.scan is not None else [(str(s), [s]) for s in sources]
-        for title, part in parts:
+        for label, part in parts:
             try:
-                for source, number, measurement in run.measured(title, part):
-                    each = _judge_profile(run, source, number, measurement, blocked)
-                    print_lines(_lines(each), err=to_stderr)
-                    yield each
+                for source, number, measurement in run.measure(label, part):
+                    judged = _judge_profile(run, source, number, measurement, blocked)
+                    print_lines(_verdict_lines(judged), err=to_stderr)
+                    yield judged
             except (LsvisionError, ValueError) as error:
                 run.failures += 1
                 text = str(error)
-                print_error(text if text.startswith(title) else f"{title}: {text}")
+                print_error(text if text.startswith(label) else f"{label}: {text}")
 
 
 def _judge_profile(
@@ -217,12 +217,12 @@ def _judge_profile(
     return JudgedMeasurement(printable_name(source), number, measurement, verdict, remedies)
 
 
-def _lines(each: "JudgedMeasurement") -> list[str]:
+def _verdict_lines(judged: "JudgedMeasurement") -> list[str]:
     """Return the printed text of a verdict."""
-    name = each.source if each.profile == 0 else f"{each.source}, profile {each.profile}"
-    decision = str(each.verdict.decision)
-    table = [f"  {line}" for line in str(each.verdict).splitlines() if line != decision]
-    remedies = [f"  {remedy}" for remedy in each.remedies]
+    name = judged.source if judged.profile == 0 else f"{judged.source}, profile {judged.profile}"
+    decision = str(judged.verdict.decision)
+    table = [f"  {line}" for line in str(judged.verdict).splitlines() if line != decision]
+    remedies = [f"  {remedy}" for remedy in judged.remedies]
     return [f"{name}: {decision}", *table, *remedies]
 
 
@@ -232,13 +232,13 @@ def _check_golden(
     path: Path,
     now: datetime.datetime,
 ) -> None:
-    """Log the golden part of every file, and end the command."""
+    """Check and log the golden part in every file, and exit."""
     from lsvision.inspection.append_only import append_record
     from lsvision.inspection.golden import check_golden
 
     passed = True
     for name, sources in groups:
-        for source, _, measurement in run.measured(name, sources):
+        for source, _, measurement in run.measure(name, sources):
             record = check_golden(measurement.cylinders, run.job, printable_name(source), now)
             append_record(path, record)
             word = "passed" if record["passed"] else "failed"
@@ -247,16 +247,16 @@ def _check_golden(
     raise typer.Exit(0 if passed else EXIT_CODES["NG"])
 
 
-def _write(
+def _write_results(
     inspected: "Sequence[JudgedMeasurement]", outputs: tuple[Path | None, Path | None, Path | None]
 ) -> None:
     from lsvision.files.atomic_files import write_atomic
     from lsvision.io.verdict_files import verdicts_csv, verdicts_json, verdicts_parquet
 
     json_file, csv_file, parquet = outputs
-    rows: list[Record] = [row for each in inspected for row in each.rows]
+    rows: list[Record] = [row for judged in inspected for row in judged.rows]
     if json_file is not None:
-        write_output(json_file, verdicts_json([each.record for each in inspected]))
+        write_output(json_file, verdicts_json([judged.record for judged in inspected]))
     if csv_file is not None:
         write_output(csv_file, verdicts_csv(rows))
     if parquet is not None:
@@ -282,11 +282,13 @@ def _write_report(
     write_output(path, inspection_page(inspected, context))
 
 
-def _finish(inspected: "Sequence[JudgedMeasurement]", failures: int, *, to_stderr: bool) -> None:
-    """Sum up, and end with the exit code of the worst."""
+def _print_counts_and_exit(
+    inspected: "Sequence[JudgedMeasurement]", failures: int, *, to_stderr: bool
+) -> None:
+    """Print the number of each verdict, and exit with the code of the worst."""
     from lsvision.inspection.decision import Decision, worst
 
-    decisions = [each.verdict.decision for each in inspected]
+    decisions = [judged.verdict.decision for judged in inspected]
     if len(decisions) + failures > 1:
         counts = ", ".join(f"{decisions.count(kind)} {kind}" for kind in Decision)
         failed = f", {failures} could not be judged" if failures else ""

@@ -25,7 +25,7 @@ def new_job(
     out: Annotated[
         Path, typer.Option("--out", "-o", metavar="JOB.toml", help="The job; - is standard output.")
     ] = STDOUT,
-    name: Annotated[str | None, typer.Option(metavar="NAME", help="Of the job.")] = None,
+    name: Annotated[str | None, typer.Option(metavar="NAME", help="Name of the job.")] = None,
     tolerance: Annotated[
         float,
         typer.Option(min=1e-6, metavar="MM", help="Tolerance of each radius, to either side."),
@@ -54,15 +54,15 @@ def new_job(
     (file,) = read_sources([profile], options)
     measurement = measure_cylinders(file.profiles[0], radius=search)
     if not measurement.cylinders:
-        reasons = "; ".join(str(each) for each in measurement.rejections[:2])
-        raise LsvisionError(f"{profile}: no cylinder to make a job of: {reasons}")
+        reasons = "; ".join(str(rejection) for rejection in measurement.rejections[:2])
+        raise LsvisionError(f"{profile}: no cylinder for a job: {reasons}")
     text = build_job_text(name or profile.stem, measurement.cylinders, tolerance)
     write_output(out, text)
     needed = find_needed_tolerance(Job.from_text(text), measurement.cylinders)
     if needed is not None:
         print_error(
-            f"{profile}: note: undecided by this job, whose tolerance of {tolerance:g} mm is less "
-            f"than what its radii are known to: --tolerance {needed:g} contains their intervals; a "
+            f"{profile}: note: undecided by this job: its tolerance of {tolerance:g} mm is less "
+            f"than the intervals of the radii, which --tolerance {needed:g} contains; a "
             "stated noise or several sections make them narrower"
         )
 
@@ -75,7 +75,7 @@ def check_job(
         typer.Option("--record", help="Record this revision in the history beside the file."),
     ] = False,
 ) -> None:
-    """Print every mistake of a job file with its line and the remedy, or what the job is.
+    """Print every mistake of a job file with its line and the remedy, or a summary of the job.
 
     \b
       lsvision job check fixtures/jobs/welded_pair.toml
@@ -105,8 +105,8 @@ def check_job(
     ]
     if record:
         now = datetime.datetime.now(datetime.UTC)
-        done = "recorded in" if record_revision(checked, path, now) else "is already in"
-        lines.append(f"  revision {checked.revision} {done} {history_path(path).name}")
+        state = "recorded in" if record_revision(checked, path, now) else "is already in"
+        lines.append(f"  revision {checked.revision} {state} {history_path(path).name}")
     elif note := describe_unrecorded_change(checked, path):
         lines.append(f"  note: {note}")
     if unused := describe_unused_keys(checked):
@@ -115,7 +115,7 @@ def check_job(
 
 
 @job.command("schema")
-def schema_of_job(
+def write_schema(
     out: Annotated[
         Path, typer.Option("--out", "-o", metavar="F", help="The file; - is standard output.")
     ] = STDOUT,

@@ -60,12 +60,12 @@ def line(
 
     image = read_image(image_file)
     height, width = image.shape[:2]
-    found = extract_named_line(
+    laser_line = extract_named_line(
         image_file, image, settings, read_laser_off(laser_off, (width, height))
     )
     if csv_file is not None:
-        write_output(csv_file, line_csv(found))
-    print_lines([f"{image_file}: {line_summary(found)}"], err=csv_file == STDOUT)
+        write_output(csv_file, line_csv(laser_line))
+    print_lines([f"{image_file}: {line_summary(laser_line)}"], err=csv_file == STDOUT)
     if plot is not None:
-        figure = draw_laser_line(image, found, title=printable(str(image_file)))
+        figure = draw_laser_line(image, laser_line, title=printable(str(image_file)))
         write_atomic(plot, figure_bytes(figure, plot.suffix[1:].lower()))

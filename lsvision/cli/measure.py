@@ -145,7 +145,9 @@ def measure(
         verbose=verbose,
         debug=ctx.find_root().params.get("debug", False),
     )  # fmt: skip
-    pictures = None if plot is None else Pictures(plot, several=len(sources) > 1, taken=taken)
+    pictures = (
+        None if plot is None else Pictures(plot, several=len(sources) > 1, command_files=taken)
+    )
     to_stderr = STDOUT in (json_file, csv_file)
     run = RunOptions(part=part, pictures=pictures, jobs=jobs, table_to_stderr=to_stderr)
     _report_missing(missing, robot.poses)

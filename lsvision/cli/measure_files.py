@@ -47,13 +47,13 @@ class RunOptions:
     part : PartOptions
         Reading and measuring of the files.
     pictures : Pictures, optional
-        Names of the pictures; without, none is drawn.
+        Names of the pictures; None draws none.
     results : ResultFiles, optional
-        Files to which each result is written at once.
+        Files to which each result is written immediately.
     jobs : int, optional
         Number of processes; by default one, or for many files the number of cores.
     table_to_stderr : bool
-        Print the tables on standard error, because results go to standard output.
+        Whether tables are printed on standard error, because results go to standard output.
     """
 
     part: PartOptions
@@ -67,23 +67,24 @@ class RunOptions:
 class _Task:
     """Small files, a part of a larger one, or the error of reading it.
 
-    `first` is the number of the first file, `read` the number of profiles read of a larger one.
+    `first` is the number of the first file, `profiles_read` the number of profiles read so far of a
+    larger file.
     """
 
     first: int
     sources: tuple[Path | LiveCamera, ...]
     part: FilePart | None = None
-    read: int = 0
+    profiles_read: int = 0
     error: str = ""
 
 
 def measure_sources(sources: Sequence[Path | LiveCamera], run: RunOptions) -> int:
-    """Measure files in order; print, write and draw the results of each.
+    """Measure files in order; print, write and draw their results.
 
     Parameters
     ----------
     sources : sequence of Path or LiveCamera
-        The files.
+        Files and cameras.
     run : RunOptions
         Options of measuring and of the outputs. The output is the same for any number of
         processes.
@@ -137,15 +138,18 @@ def _results(
             yield task.first, _crash_result(task.sources[0])
         else:  # measure each file in a task of its own, to find the one that crashes
             singles = (_Task(k, (source,)) for k, source in enumerate(task.sources, task.first))
-            for single, alone in run_tasks(measure, singles, jobs, ordered=True):
-                ended = _crash_result(single.sources[0])
-                yield single.first, ended if isinstance(alone, EndedProcess) else alone[0]
+            for single, single_result in run_tasks(measure, singles, jobs, ordered=True):
+                crash = _crash_result(single.sources[0])
+                yield (
+                    single.first,
+                    crash if isinstance(single_result, EndedProcess) else single_result[0],
+                )
 
 
 def _crash_result(source: Path | LiveCamera) -> PartResult:
     """Return the error of a file during whose measurement the process ended."""
-    ended = f"{source}: it ended its process twice (out of memory, or a crash)"
-    return PartResult(errors=[ended])
+    message = f"{source}: it ended its process twice (out of memory, or a crash)"
+    return PartResult(errors=[message])
 
 
 def _show_progress(progress: Progress, task: _Task) -> None:
@@ -154,7 +158,9 @@ def _show_progress(progress: Progress, task: _Task) -> None:
     if task.part is None:
         progress.show(task.first + len(task.sources), name)
     else:
-        progress.show(task.first, name, task.part.first + len(task.part), max(task.read, 1))
+        progress.show(
+            task.first, name, task.part.first + len(task.part), max(task.profiles_read, 1)
+        )
 
 
 def _count_jobs(sources: Sequence[Path | LiveCamera], run: RunOptions) -> int:
@@ -186,7 +192,7 @@ def _measure(options: PartOptions, task: _Task) -> list[PartResult]:
 def _read_with_poses(
     sources: Sequence[Path | LiveCamera], options: PartOptions
 ) -> dict[int, FilePart]:
-    """Read the files by their numbers, and pair their profiles with poses; empty without poses."""
+    """Return the files by their numbers, profiles paired with poses; empty without poses."""
     if options.placing is None or options.placing.rows is None:
         return {}
     files = [read_whole(source, options) for source in sources]
@@ -200,7 +206,7 @@ def _read_with_poses(
 def _tasks(
     sources: Sequence[Path | LiveCamera], run: RunOptions, read_files: dict[int, FilePart]
 ) -> Iterator[_Task]:
-    """Yield consecutive small files together, and larger files, pictures and images in parts."""
+    """Yield tasks: several small files each, or parts of larger files, pictures and images."""
     numbers = range(len(sources))
     for small, group in groupby(numbers, lambda k: not read_files and _is_small(sources[k], run)):
         if not small:
@@ -220,13 +226,16 @@ def _is_small(source: Path | LiveCamera, run: RunOptions) -> bool:
 def _tasks_of_file(
     number: int, source: Path | LiveCamera, run: RunOptions, read_files: dict[int, FilePart]
 ) -> Iterator[_Task]:
-    """Read a file and yield its parts, or a task with the error."""
+    """Yield the tasks of the parts of a file, or one with the error of reading it."""
     try:
-        for whole in [read_files[number]] if read_files else read_parts(source, run.part):
-            part, read = _with_pictures(whole, run.pictures), whole.first + len(whole)
+        for file_part in [read_files[number]] if read_files else read_parts(source, run.part):
+            part, profiles_read = (
+                _with_pictures(file_part, run.pictures),
+                file_part.first + len(file_part),
+            )
             task_size = 1 if isinstance(part.file, ImageFile) else TASK_SIZE
-            for each in part.slices(task_size):
-                yield _Task(number, (source,), each, read)
+            for task_part in part.slices(task_size):
+                yield _Task(number, (source,), task_part, profiles_read)
     except Exception as error:  # noqa: BLE001 - a bug in one file must not stop the run
         yield _Task(number, (source,), error=error_text(source, error, run.part))
 
@@ -236,7 +245,7 @@ def _with_pictures(part: FilePart, pictures: Pictures | None) -> FilePart:
     if pictures is None:
         return part
     paths = [
-        pictures.path_of(part.file.path, part.first + index, 2 if part.several else 1)
+        pictures.assign_path(part.file.path, part.first + index, 2 if part.several else 1)
         if profile.lost < len(profile)
         else Path()
         for index, profile in enumerate(part.file.profiles)

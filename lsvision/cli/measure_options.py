@@ -23,20 +23,20 @@ def build_measure_function(
     *,
     paper: bool,
 ) -> "partial[Measurement]":
-    """`measure_cylinders`, or `measure_cylinders_paper`, with the options filled in.
+    """Return `measure_cylinders`, or `measure_cylinders_paper`, with the options as arguments.
 
     Parameters
     ----------
     radius : str, optional
-        ``19`` or ``10:40``. Units: mm.
+        Search range, ``10:40``, or nominal radius, ``19``. Units: mm.
     known_radius : str, optional
-        ``19`` or ``19:0.05``, the latter with its sigma. Units: mm.
+        Known radius, ``19``, or with its std, ``19:0.05``. Units: mm.
     known_phi_deg : str, optional
-        ``0`` or ``0:2``, the latter with its sigma. Units: deg.
+        Known tilt, ``0``, or with its std, ``0:2``. Units: deg.
     sensor : ProfileSensor, optional
         Noise of the points.
     paper : bool
-        The paper's pipeline as published, which uses the search range alone.
+        Whether to use the paper's pipeline as published, which uses the search range only.
 
     Raises
     ------
@@ -64,8 +64,8 @@ def build_measure_function(
 def range_warning(profile: "Profile", sensor: "ProfileSensor | None") -> str | None:
     """Return a warning if the profile lies far outside the range of the sensor; else None.
 
-    A sensor's noise grows with the distance from its origin; where heights are counted from
-    elsewhere, as from the middle of its range, that noise is wrong.
+    A sensor's noise grows with the distance from its origin; if heights are measured from another
+    point, as from the middle of its range, that noise is wrong.
 
     Parameters
     ----------
@@ -92,10 +92,10 @@ def range_warning(profile: "Profile", sensor: "ProfileSensor | None") -> str | N
 
 
 def parse_search_range(text: str | None) -> float | tuple[float, float] | None:
-    """Search range of ``--radius``: ``min:max`` or a nominal radius. Units: mm."""
+    """Return the search range of ``--radius`` in mm, from ``min:max`` or a nominal radius."""
     if text is None:
         return None
-    low, high = _pair(text, "--radius 19 or --radius 10:40")
+    low, high = _parse_pair(text, "--radius 19 or --radius 10:40")
     if low <= 0 or (high is not None and not low < high):
         raise typer.BadParameter(f"expected --radius above 0 mm, min:max, got {text!r}")
     return low if high is None else (low, high)
@@ -105,7 +105,7 @@ def parse_known_radius(text: str | None) -> float | tuple[float, float] | None:
     """Return the prior of ``--known-radius`` in mm, from ``radius`` or ``radius:std``."""
     if text is None:
         return None
-    radius, std = _pair(text, "--known-radius 19 or --known-radius 19:0.05")
+    radius, std = _parse_pair(text, "--known-radius 19 or --known-radius 19:0.05")
     if radius <= 0 or (std is not None and std <= 0):
         raise typer.BadParameter(f"expected --known-radius and its sigma above 0 mm, got {text!r}")
     return radius if std is None else (radius, std)
@@ -115,7 +115,7 @@ def parse_known_phi(text: str | None) -> float | tuple[float, float] | None:
     """Return the prior of ``--known-phi-deg`` in rad, from ``tilt`` or ``tilt:std`` in deg."""
     if text is None:
         return None
-    phi_deg, std_deg = _pair(text, "--known-phi-deg 0 or --known-phi-deg 0:2", "deg")
+    phi_deg, std_deg = _parse_pair(text, "--known-phi-deg 0 or --known-phi-deg 0:2", "deg")
     if not 0 <= phi_deg < 90 or (std_deg is not None and std_deg <= 0):
         raise typer.BadParameter(
             f"expected --known-phi-deg from 0 to below 90 deg and its sigma above 0, got {text!r}"
@@ -124,7 +124,7 @@ def parse_known_phi(text: str | None) -> float | tuple[float, float] | None:
     return phi if std_deg is None else (phi, math.radians(std_deg))
 
 
-def _pair(text: str, expected: str, unit: str = "mm") -> tuple[float, float | None]:
+def _parse_pair(text: str, expected: str, unit: str = "mm") -> tuple[float, float | None]:
     """Return one finite number, or two with a colon between them."""
     try:
         numbers = [float(part) for part in text.split(":")]

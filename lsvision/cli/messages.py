@@ -17,7 +17,7 @@ FAILED = 1
 
 
 def print_error(message: str, *, debug: bool = False) -> None:
-    """Write one printable line on stderr; with `debug` the traceback of the exception before."""
+    """Write one printable line on stderr; with `debug` after the traceback of the exception."""
     if debug and sys.exc_info()[0] is not None:
         traceback.print_exc(file=sys.stderr)
     typer.echo(f"lsvision: {printable(' '.join(message.split()))}", err=True)
@@ -51,25 +51,25 @@ def plain_usage_message(error: Any) -> str:
     Parameters
     ----------
     error : click.UsageError
-        Where the value of an option is rejected by pydantic, its message names neither.
+        Usage error; if pydantic rejected the value of an option, its message states neither.
     """
     details = getattr(error.__cause__, "errors", None)
     if details is None:
         return str(error.message) + _measure_hint(str(error.message))
-    first = details()[0]
+    detail = details()[0]
     bounds = [
-        f"{word} {first['ctx'][key]:g}"
-        for key, word in _BOUNDS.items()
-        if key in first.get("ctx", ())
+        f"{bound} {detail['ctx'][key]:g}"
+        for key, bound in _BOUNDS.items()
+        if key in detail.get("ctx", ())
     ]
-    kind = _KINDS.get(first["type"].partition("_")[0])
+    kind = _KINDS.get(detail["type"].partition("_")[0])
     expected = " and ".join(bounds) or kind
-    return f"expected {expected}, got {first['input']!r}" if expected else str(error.message)
+    return f"expected {expected}, got {detail['input']!r}" if expected else str(error.message)
 
 
 def _measure_hint(message: str) -> str:
-    """Return how to measure a file that stands where a command is expected."""
-    found = re.search(r"^No such command '(.+)'\.$", message)
-    if found is None or not os.path.exists(found[1]):  # noqa: PTH110 - a name with a null is none
+    """Return the command that measures a file which was given in place of a command."""
+    match = re.search(r"^No such command '(.+)'\.$", message)
+    if match is None or not os.path.exists(match[1]):  # noqa: PTH110 - a name with a null is none
         return ""
-    return f" To measure it: lsvision measure {shlex.quote(found[1])}"
+    return f" To measure it: lsvision measure {shlex.quote(match[1])}"

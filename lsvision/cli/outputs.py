@@ -28,16 +28,16 @@ def check_outputs(
     Parameters
     ----------
     outputs : sequence of Path or None
-        None for a file that is not written.
+        Output files; None for a file that is not written.
     sources : sequence of Path
         All inputs, which no output may overwrite.
     streams : sequence of Path or None
-        More outputs, of which one may be ``-``, standard output.
+        Further outputs, of which one may be ``-``, standard output.
 
     Returns
     -------
     CommandFiles
-        The files of this run, for names that are generated later.
+        Files of this run, for names that are generated later.
 
     Raises
     ------
@@ -46,26 +46,26 @@ def check_outputs(
     typer.BadParameter
         If two outputs, or an output and an input, are the same file, or two inputs are ``-``.
     """
-    taken = CommandFiles()
+    command_files = CommandFiles()
     for source in sources:
-        if source == STDOUT and source in taken:
+        if source == STDOUT and source in command_files:
             raise typer.BadParameter("expected one input from standard input (-), got two")
-        taken.add(source, "an input")
+        command_files.add(source, "an input")
     if streams.count(STDOUT) > 1:
         raise typer.BadParameter("expected one output to standard output (-), got two")
     for output in [*outputs, *(stream for stream in streams if stream != STDOUT)]:
         if output is None or _is_device(output):
             continue
-        if output in taken:
+        if output in command_files:
             raise typer.BadParameter(
                 f"expected different files, got {printable(str(output))}: it is also "
-                f"{taken.role(output)}"
+                f"{command_files.role(output)}"
             )
-        taken.add(output, "an output")
-        problem = _write_problem(Path(true_path(output)))
+        command_files.add(output, "an output")
+        problem = _find_write_problem(Path(true_path(output)))
         if problem:
             raise UnwritableFile(f"{output}: {problem}")
-    return taken
+    return command_files
 
 
 class CommandFiles:
@@ -120,40 +120,43 @@ class Pictures:
     Parameters
     ----------
     plot : Path
-        Name from the user, which the picture of a single profile gets unchanged.
+        File of the picture, or, for several profiles, the beginning of their names.
     several : bool
         Whether there is more than one input file.
-    taken : CommandFiles, optional
-        The inputs and other outputs of the command, `plot` among them.
+    command_files : CommandFiles, optional
+        Inputs and outputs of the command, including `plot`.
     """
 
-    def __init__(self, plot: Path, *, several: bool, taken: CommandFiles | None = None) -> None:
+    def __init__(
+        self, plot: Path, *, several: bool, command_files: CommandFiles | None = None
+    ) -> None:
         self._plot, self._several = plot, several
-        self._taken = CommandFiles() if taken is None else taken
+        self._files = CommandFiles() if command_files is None else command_files
 
-    def path_of(self, source: Path, number: int, parts: int) -> Path:
-        """Return the path of a profile's picture: ``out.png``, or ``out-SOURCE-NUMBER.png``.
+    def assign_path(self, source: Path, number: int, parts: int) -> Path:
+        """Return a new path for a profile's picture: ``out.png``, or ``out-SOURCE-NUMBER.png``.
 
         Parameters
         ----------
         source : Path
-            File of the profile; named if there are several.
+            File of the profile; part of the path if there are several files.
         number, parts : int
-            Index of the profile in the file, named if the file holds several, and their number.
+            Index of the profile in the file, part of the path if there are several, and their
+            number.
         """
-        tags = [_short(source.stem)] * self._several + [str(number)] * (parts > 1)
+        tags = [_shorten(source.stem)] * self._several + [str(number)] * (parts > 1)
         if not tags:
             return self._plot
         stem = "-".join([self._plot.stem, *tags])
-        path, again = self._plot.with_name(stem + self._plot.suffix), 2
-        while path in self._taken:  # two folders may hold files of the same name
-            path = self._plot.with_name(f"{stem}-{again}{self._plot.suffix}")
-            again += 1
-        self._taken.add(path, "a picture")
+        path, counter = self._plot.with_name(stem + self._plot.suffix), 2
+        while path in self._files:  # two folders may hold files of the same name
+            path = self._plot.with_name(f"{stem}-{counter}{self._plot.suffix}")
+            counter += 1
+        self._files.add(path, "a picture")
         return path
 
 
-def _short(stem: str) -> str:
+def _shorten(stem: str) -> str:
     """Return the stem of a file's name as printable text, short enough for a picture's name."""
     return printable(stem).encode()[:MAX_STEM_BYTES].decode("utf-8", "ignore")
 
@@ -167,12 +170,12 @@ def _identities(path: Path) -> list[Hashable]:
     return keys
 
 
-def _write_problem(place: Path) -> str | None:
-    if is_directory(place):
+def _find_write_problem(path: Path) -> str | None:
+    if is_directory(path):
         return "a directory: name a file in it"
-    if not is_directory(place.parent):
-        return "its folder does not exist: make it first, or name another"
-    if not os.access(place.parent, os.W_OK | os.X_OK):
+    if not is_directory(path.parent):
+        return "its folder does not exist: create it first, or name another"
+    if not os.access(path.parent, os.W_OK | os.X_OK):
         return "no permission to write there: name another folder"
     return None
 

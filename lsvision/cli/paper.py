@@ -37,7 +37,9 @@ def paper(
             help="Noise of a point, one sigma along the ray at 400 mm.",
         ),
     ] = 0.1,
-    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Of the first measurement.")] = 0,
+    seed: Annotated[
+        int, typer.Option(metavar="N", min=0, help="Seed of the first measurement.")
+    ] = 0,
 ) -> None:
     """Run the paper's experiments again and assess its results.
 
@@ -49,7 +51,7 @@ def paper(
     \b
       lsvision paper --out report.html
       lsvision paper --full --out report.html --json report.json
-      lsvision paper --noise-mm 0.02 --out quiet.html
+      lsvision paper --noise-mm 0.02 --out low_noise.html
     """  # noqa: D301 - the backspace makes click keep the line breaks
     check_outputs((), (), streams=(out, json))
     from lsvision.studies.chen_liu_2016 import (
@@ -68,7 +70,7 @@ def paper(
     print_lines([f"{out}" if json is None else f"{out} and {json}"], err=STDOUT in (out, json))
 
 
-def _log_progress(what: str) -> None:
+def _log_progress(text: str) -> None:
     """Write a line of progress on stderr."""
-    sys.stderr.write(f"{what}\n")
+    sys.stderr.write(f"{text}\n")
     sys.stderr.flush()

@@ -96,8 +96,8 @@ def plan(
     from lsvision.planning import Feed
 
     try:
-        view = _view(sensor, range_std, standoff, pitch)
-        target = _target(target_phi_deg, target_radius)
+        view = _build_view(sensor, range_std, standoff, pitch)
+        target = _build_target(target_phi_deg, target_radius)
         if spacing is not None and sections is None and target is None:
             raise ValueError("expected --sections or a target with --spacing, got neither")
         feed = Feed(
@@ -111,40 +111,42 @@ def plan(
             view,
             0.0 if known_radius else None,
         )
-        expected = request.expected(feed)
+        predictions = request.predict(feed)
         spacings = SPACINGS_MM if spacing is None else (spacing,)
-        needed = [] if target is None else request.needed(target, feed, spacings)
+        scans = [] if target is None else request.shortest_scans(target, feed, spacings)
     except ValueError as error:
         raise typer.BadParameter(str(error)) from error
     typer.echo(
         f"pipe of radius {radius_mm:g} mm, theta {theta_deg:g} deg, phi {phi_deg:g} deg, "
         f"under {view.sensor.name} at {standoff:g} mm; errors are one sigma"
     )
-    typer.echo(_table(expected))
-    if needed:
+    typer.echo(_table(predictions))
+    if scans:
         typer.echo("fewest sections that reach the target, by their spacing:")
-        typer.echo(_table(needed))
+        typer.echo(_table(scans))
 
 
 @dataclass(frozen=True)
 class _PlanRequest:
-    """The pipe (radius, theta, phi), the view of the sensor, and the std of a known radius."""
+    """Pipe (radius, theta, phi), view of the sensor, and std of a known radius."""
 
     pipe: tuple[float, float, float]
     view: "SensorView"
-    known: float | None
+    known_radius_std: float | None
 
-    def expected(self, feed: "Feed") -> "list[SectionPrediction | ScanPrediction]":
+    def predict(self, feed: "Feed") -> "list[SectionPrediction | ScanPrediction]":
         """Return the prediction for one section, and for the scan if it has more."""
         from lsvision.planning import plan_scan, plan_section
 
-        one = plan_section(*self.pipe, view=self.view, known_radius_std=self.known)
+        section = plan_section(*self.pipe, view=self.view, known_radius_std=self.known_radius_std)
         if feed.sections == 1:
-            return [one]
-        scan = plan_scan(*self.pipe, view=self.view, feed=feed, known_radius_std=self.known)
-        return [one, scan]
+            return [section]
+        scan = plan_scan(
+            *self.pipe, view=self.view, feed=feed, known_radius_std=self.known_radius_std
+        )
+        return [section, scan]
 
-    def needed(
+    def shortest_scans(
         self, target: "AccuracyTarget", feed: "Feed", spacings: tuple[float, ...]
     ) -> "list[SectionPrediction | ScanPrediction]":
         """Return the shortest scan at each spacing."""
@@ -156,13 +158,13 @@ class _PlanRequest:
                 target=target,
                 view=self.view,
                 feed=replace(feed, spacing=step),
-                known_radius_std=self.known,
+                known_radius_std=self.known_radius_std,
             )
             for step in spacings
         ]
 
 
-def _view(
+def _build_view(
     sensor: str | None, range_std: float | None, standoff: float, pitch: float | None
 ) -> "SensorView":
     from lsvision.planning import SensorView
@@ -172,7 +174,7 @@ def _view(
         return SensorView(sensor=find_sensor(sensor or "lps36hi"), standoff=standoff, pitch=pitch)
     if sensor is not None:
         raise ValueError("expected --sensor or --range-std, got both")
-    bare = ProfileSensor(
+    generic_sensor = ProfileSensor(
         name=f"a sensor with {range_std:g} mm noise",
         range_std=range_std,
         reference_range=standoff,
@@ -181,11 +183,11 @@ def _view(
         width_at_max_range=2 * standoff,
     )
     return SensorView(
-        sensor=bare, standoff=standoff, pitch=DEFAULT_PITCH_MM if pitch is None else pitch
+        sensor=generic_sensor, standoff=standoff, pitch=DEFAULT_PITCH_MM if pitch is None else pitch
     )
 
 
-def _target(phi_deg: float | None, radius_mm: float | None) -> "AccuracyTarget | None":
+def _build_target(phi_deg: float | None, radius_mm: float | None) -> "AccuracyTarget | None":
     from lsvision.planning import AccuracyTarget
 
     if phi_deg is None and radius_mm is None:

@@ -43,16 +43,16 @@ class Progress(StatusLine):
         self.done = 0
 
     def show(self, done: int, name: str, part: int = 0, parts: int = 1) -> None:
-        """Draw the bar.
+        """Draw the bar and the status beside it.
 
         Parameters
         ----------
         done : int
-            Files that are finished.
+            Number of finished files.
         name : str
-            The current file.
+            Name of the current file.
         part, parts : int
-            Number of its finished profiles, and of all its profiles.
+            Number of finished profiles of the current file, and of all its profiles.
         """
         self.done = done
         if self._total * parts <= 1:  # a single profile, or no file was found
@@ -73,7 +73,7 @@ def _time_left(seconds: float, fraction: float) -> str:
 
 
 def duration_text(seconds: float) -> str:
-    """Return ``3 min 05 s`` or ``2 h 07 min``."""
-    minutes, rest = divmod(round(seconds), 60)
+    """Return a duration as text: ``3 min 05 s`` or ``2 h 07 min``."""
+    minutes, seconds_left = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
-    return f"{hours} h {minutes:02} min" if hours else f"{minutes} min {rest:02} s"
+    return f"{hours} h {minutes:02} min" if hours else f"{minutes} min {seconds_left:02} s"

@@ -26,9 +26,9 @@ class RobotFrame:
     Parameters
     ----------
     calibration : HandEye, optional
-        Without, the poses are the section's own.
+        Hand-eye calibration; None if the poses are those of the section frame.
     rows : PoseFile, optional
-        Poses of the flange, one per profile; without, the result is in the flange frame.
+        Poses of the flange, one per profile; None for a result in the flange frame.
     """
 
     calibration: "HandEye | None"
@@ -42,7 +42,7 @@ class RobotFrame:
         from lsvision.geometry import Pose
 
         mount = Pose() if self.calibration is None else self.calibration
-        return [place_section(each, mount, flange) for each in sections]
+        return [place_section(section, mount, flange) for section in sections]
 
 
 def parse_robot_frame(robot: RobotOptions) -> RobotFrame | None:
@@ -71,9 +71,11 @@ def robot_frame_table(placed: "Sequence[tuple[PlacedCylinder, PlacedCylinder]]")
 
     rows: list[tuple[str, ...]] = [("", *PLACED_HEADER)]
     for number, twins in enumerate(placed, 1):
-        rows += [(f"{number}{sign}", *placed_cells(t)) for sign, t in zip("+-", twins, strict=True)]
+        rows += [
+            (f"{number}{sign}", *placed_cells(twin)) for sign, twin in zip("+-", twins, strict=True)
+        ]
     first, _ = placed[0]
-    sigma = uncertainty_caption(
+    caption = uncertainty_caption(
         calibrated=first.includes_calibration, in_base=first.frame == "base"
     )
-    return [f"{first.frame} frame, {sigma}:", *text_table(rows)]
+    return [f"{first.frame} frame, {caption}:", *text_table(rows)]

@@ -44,20 +44,20 @@ class RobotOptions:
 
 @dataclass(frozen=True)
 class PoseFile:
-    """A file of poses and the convention in which they are written."""
+    """File of poses, and their convention."""
 
     path: Path
     convention: str
 
-    def read(self, count: int, each: str = "profile") -> "list[Pose]":
-        """Read the poses of the flange.
+    def read(self, count: int, item: str = "profile") -> "list[Pose]":
+        """Return the poses of the flange.
 
         Parameters
         ----------
         count : int
             Expected number of poses.
-        each : str
-            Name of what each pose belongs to, for the message.
+        item : str
+            Noun for an item with a pose, for the message.
 
         Raises
         ------
@@ -71,7 +71,7 @@ class PoseFile:
         if len(flanges) != count:
             raise UnreadableFile(
                 f"{self.path}: expected {counted(count, 'pose')}, one for each "
-                f"{each}, got {len(flanges)}: leave out what has no partner"
+                f"{item}, got {len(flanges)}: leave out items without a partner"
             )
         return flanges
 
@@ -92,7 +92,7 @@ def parse_pose_file(robot: RobotOptions) -> PoseFile | None:
 
 
 def parse_convention(name: str | None, option: str = "--convention") -> str:
-    """Return the name of a pose convention, which an option gives.
+    """Return the name of a pose convention, checked.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def parse_convention(name: str | None, option: str = "--convention") -> str:
 
 
 def read_calibration(path: Path) -> "HandEye":
-    """Read the hand-eye file of a profile sensor on the flange.
+    """Return the calibration in the hand-eye file of a profile sensor on the flange.
 
     Raises
     ------
@@ -131,7 +131,7 @@ def read_calibration(path: Path) -> "HandEye":
 
 
 def uncertainty_caption(*, calibrated: bool, in_base: bool) -> str:
-    """Return what the standard deviations of a table include."""
+    """Return a caption: which errors the standard deviations of a table include."""
     if not calibrated:
         return "one sigma, the sensor's pose on the robot taken as exact"
     sources = "calibration's and the robot's" if in_base else "calibration's"

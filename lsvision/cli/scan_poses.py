@@ -55,11 +55,11 @@ def parse_motion(feed: str | None, step: float | None, robot: RobotOptions) -> E
     if feed is None or step is None:
         raise typer.BadParameter(
             "expected --feed X,Y,Z and --step MM, or --poses F and --convention NAME: without "
-            "poses sections cannot be joined"
+            "poses the sections cannot be combined"
         )
     if not (math.isfinite(step) and step != 0):
         raise typer.BadParameter(f"expected --step in mm other than 0, got {step:g}")
-    return Encoder(_direction(feed), step)
+    return Encoder(_parse_direction(feed), step)
 
 
 def scan_poses(motion: Encoder | Robot, count: int) -> "list[Pose]":
@@ -88,13 +88,13 @@ def scan_poses(motion: Encoder | Robot, count: int) -> "list[Pose]":
 
 
 def motion_uncertainty_caption(motion: Encoder | Robot) -> str:
-    """Return what the standard deviations of the table include."""
+    """Return a caption: which errors the standard deviations of the table include."""
     if isinstance(motion, Encoder):
         return "one sigma"
     return uncertainty_caption(calibrated=motion.calibration is not None, in_base=True)
 
 
-def _direction(text: str) -> tuple[float, float, float]:
+def _parse_direction(text: str) -> tuple[float, float, float]:
     try:
         x, y, z = (float(part) for part in text.split(","))
     except ValueError:

@@ -1,4 +1,4 @@
-"""A scan as text: cylinders in the base frame, and the shape of each."""
+"""Scan as text: cylinders in the base frame, and the shape of each."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 def scan_lines(
     scan: "ScanMeasurement",
     shapes: "Sequence[TubeShape | None]",
-    sigma: str,
+    caption: str,
     *,
     verbose: bool,
 ) -> list[str]:
@@ -19,13 +19,13 @@ def scan_lines(
     Parameters
     ----------
     scan : ScanMeasurement
-        The measurement.
+        Measurement of the scan.
     shapes : sequence of TubeShape or None
         Shape of each cylinder.
-    sigma : str
-        What the standard deviations include, from `motion_uncertainty_caption`.
+    caption : str
+        Errors that the standard deviations include, from `motion_uncertainty_caption`.
     verbose : bool
-        List the rejected tracks; else, if nothing was found, only the longest.
+        Whether to list the rejected tracks; else, without a cylinder, only the longest.
     """
     from lsvision.results.summaries import counted
     from lsvision.results.tables import text_table
@@ -34,7 +34,7 @@ def scan_lines(
     profiles = counted(len(scan.measurements), "profile")
     rejected = [f"  {rejection}" for rejection in scan.rejections]
     if scan.cylinders:
-        lines = [f"{profiles}, base frame, {sigma}", *text_table(tube_cells(scan.cylinders))]
+        lines = [f"{profiles}, base frame, {caption}", *text_table(tube_cells(scan.cylinders))]
         for number, (tube, shape) in enumerate(zip(scan.cylinders, shapes, strict=True), 1):
             lines += [f"  {number}: {line}" for line in _remarks(tube, shape)]
     else:
@@ -70,7 +70,7 @@ def _remarks(tube: "ScannedCylinder", shape: "TubeShape | None") -> list[str]:
     from lsvision.scan.shape_result import shape_lines
 
     low, high = tube.axial_range
-    remarks = [f"seen from {low:.1f} to {high:.1f} mm along the axis from its point"]
+    remarks = [f"measured from {low:.1f} to {high:.1f} mm along the axis from its point"]
     if tube.twin is not None:
         remarks.append(twin_note(tube.twin))
     if shape is not None:

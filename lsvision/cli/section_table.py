@@ -1,4 +1,4 @@
-"""Measurements as text: a table of cylinders, each number with its sigma and interval."""
+"""Measurements as text: a table of cylinders, each number with standard deviation and interval."""
 
 import math
 from collections.abc import Sequence
@@ -19,12 +19,12 @@ def measurement_lines(
     Parameters
     ----------
     measurement : Measurement
-        The measurement.
+        Measurement of the profile.
     profile : Profile
-        The measured profile.
+        Measured profile.
     verbose : bool
-        Add notes on correlated residuals, and the rejected arcs from left to right; else, if
-        nothing was found, only one arc.
+        Whether to add notes on correlated residuals, and the rejected arcs from left to right;
+        else, without a cylinder, only one arc.
     """
     from lsvision.ellipse.section_table import section_cells
     from lsvision.results.summaries import counted

@@ -27,7 +27,7 @@ def simulate(
             help="Seed of the first scene; each further scene has the next number.",
         ),
     ] = 0,
-    count: Annotated[int, typer.Option(metavar="N", min=1, help="How many scenes.")] = 1,
+    count: Annotated[int, typer.Option(metavar="N", min=1, help="Number of scenes.")] = 1,
     noise_mm: Annotated[
         float | None,
         typer.Option(
@@ -93,9 +93,9 @@ def _tube_ranges(radius: str, theta_deg: str, phi_deg: str) -> "TubeRanges":
 
     try:
         return TubeRanges(
-            radius_mm=_range(radius, "--radius"),
-            theta_deg=_range(theta_deg, "--theta-deg"),
-            phi_deg=_range(phi_deg, "--phi-deg"),
+            radius_mm=_parse_range(radius, "--radius"),
+            theta_deg=_parse_range(theta_deg, "--theta-deg"),
+            phi_deg=_parse_range(phi_deg, "--phi-deg"),
         )
     except ValueError as error:
         raise typer.BadParameter(str(error)) from None
@@ -107,16 +107,16 @@ def _settings(lost: float, jumps: float) -> "SectionSettings":
     return SectionSettings(lost_fraction=lost, jump_fraction=jumps)
 
 
-def _range(text: str, option: str) -> tuple[float, float]:
+def _parse_range(text: str, option: str) -> tuple[float, float]:
     """Return (smallest, largest) of a range written as ``19`` or ``10:40``."""
     try:
         numbers = [float(part) for part in text.split(":")]
-        least, largest = numbers if len(numbers) == 2 else (numbers[0], *numbers)
+        smallest, largest = numbers if len(numbers) == 2 else (numbers[0], *numbers)
     except ValueError:
         raise typer.BadParameter(
             f"expected a number or min:max for {option}, got {text!r}"
         ) from None
-    return least, largest
+    return smallest, largest
 
 
 def _command(kind: str, seed: int, section: "SimulatedSection", tubes: "TubeRanges") -> str:

@@ -16,17 +16,17 @@ if TYPE_CHECKING:
     from lsvision.io.profiles.streaming import ProfilePart
 
 IMAGE_SUFFIXES = frozenset((".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".webp"))
-"""Files that count as images when a folder is named."""
+"""Suffixes of images in a folder."""
 
 VIDEO_SUFFIXES = frozenset((".avi", ".mp4", ".mkv", ".mov", ".m4v", ".webm"))
-"""Files that are read frame by frame."""
+"""Suffixes of videos, which are read frame by frame."""
 
 MEASURED_SUFFIXES = PROFILE_SUFFIXES | IMAGE_SUFFIXES | VIDEO_SUFFIXES
-"""Files that count in a folder when a rig is given."""
+"""Suffixes of measured files in a folder if a rig is given."""
 
 
 HEIGHT_MAP_SUFFIXES = frozenset((".tif", ".tiff", ".png"))
-"""Files that count as profiles beside `PROFILE_SUFFIXES` where the spacing of columns is given."""
+"""Suffixes of height maps in a folder, which are read if the spacing of columns is given."""
 
 
 def suffixes_of_profiles(dx: float | None) -> frozenset[str]:
@@ -45,7 +45,7 @@ def find_sources(
         Files, folders (the profile files directly in them), patterns (``**`` matches folders)
         and ``-`` for standard input, in the order of the command line.
     suffixes : frozenset of str
-        What counts when a folder is named: `PROFILE_SUFFIXES`, `IMAGE_SUFFIXES` or
+        Suffixes of the files that are used in a folder: `PROFILE_SUFFIXES`, `IMAGE_SUFFIXES` or
         `MEASURED_SUFFIXES`.
 
     Returns
@@ -55,7 +55,7 @@ def find_sources(
     failures : list of LsvisionError
         Errors, one for each name without a file.
     """
-    found: dict[str, Path] = {}
+    files_by_path: dict[str, Path] = {}
     failures: list[LsvisionError] = []
     for name in names:
         try:
@@ -66,8 +66,8 @@ def find_sources(
             failures.append(UnreadableFile(f"{name}: cannot be listed ({error.strerror})"))
             continue
         for file in files:
-            found.setdefault(true_path(file), file)
-    return list(found.values()), failures
+            files_by_path.setdefault(true_path(file), file)
+    return list(files_by_path.values()), failures
 
 
 def true_path(path: Path) -> str:
@@ -79,12 +79,12 @@ def true_path(path: Path) -> str:
 
 
 def read_source(source: Path, options: "ReadOptions") -> "ProfileFile":
-    """Read the profiles of a file.
+    """Return the profiles of a file.
 
     Raises
     ------
     UnreadableFile
-        If it cannot be read, or the assumed mm are implausible; names the file and the remedy.
+        If it cannot be read, or the assumed mm are implausible; the message states the remedy.
     """
     from lsvision.io.profiles import inspect_profiles
     from lsvision.io.profiles.reading import require_plausible_units
@@ -95,7 +95,7 @@ def read_source(source: Path, options: "ReadOptions") -> "ProfileFile":
 
 
 def iterate_source(source: Path, options: "ReadOptions") -> "Iterator[ProfilePart]":
-    """Read the profiles of a file in parts; see `read_source`."""
+    """Yield the profiles of a file in parts; see `read_source`."""
     from lsvision.io.profiles.reading import require_plausible_units
     from lsvision.io.profiles.streaming import iterate_profiles
 
@@ -105,12 +105,12 @@ def iterate_source(source: Path, options: "ReadOptions") -> "Iterator[ProfilePar
 
 
 def read_sources(sources: Sequence[Path], options: "ReadOptions") -> "list[ProfileFile]":
-    """Read files in order; print on stderr which assumptions were made, each remark once.
+    """Return files in order; the assumptions made are printed on stderr, each once.
 
     Raises
     ------
     UnreadableFile
-        As `read_source`.
+        If a file cannot be read; see `read_source`.
     """
     files = [read_source(source, options) for source in sources]
     remarks: dict[str, list[Path]] = {}
@@ -138,9 +138,9 @@ def _no_file_error(name: str, suffixes: frozenset[str]) -> UnreadableFile:
                 f"{name}: no profile in this folder, only images: of a laser line, measure them "
                 "with the rig that took them, lsvision measure --light-section rig.json"
             )
-        what, pattern = ("image", "*.png") if suffixes is IMAGE_SUFFIXES else ("profile", "*.csv")
+        kind, pattern = ("image", "*.png") if suffixes is IMAGE_SUFFIXES else ("profile", "*.csv")
         return UnreadableFile(
-            f"{name}: no {what} in this folder: name another, its subfolders as "
+            f"{name}: no {kind} in this folder: name another, its subfolders as "
             f"'{Path(name) / '**' / pattern}', or files whose suffix is not one of "
             f"{' '.join(sorted(suffixes))}"
         )

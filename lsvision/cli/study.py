@@ -93,7 +93,7 @@ def repeat(
     values, stds = _measure_quantity(profiles, QUANTITIES.index(quantity), reference, measuring)
     result = study_repeats(values, reference, stds=stds, tolerance=tolerance, level=level)
     unit = "deg" if quantity in ("theta", "phi") else "mm"
-    _show(result, json_file, f"{quantity} in {unit}:")
+    _print_result(result, json_file, f"{quantity} in {unit}:")
 
 
 @study.command()
@@ -121,7 +121,7 @@ def grr(
     _check_level(level)
     check_outputs((), [table], streams=(json_file,))
     result = study_gauge(_read_crossed(table, value, part, operator), tolerance, level)
-    _show(result, json_file)
+    _print_result(result, json_file)
 
 
 def _check_level(level: float) -> None:
@@ -129,7 +129,7 @@ def _check_level(level: float) -> None:
         raise typer.BadParameter(f"expected --level between 0 and 1, got {level:g}")
 
 
-def _show(result: "Result", json_file: Path | None, *head: str) -> None:
+def _print_result(result: "Result", json_file: Path | None, *head: str) -> None:
     print_lines([*head, *str(result).splitlines()], err=json_file == STDOUT)
     if json_file is not None:
         write_output(json_file, result.to_json(indent=2) + "\n")
@@ -137,27 +137,27 @@ def _show(result: "Result", json_file: Path | None, *head: str) -> None:
 
 def _measure_quantity(
     files: "Sequence[ProfileFile]",
-    place: int,
+    index: int,
     reference: float,
     measuring: "Callable[[Profile], Measurement]",
 ) -> tuple[list[float], list[float]]:
-    """Return the value and sigma of every profile, in mm or deg."""
+    """Return the value and standard uncertainty of every profile, in mm or deg."""
     values, stds = [], []
     for file in files:
         for number, profile in enumerate(file.profiles):
             measurement = measuring(profile)
-            estimates = [cylinder.estimates[place] for cylinder in measurement.cylinders]
+            estimates = [cylinder.estimates[index] for cylinder in measurement.cylinders]
             if not estimates:
                 print_error(f"{file.path}, profile {number}: no cylinder, left out")
                 continue
-            nearest = min(estimates, key=lambda each: abs(each.value - reference))
+            nearest = min(estimates, key=lambda estimate: abs(estimate.value - reference))
             values.append(nearest.value)
             stds.append(nearest.std)
     return values, stds
 
 
 def _read_crossed(path: Path, value: str, part: str, operator: str) -> "FloatArray":
-    """Return the table of a balanced study, (parts, operators, trials)."""
+    """Return the values of a balanced study, (parts, operators, trials)."""
     import numpy as np
 
     from lsvision.files.limited_reading import read_text
@@ -174,14 +174,16 @@ def _read_crossed(path: Path, value: str, part: str, operator: str) -> "FloatArr
             )
     cells: dict[tuple[str, str], list[float]] = {}
     for line, row in enumerate(rows, 2):
-        clean = {str(key).strip(): text for key, text in row.items()}
+        stripped_row = {str(key).strip(): text for key, text in row.items()}
         try:
-            number = float(clean[value] if separator == "," else clean[value].replace(",", "."))
+            number = float(
+                stripped_row[value] if separator == "," else stripped_row[value].replace(",", ".")
+            )
         except (AttributeError, TypeError, ValueError):
             raise UnreadableFile(
-                f"{path}, line {line}: expected a number in {value!r}, got {clean[value]!r}"
+                f"{path}, line {line}: expected a number in {value!r}, got {stripped_row[value]!r}"
             ) from None
-        cells.setdefault((str(clean[part]), str(clean[operator])), []).append(number)
+        cells.setdefault((str(stripped_row[part]), str(stripped_row[operator])), []).append(number)
     parts = list(dict.fromkeys(key[0] for key in cells))
     operators = list(dict.fromkeys(key[1] for key in cells))
     counts = {len(numbers) for numbers in cells.values()}
@@ -191,4 +193,4 @@ def _read_crossed(path: Path, value: str, part: str, operator: str) -> "FloatArr
             f"{len(cells)} of {len(parts) * len(operators)} pairs with {min(counts, default=0)} to "
             f"{max(counts, default=0)} trials: add the missing rows"
         )
-    return np.array([[cells[one, other] for other in operators] for one in parts])
+    return np.array([[cells[part_name, name] for name in operators] for part_name in parts])

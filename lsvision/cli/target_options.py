@@ -14,7 +14,7 @@ TARGETS = ("charuco", "chessboard", "circles", "circles-asymmetric")
 
 @dataclass(frozen=True, kw_only=True)
 class TargetOptions:
-    """A calibration target: its kind and dimensions."""
+    """Kind and dimensions of a calibration target."""
 
     target_name: Annotated[
         str, typer.Option("--target", metavar="NAME", help=f"Kind of target: {', '.join(TARGETS)}.")
@@ -64,10 +64,10 @@ class TargetOptions:
                 return ChArUco(columns, rows, edge, marker, self.dictionary)
             if name == "chessboard":
                 return Chessboard(columns, rows, edge)
-            staggered = name == "circles-asymmetric"
-            default = edge * (0.8 if staggered else 0.5)
-            diameter = default if self.marker is None else self.marker
-            return CircleGrid(columns, rows, edge, diameter, staggered)
+            asymmetric = name == "circles-asymmetric"
+            default_diameter = edge * (0.8 if asymmetric else 0.5)
+            diameter = default_diameter if self.marker is None else self.marker
+            return CircleGrid(columns, rows, edge, diameter, asymmetric)
         except ValueError as error:
             raise typer.BadParameter(str(error)) from None
 

@@ -11,7 +11,7 @@ from lsvision.errors import UnwritableFile
 
 
 def write_atomic(path: str | os.PathLike[str], content: str | bytes | Iterable[bytes]) -> None:
-    """Write a file so that a reader finds the old one or the whole new one, never a part.
+    """Write a file so that a reader finds the complete old or new file, never a part of it.
 
     The content is written to a new file in the same folder, which then replaces the old one.
     Devices and pipes (``/dev/stdout``) cannot be replaced and are written to directly.
@@ -19,10 +19,10 @@ def write_atomic(path: str | os.PathLike[str], content: str | bytes | Iterable[b
     Parameters
     ----------
     path : path
-        The file; a link is followed, an existing file keeps its permissions.
+        File to write; a link is followed, an existing file keeps its permissions.
     content : str, bytes or iterable of bytes
-        Text is written as UTF-8 with its own line ends; characters that UTF-8 cannot encode (a
-        surrogate from a file name) as escape sequences.
+        Content. Text is written as UTF-8 with unchanged line ends; characters that UTF-8 cannot
+        encode (a surrogate from a file name) are written as escape sequences.
 
     Raises
     ------
@@ -49,32 +49,32 @@ def write_atomic(path: str | os.PathLike[str], content: str | bytes | Iterable[b
         else:
             _replace(target, chunks)
     except (OSError, ValueError) as error:
-        raise UnwritableFile(f"{os.fspath(path)}: {_hint(error)}") from None
+        raise UnwritableFile(f"{os.fspath(path)}: {_describe_failure(error)}") from None
 
 
 def _replace(target: Path, chunks: Iterable[bytes]) -> None:
     """Write a temporary file beside the target, then rename it to the target."""
     if target.is_dir():
         raise IsADirectoryError
-    part = target.with_name(f".lsvision.{secrets.token_hex(8)}.part")
+    temporary = target.with_name(f".lsvision.{secrets.token_hex(8)}.part")
     try:
-        with part.open("xb") as file:
+        with temporary.open("xb") as file:
             file.writelines(chunks)
             file.flush()
             os.fsync(file.fileno())
         if target.exists():
-            shutil.copymode(target, part)
-        part.replace(target)
+            shutil.copymode(target, temporary)
+        temporary.replace(target)
     finally:
-        part.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
 
 
-def _hint(error: OSError | ValueError) -> str:
+def _describe_failure(error: OSError | ValueError) -> str:
     """Return why a file could not be written, and the remedy."""
     if isinstance(error, IsADirectoryError):
         return "a directory: name a file in it"
     if isinstance(error, FileNotFoundError | NotADirectoryError):
-        return "its folder does not exist: make it first, or name another"
+        return "its folder does not exist: create it first, or name another"
     if isinstance(error, PermissionError):
         return "no permission to write there: name another folder"
     reason = error.strerror if isinstance(error, OSError) else error

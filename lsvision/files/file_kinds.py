@@ -39,7 +39,7 @@ def is_regular(path: str | os.PathLike[str]) -> bool:
 
 
 def natural_order(path: Path) -> list[tuple[bool, int, str]]:
-    """Return a sorting key for paths: digits count by their value, other text by its letters.
+    """Return a sorting key for paths: numbers by their value, other text by its letters.
 
     Examples
     --------
@@ -48,9 +48,9 @@ def natural_order(path: Path) -> list[tuple[bool, int, str]]:
     """
     parts = re.split(r"([0-9]+)", str(path))
     # isdecimal alone takes digits of any script, and isdigit also superscripts: int takes none
-    numbers = [part.isascii() and part.isdecimal() for part in parts]
+    is_number = [part.isascii() and part.isdecimal() for part in parts]
     return [
-        (number, int(part) if number else 0, part)
-        for part, number in zip(parts, numbers, strict=True)
+        (is_digits, int(part) if is_digits else 0, part)
+        for part, is_digits in zip(parts, is_number, strict=True)
         if part
     ]

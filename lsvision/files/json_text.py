@@ -24,9 +24,9 @@ def parse_json(text: str, *, allow_nan: bool = False) -> Any:
     Parameters
     ----------
     text : str
-        The whole text.
+        JSON text.
     allow_nan : bool
-        Accept ``NaN`` and ``Infinity``, as measured points may contain.
+        Whether to accept ``NaN`` and ``Infinity``, as measured points may contain.
 
     Returns
     -------
@@ -50,9 +50,9 @@ def parse_json(text: str, *, allow_nan: bool = False) -> Any:
         value = json.loads(
             text,
             parse_constant=float if allow_nan else _reject_constant,
-            parse_int=_integer,
-            parse_float=_number,
-            object_pairs_hook=_mapping,
+            parse_int=_parse_integer,
+            parse_float=_parse_number,
+            object_pairs_hook=_build_mapping,
         )
         _check_depth(value)
     except RecursionError:
@@ -75,28 +75,28 @@ def _check_depth(value: Any) -> None:
     raise NestedTooDeep
 
 
-def _mapping(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _build_mapping(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """Return the pairs of an object as a dict; raise ValueError if a key occurs twice."""
     mapping = dict(pairs)
     if len(mapping) < len(pairs):
         keys = [key for key, _ in pairs]
-        twice = next(key for key in mapping if keys.count(key) > 1)
-        raise ValueError(f"expected each key once, got {twice[:40]!r} twice in one object")
+        repeated_key = next(key for key in mapping if keys.count(key) > 1)
+        raise ValueError(f"expected each key once, got {repeated_key[:40]!r} twice in one object")
     return mapping
 
 
-def _reject_constant(word: str) -> NoReturn:
-    raise ValueError(f"expected finite numbers, got {word}")
+def _reject_constant(constant: str) -> NoReturn:
+    raise ValueError(f"expected finite numbers, got {constant}")
 
 
-def _number(digits: str) -> float:
+def _parse_number(digits: str) -> float:
     number = float(digits)
     if number in (float("inf"), float("-inf")):
         raise ValueError(f"expected numbers below 1.8e308, got {digits[:20]}")
     return number
 
 
-def _integer(digits: str) -> int | float:
+def _parse_integer(digits: str) -> int | float:
     if len(digits) > MAX_DIGITS:
         raise ValueError(f"expected numbers below 1.8e308, got one of {len(digits)} digits")
     return int(digits)

@@ -1,4 +1,4 @@
-"""Content of an untrusted file, after a check of its size and kind."""
+"""Read untrusted files, after a check of size and kind."""
 
 import errno
 import os
@@ -21,7 +21,7 @@ WRITER_TIMEOUT_S = 10.0
 
 _POLL_S = 0.02
 _BINARY = getattr(os, "O_BINARY", 0)
-_ADVICE = {
+_REMEDIES = {
     errno.ENOENT: "no such file: check the name",
     errno.ENOTDIR: "no such file: check the name",
     errno.EISDIR: "a directory: name a file in it",
@@ -42,7 +42,7 @@ def size_limit(limit: int) -> Iterator[None]:
     Parameters
     ----------
     limit : int
-        Applies to this thread or task. Units: bytes.
+        Largest size, for this thread or task only. Units: bytes.
 
     Examples
     --------
@@ -68,14 +68,14 @@ def read_bytes(path: str | os.PathLike[str]) -> bytes:
     Parameters
     ----------
     path : path
-        ``"-"`` is standard input. A named pipe is waited for until a program opens it for
-        writing, `WRITER_TIMEOUT_S` at the most.
+        ``"-"`` is standard input. A named pipe is read as soon as a program opens it for
+        writing, which may take `WRITER_TIMEOUT_S`.
 
     Raises
     ------
     UnreadableFile
         If there is no such file, it is a device, a directory or a socket, it is larger than
-        `current_size_limit`, or nobody writes to the pipe; names the file and the remedy.
+        `current_size_limit`, or nobody writes to the pipe; the message states the remedy.
 
     Examples
     --------
@@ -92,7 +92,7 @@ def read_bytes(path: str | os.PathLike[str]) -> bytes:
     except UnreadableFile as error:
         raise UnreadableFile(f"{name}: {error}") from None
     except OSError as error:
-        raise UnreadableFile(f"{name}: {_advice(error)}") from None
+        raise UnreadableFile(f"{name}: {_describe_failure(error)}") from None
     except ValueError:  # a null in it, or a character that the file system cannot encode
         raise UnreadableFile(f"{name}: no file can have such a name: check it") from None
 
@@ -126,11 +126,11 @@ def check_readable(path: str | os.PathLike[str]) -> None:
     try:
         _check_regular(Path(name).stat())
         if not os.access(name, os.R_OK):
-            raise UnreadableFile(_ADVICE[errno.EACCES])
+            raise UnreadableFile(_REMEDIES[errno.EACCES])
     except UnreadableFile as error:
         raise UnreadableFile(f"{name}: {error}") from None
     except OSError as error:
-        raise UnreadableFile(f"{name}: {_advice(error)}") from None
+        raise UnreadableFile(f"{name}: {_describe_failure(error)}") from None
     except ValueError:
         raise UnreadableFile(f"{name}: no file can have such a name: check it") from None
 
@@ -154,35 +154,35 @@ def _read(name: str) -> bytes:
 def _read_all(
     read: Callable[[int], bytes | None], start: bytes = b"", chunk_size: int = 1 << 20
 ) -> bytes:
-    """Return all that `read` gives; raise an error as soon as it exceeds the limit."""
+    """Return all bytes that `read` returns; raise an error as soon as they exceed the limit."""
     chunks, size, limit = [start] if start else [], len(start), current_size_limit()
     while size <= limit and (chunk := read(chunk_size)):
         chunks.append(chunk)
         size += len(chunk)
     if size > limit:
-        raise UnreadableFile(_too_large(None))
+        raise UnreadableFile(_describe_excess(None))
     return chunks[0] if len(chunks) == 1 else b"".join(chunks)
 
 
 def _check_regular(status: os.stat_result) -> None:
     mode = status.st_mode
     if stat.S_ISDIR(mode):
-        raise UnreadableFile(_ADVICE[errno.EISDIR])
+        raise UnreadableFile(_REMEDIES[errno.EISDIR])
     if not stat.S_ISREG(mode):
         raise UnreadableFile("a device or socket: name a file, or - for standard input")
     if status.st_size > current_size_limit():
-        raise UnreadableFile(_too_large(status.st_size))
+        raise UnreadableFile(_describe_excess(status.st_size))
 
 
-def _too_large(size: int | None) -> str:
-    got = "more" if size is None else _in_units(size)
+def _describe_excess(size: int | None) -> str:
+    got = "more" if size is None else _format_size(size)
     return (
-        f"expected {_in_units(current_size_limit())} at most, got {got}: split the file, or "
+        f"expected {_format_size(current_size_limit())} at most, got {got}: split the file, or "
         "raise the limit, as --max-size 8GB"
     )
 
 
-def _in_units(size: int) -> str:
+def _format_size(size: int) -> str:
     for factor, unit in ((1e9, "GB"), (1e6, "MB"), (1e3, "kB")):
         if size >= factor:
             return f"{size / factor:.4g} {unit}"
@@ -207,6 +207,8 @@ def _wait_for_writer(descriptor: int) -> bytes:
         time.sleep(_POLL_S)
 
 
-def _advice(error: OSError) -> str:
+def _describe_failure(error: OSError) -> str:
     reason = error.strerror or str(error)
-    return _ADVICE.get(error.errno or 0, f"cannot be read ({reason}): check the disk and the name")
+    return _REMEDIES.get(
+        error.errno or 0, f"cannot be read ({reason}): check the disk and the name"
+    )

@@ -15,8 +15,8 @@ def printable(text: str) -> str:
     Parameters
     ----------
     text : str
-        As a file name or a cell of a file: may hold line ends, ESC, marks that turn the direction
-        of writing, and the surrogates that represent bytes which are not UTF-8.
+        Text such as a file name or a cell of a file. It may contain line ends, ESC, marks that
+        change the direction of writing, and surrogates for bytes that are not UTF-8.
 
     Examples
     --------
@@ -26,7 +26,7 @@ def printable(text: str) -> str:
     if text.isascii() and text.isprintable():
         return text
     return "".join(
-        _escaped(letter) if unicodedata.category(letter) in _HIDDEN else letter for letter in text
+        _escape(letter) if unicodedata.category(letter) in _HIDDEN else letter for letter in text
     )
 
 
@@ -60,7 +60,7 @@ def printable_cell(text: str) -> str:
     return f"'{cell}" if cell.startswith(_FORMULA_MARKS) and not _NUMBER.fullmatch(cell) else cell
 
 
-def _escaped(letter: str) -> str:
+def _escape(letter: str) -> str:
     code = ord(letter)
     if 0xDC80 <= code <= 0xDCFF:  # a byte that is not UTF-8
         return f"\\x{code - 0xDC00:02x}"

@@ -20,7 +20,7 @@ def as_section_points(values: Any) -> FloatArray:
     Parameters
     ----------
     values : array_like or data frame
-        (n, 2) numbers: array, list, or masked array, whose masked values are lost. Of a data
+        Numbers (n, 2): array, list, or masked array, whose masked values are lost. Of a data
         frame (pandas, polars) the columns x and z (or y, or height, each with or without ``_mm``),
         or its two columns if their labels are integers. Units: mm, y towards the sensor.
 
@@ -40,9 +40,15 @@ def as_section_points(values: Any) -> FloatArray:
     ...
     ValueError: expected points of shape (n, 2), got (2, 3): transpose them
     """
-    table = values if type(values) is np.ndarray and values.dtype == float else _table_of(values)
+    table = (
+        values
+        if type(values) is np.ndarray and values.dtype == float
+        else _convert_to_table(values)
+    )
     if table.ndim != 2 or table.shape[1] != 2:
-        raise ValueError(f"expected points of shape (n, 2), got {table.shape}{_hint(table.shape)}")
+        raise ValueError(
+            f"expected points of shape (n, 2), got {table.shape}{_shape_hint(table.shape)}"
+        )
     return as_readonly_array(table, ("n", 2), "points")
 
 
@@ -54,11 +60,11 @@ def as_number_or_pair(
     Parameters
     ----------
     value : float, sequence of two floats, or None
-        Argument as the caller passes it: also a list or an array.
+        Argument of the caller; also a list or an array.
     name, unit : str
         Name and unit of the argument, for the message.
     pair : str
-        What the two numbers are, for the message: ``"(min, max)"``.
+        Names of the two numbers, for the message: ``"(min, max)"``.
 
     Raises
     ------
@@ -89,7 +95,7 @@ def as_number_or_pair(
 
 
 def as_known_phi(value: Any) -> float | tuple[float, float] | None:
-    """Return a known tilt, or (tilt, std), that cannot be degrees by mistake. Units: rad.
+    """Return a known tilt, or (tilt, std), in rad, after a check that it is not in deg.
 
     Raises
     ------
@@ -110,23 +116,23 @@ math.radians(20) = 0.349
     if known is None:
         return None
     numbers = known if isinstance(known, tuple) else (known,)
-    for what, number in zip(("known_phi", "the std of known_phi"), numbers, strict=False):
+    for number_name, number in zip(("known_phi", "the std of known_phi"), numbers, strict=False):
         if number >= math.pi / 2:
             raise ValueError(
-                f"expected {what} from 0 to below pi/2 rad, got {number:g}: degrees? known_phi is "
-                f"in rad, math.radians({number:g}) = {math.radians(number):.3g}"
+                f"expected {number_name} from 0 to below pi/2 rad, got {number:g}: degrees? "
+                f"known_phi is in rad, math.radians({number:g}) = {math.radians(number):.3g}"
             )
     return known
 
 
-def _table_of(values: Any) -> FloatArray:
+def _convert_to_table(values: Any) -> FloatArray:
     if isinstance(values, str | bytes | os.PathLike):
         raise TypeError(
             f"expected points as an (n, 2) array in mm, got {values!r}: files are read by "
             "lsvision.read_profile"
         )
     if hasattr(values, "columns") and hasattr(values, "to_numpy"):
-        return _table_of_frame(values)
+        return _select_columns(values)
     if isinstance(values, np.ma.MaskedArray):
         values = np.ma.asarray(values, dtype=np.float64).filled(np.nan)
     try:
@@ -140,7 +146,7 @@ def _table_of(values: Any) -> FloatArray:
     )
 
 
-def _table_of_frame(frame: Any) -> FloatArray:
+def _select_columns(frame: Any) -> FloatArray:
     """Return the columns x and height of a data frame."""
     labels = list(frame.columns)
     by_name = {str(label).strip().lower(): label for label in reversed(labels)}
@@ -165,7 +171,7 @@ def _table_of_frame(frame: Any) -> FloatArray:
     return table
 
 
-def _hint(shape: tuple[int, ...]) -> str:
+def _shape_hint(shape: tuple[int, ...]) -> str:
     if len(shape) != 2:
         return ""
     if shape[0] == 2:

@@ -29,7 +29,7 @@ def as_readonly_array(
     Returns
     -------
     ndarray
-        Writing to it raises an error.
+        Copy; writing to it raises an error.
 
     Raises
     ------
@@ -43,8 +43,8 @@ def as_readonly_array(
     """
     array = np.array(values, dtype=np.float64)
     matches = array.ndim == len(shape) and all(
-        isinstance(length, str) or length == got
-        for length, got in zip(shape, array.shape, strict=True)
+        isinstance(length, str) or length == actual
+        for length, actual in zip(shape, array.shape, strict=True)
     )
     if not matches:
         expected = ", ".join(str(length) for length in shape)
@@ -80,7 +80,7 @@ def extent_of(points: Points) -> float:
     Parameters
     ----------
     points : (n, d) ndarray
-        Without NaN; the result has the same unit.
+        Points without NaN; the result has the same unit.
     """
     # One column at a time, because numpy reduces a contiguous axis ten times faster.
     return max(
@@ -126,10 +126,10 @@ def require_covariances(covariances: FloatArray) -> None:
     largest = np.abs(covariances).max(axis=(1, 2))
     asymmetry = np.abs(covariances - covariances.swapaxes(1, 2)).max(axis=(1, 2))
     smallest = np.linalg.eigvalsh(covariances)[:, 0]
-    wrong = (largest < 1 / MAX_VARIANCE_MM2) | (asymmetry > PSD_TOLERANCE * largest)
-    wrong |= smallest < -PSD_TOLERANCE * largest
-    if wrong.any():
-        index = int(np.argmax(wrong))
+    is_invalid = (largest < 1 / MAX_VARIANCE_MM2) | (asymmetry > PSD_TOLERANCE * largest)
+    is_invalid |= smallest < -PSD_TOLERANCE * largest
+    if is_invalid.any():
+        index = int(np.argmax(is_invalid))
         raise ValueError(
             "expected symmetric positive semi-definite covariances other than zero, got "
             f"{covariances[index].tolist()} for point {index}"

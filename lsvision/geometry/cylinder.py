@@ -30,12 +30,12 @@ class WithCylinder:
 
     @property
     def point(self) -> FloatArray:
-        """(3,) point of the axis. Units: mm."""
+        """Point (3,) of the axis. Units: mm."""
         return self.cylinder.point
 
     @property
     def direction(self) -> FloatArray:
-        """(3,) unit vector along the axis."""
+        """Unit vector (3,) along the axis."""
         return self.cylinder.direction
 
     @property
@@ -45,7 +45,7 @@ class WithCylinder:
 
     @property
     def tangent_basis(self) -> FloatArray:
-        """(2, 3) unit vectors e_phi and e_theta perpendicular to the axis; see `tangent_frame`."""
+        """Unit vectors e_phi and e_theta (2, 3) perpendicular to the axis; see `tangent_frame`."""
         return tangent_frame(self.direction)[:2]
 
 
@@ -56,7 +56,7 @@ class Cylinder(ComparedByValue):
     Parameters
     ----------
     point : (3,) array_like
-        A point on the axis. Units: mm.
+        Point on the axis. Units: mm.
     direction : (3,) array_like
         Direction of the axis, of any non-zero length; stored as a unit vector.
     radius : float
@@ -110,7 +110,7 @@ class Cylinder(ComparedByValue):
         position : float
             Distance of the plane from `point` along `direction`. Units: mm.
         angles : (n,) array_like
-            From e_phi towards e_theta, see `tangent_basis`. Units: rad.
+            Angles from e_phi towards e_theta, see `tangent_basis`. Units: rad.
 
         Returns
         -------
@@ -123,8 +123,8 @@ class Cylinder(ComparedByValue):
         [[10.0, 0.0, 5.0]]
         """
         e_phi, e_theta = tangent_frame(self.direction)[:2]
-        around = np.outer(np.cos(angles), e_phi) + np.outer(np.sin(angles), e_theta)
-        points: FloatArray = self.point + position * self.direction + self.radius * around
+        radial = np.outer(np.cos(angles), e_phi) + np.outer(np.sin(angles), e_theta)
+        points: FloatArray = self.point + position * self.direction + self.radius * radial
         return points
 
     def signed_distances(self, points: npt.ArrayLike) -> FloatArray:
@@ -138,7 +138,7 @@ class Cylinder(ComparedByValue):
         Returns
         -------
         (n,) ndarray
-            Positive outside. Units: mm.
+            Distances, positive outside. Units: mm.
 
         Examples
         --------
@@ -146,8 +146,8 @@ class Cylinder(ComparedByValue):
         array([  2., -10.])
         """
         from_axis = np.asarray(points, dtype=np.float64) - self.point
-        along = from_axis @ self.direction
-        radial = from_axis - np.outer(along, self.direction)
+        axial_positions = from_axis @ self.direction
+        radial = from_axis - np.outer(axial_positions, self.direction)
         distances: FloatArray = np.linalg.norm(radial, axis=1) - self.radius
         return distances
 
@@ -157,7 +157,7 @@ class Cylinder(ComparedByValue):
         Returns
         -------
         Ellipse
-            Its theta is the direction of the axis' projection.
+            Section, whose theta is the direction of the projected axis.
 
         Raises
         ------
@@ -186,7 +186,7 @@ class Cylinder(ComparedByValue):
         Returns
         -------
         tuple of Cylinder
-            In the order of `Ellipse.axis_twins`.
+            Cylinders in the order of `Ellipse.axis_twins`.
 
         Examples
         --------

@@ -53,9 +53,9 @@ class Ellipse:
     Parameters
     ----------
     centre : tuple of float
-        ``(x, y)`` in the section frame. Units: mm.
+        Centre (x, y) in the section frame. Units: mm.
     semi_major, semi_minor : float
-        Symbols: a, b. Units: mm. ``semi_major >= semi_minor > 0``.
+        Semi-axes a and b, ``semi_major >= semi_minor > 0``. Units: mm.
     theta : float
         Direction of the major axis from X towards Y; stored in [0, pi). Units: rad.
 
@@ -98,7 +98,7 @@ class Ellipse:
         Parameters
         ----------
         centre : tuple of float
-            ``(x, y)``. Units: mm.
+            Centre (x, y). Units: mm.
         first, second : float
             Lengths of the semi-axes. Units: mm.
         direction : float
@@ -107,7 +107,7 @@ class Ellipse:
         Returns
         -------
         Ellipse
-            The larger semi-axis is its major one.
+            Ellipse whose semi-major axis is the larger one.
 
         Examples
         --------
@@ -153,12 +153,12 @@ class Ellipse:
         Parameters
         ----------
         parameter : (k,) ndarray
-            Eccentric anomaly, 0 at the tip of the major axis. Units: rad.
+            Eccentric anomalies, 0 at the end of the major axis. Units: rad.
 
         Returns
         -------
         (k, 2) ndarray
-            Section frame. Units: mm.
+            Points in the section frame. Units: mm.
 
         Examples
         --------
@@ -171,19 +171,19 @@ class Ellipse:
         return self.from_ellipse_frame(points)
 
     def to_ellipse_frame(self, points: Points) -> Points:
-        """Transform points from the section frame to the ellipse frame.
+        """Return points of the section frame in the ellipse frame.
 
         The ellipse frame has its origin at the centre and its axes along the semi-axes.
 
         Parameters
         ----------
         points : (k, 2) ndarray
-            Section frame. Units: mm.
+            Points in the section frame. Units: mm.
 
         Returns
         -------
         (k, 2) ndarray
-            Along the major and the minor axis, from the centre. Units: mm.
+            Coordinates along the major and the minor axis, from the centre. Units: mm.
 
         Examples
         --------
@@ -194,17 +194,17 @@ class Ellipse:
         return (points - self.centre) @ self._rotation
 
     def from_ellipse_frame(self, points: Points) -> Points:
-        """Transform points from the ellipse frame to the section frame.
+        """Return points of the ellipse frame in the section frame.
 
         Parameters
         ----------
         points : (k, 2) ndarray
-            Along the major and the minor axis, from the centre. Units: mm.
+            Coordinates along the major and the minor axis, from the centre. Units: mm.
 
         Returns
         -------
         (k, 2) ndarray
-            Section frame. Units: mm.
+            Points in the section frame. Units: mm.
 
         Examples
         --------
@@ -226,23 +226,23 @@ def radial_residuals(points: Points, ellipse: Ellipse) -> FloatArray:
     Parameters
     ----------
     points : (n, 2) ndarray
-        Section frame. Units: mm.
+        Points in the section frame. Units: mm.
     ellipse : Ellipse
         Ellipse in the same frame.
 
     Returns
     -------
     (n,) ndarray
-        Positive outside; the paper's r_j (Eq. 4) without the modulus. -b at the centre, where
-        the ray is undefined. Units: mm.
+        Residuals, positive outside; the paper's r_j (Eq. 4) without the modulus. -b at the centre,
+        where the ray is undefined. Units: mm.
     """
     u, v = ellipse.to_ellipse_frame(points).T
     a, b = ellipse.semi_major, ellipse.semi_minor
     # Eq. (4) divides by x_j - x_0; in the ellipse frame only the centre is singular.
     rho = np.hypot(u, v)
     scaled = np.hypot(b * u, a * v)
-    safe = np.where(scaled > 0, scaled, 1.0)
-    radial: FloatArray = np.where(scaled > 0, rho - a * b * rho / safe, -b)
+    divisor = np.where(scaled > 0, scaled, 1.0)
+    radial: FloatArray = np.where(scaled > 0, rho - a * b * rho / divisor, -b)
     return radial
 
 
@@ -257,7 +257,7 @@ def orthogonal_residuals(points: Points, ellipse: Ellipse) -> FloatArray:
     Returns
     -------
     (n,) ndarray
-        Positive outside. Units: mm.
+        Residuals, positive outside. Units: mm.
 
     Examples
     --------
@@ -279,14 +279,14 @@ def foot_points(points: Points, a: float, b: float) -> Points:
     Parameters
     ----------
     points : (n, 2) ndarray
-        Ellipse frame. Units: mm.
+        Points in the ellipse frame. Units: mm.
     a, b : float
         Semi-axes along the first and the second coordinate. Units: mm.
 
     Returns
     -------
     (n, 2) ndarray
-        Ellipse frame. Units: mm.
+        Nearest points in the ellipse frame. Units: mm.
     """
     cos, sin = foot_directions(points[:, 0], points[:, 1], a, b)
     return np.column_stack([a * cos, b * sin])
@@ -314,7 +314,7 @@ def foot_directions(
     Returns
     -------
     cos, sin : (n,) ndarray
-        The nearest point is ``(a cos, b sin)``.
+        Direction of the nearest point ``(a cos, b sin)``.
     """
     p, q = np.abs(u), np.abs(v)
     cos, sin = _normalise(b * p, a * q)

@@ -13,7 +13,7 @@ class ComparedByValue:
     The ``==`` of a dataclass compares tuples of fields, which fails for arrays. Here two values are
     equal if they are of the same class and all their fields are equal: arrays of the same shape
     and numbers (NaN is equal to NaN: a lost point), dataclasses by their fields. Fields
-    declared with ``field(compare=False)`` do not count. Equal values have equal hashes.
+    declared with ``field(compare=False)`` are ignored. Equal values have equal hashes.
 
     Examples
     --------
@@ -32,39 +32,41 @@ class ComparedByValue:
     def __eq__(self, other: object) -> bool:
         if type(other) is not type(self):
             return NotImplemented
-        return _equal(self, other)
+        return _are_equal(self, other)
 
     def __hash__(self) -> int:
-        return hash(_key(self))
+        return hash(_hashable(self))
 
 
-def _equal(one: Any, other: Any) -> bool:
-    if type(one) is not type(other):
-        return bool(one == other)
-    if isinstance(one, np.ndarray):
-        return np.array_equal(one, other, equal_nan=one.dtype.kind in "fc")
-    if is_dataclass(one):
-        return _equal(_values(one), _values(other))
-    if isinstance(one, tuple):
-        return len(one) == len(other) and all(map(_equal, one, other))
-    if isinstance(one, Mapping):
-        return one.keys() == other.keys() and all(_equal(one[key], other[key]) for key in one)
-    return bool(one == other) or (one != one and other != other)  # noqa: PLR0124 - NaN
+def _are_equal(first: Any, second: Any) -> bool:
+    if type(first) is not type(second):
+        return bool(first == second)
+    if isinstance(first, np.ndarray):
+        return np.array_equal(first, second, equal_nan=first.dtype.kind in "fc")
+    if is_dataclass(first):
+        return _are_equal(_field_values(first), _field_values(second))
+    if isinstance(first, tuple):
+        return len(first) == len(second) and all(map(_are_equal, first, second))
+    if isinstance(first, Mapping):
+        return first.keys() == second.keys() and all(
+            _are_equal(first[key], second[key]) for key in first
+        )
+    return bool(first == second) or (first != first and second != second)  # noqa: PLR0124 - NaN
 
 
-def _key(value: Any) -> Hashable:
+def _hashable(value: Any) -> Hashable:
     """Return a hashable representation; equal for equal values."""
     if isinstance(value, np.ndarray):
         # -0.0 and 0.0, and NaN of different bits, are equal but differ in their bytes.
         return value.shape, (np.nan_to_num(value.astype(np.complex128)) + 0.0).tobytes()
     if is_dataclass(value):
-        return type(value).__name__, _key(_values(value))
+        return type(value).__name__, _hashable(_field_values(value))
     if isinstance(value, tuple):
-        return tuple(map(_key, value))
+        return tuple(map(_hashable, value))
     if isinstance(value, Mapping):
-        return frozenset((key, _key(item)) for key, item in value.items())
+        return frozenset((key, _hashable(item)) for key, item in value.items())
     return "NaN" if value != value else value  # noqa: PLR0124
 
 
-def _values(value: Any) -> tuple[Any, ...]:
+def _field_values(value: Any) -> tuple[Any, ...]:
     return tuple(getattr(value, field.name) for field in fields(value) if field.compare)

@@ -30,11 +30,11 @@ class NoisyPoints:
     Parameters
     ----------
     z : (n,) complex ndarray
-        x + iy. Units: mm.
+        Points x + iy. Units: mm.
     mean_variance : (n,) ndarray
         Half the trace of the covariance. Units: mm^2.
     deviator : (n,) complex ndarray
-        (Sigma_xx - Sigma_yy) / 2 - i Sigma_xy. Units: mm^2.
+        Deviators (Sigma_xx - Sigma_yy) / 2 - i Sigma_xy. Units: mm^2.
     """
 
     z: ComplexArray
@@ -69,9 +69,9 @@ class NoisyPoints:
     def __len__(self) -> int:
         return len(self.z)
 
-    def __getitem__(self, which: npt.NDArray[np.generic] | slice) -> Self:
+    def __getitem__(self, indices: npt.NDArray[np.generic] | slice) -> Self:
         """Return the points of a slice, an index array or a mask."""
-        return type(self)(self.z[which], self.mean_variance[which], self.deviator[which])
+        return type(self)(self.z[indices], self.mean_variance[indices], self.deviator[indices])
 
     def normal_variances(self, normals: ComplexArray) -> FloatArray:
         """Return n' Sigma n of each point, for unit normals (n,). Units: mm^2."""
@@ -91,17 +91,17 @@ class NoisyPoints:
         in_fan = FAN_EDGE_DIRECTION.imag * normals.imag + FAN_EDGE_DIRECTION.real * np.abs(
             normals.real
         )
-        ray_known = -self.deviator.real > MIN_RANGE_ANISOTROPY * self.mean_variance
-        return np.where(ray_known, (normals * rays.conj()).real, in_fan)
+        ray_is_known = -self.deviator.real > MIN_RANGE_ANISOTROPY * self.mean_variance
+        return np.where(ray_is_known, (normals * rays.conj()).real, in_fan)
 
 
 def as_complex(vectors: FloatArray) -> ComplexArray:
-    """Convert (n, 2) vectors (x, y) to (n,) complex numbers x + iy."""
+    """Return vectors (n, 2) as complex numbers x + iy (n,)."""
     numbers: ComplexArray = np.ascontiguousarray(vectors, dtype=float).view(complex)[:, 0]
     return numbers
 
 
 def as_vectors(numbers: ComplexArray) -> FloatArray:
-    """Convert (n,) complex numbers x + iy to (n, 2) vectors (x, y)."""
+    """Return complex numbers x + iy (n,) as vectors (n, 2)."""
     vectors: FloatArray = np.ascontiguousarray(numbers).view(float).reshape(-1, 2)
     return vectors

@@ -46,12 +46,12 @@ class Plane(ComparedByValue):
         Parameters
         ----------
         points : (n, 3) array_like
-            The plane's frame. Units: mm.
+            Points in the plane's frame. Units: mm.
 
         Returns
         -------
         (n,) ndarray
-            Positive on the side of the normal. Units: mm.
+            Distances, positive on the side of the normal. Units: mm.
 
         Examples
         --------
@@ -67,12 +67,12 @@ class Plane(ComparedByValue):
         Parameters
         ----------
         a_from_b : Pose or (4, 4) array_like
-            Frame b in frame a.
+            Pose of frame b in frame a.
 
         Returns
         -------
         Plane
-            Coordinates of frame a.
+            Plane in frame a.
 
         Examples
         --------

@@ -23,7 +23,7 @@ class Pose(ComparedByValue):
     Parameters
     ----------
     rotation : (3, 3) array_like
-        Proper rotation; its columns are the axes of b in a.
+        Rotation; its columns are the axes of b in a.
     translation : (3,) array_like
         Origin of b in a. Units: mm.
 
@@ -49,9 +49,9 @@ class Pose(ComparedByValue):
     def __post_init__(self) -> None:
         rotation = as_readonly_array(self.rotation, (3, 3), "rotation")
         with np.errstate(over="ignore", invalid="ignore"):  # not finite, and rejected
-            defect = np.abs(rotation.T @ rotation - np.eye(3)).max()
-        if not defect <= ORTHONORMALITY_TOLERANCE:
-            raise ValueError(f"expected an orthonormal rotation, got R'R off by {defect:.3g}")
+            deviation = np.abs(rotation.T @ rotation - np.eye(3)).max()
+        if not deviation <= ORTHONORMALITY_TOLERANCE:
+            raise ValueError(f"expected an orthonormal rotation, got R'R off by {deviation:.3g}")
         if np.linalg.det(rotation) < 0:
             raise ValueError("expected a proper rotation, got determinant -1: a reflection")
         object.__setattr__(self, "rotation", rotation)
@@ -75,7 +75,7 @@ class Pose(ComparedByValue):
         Returns
         -------
         Pose
-            A shift without rotation.
+            Translation without rotation.
 
         Examples
         --------
@@ -94,12 +94,12 @@ class Pose(ComparedByValue):
         Parameters
         ----------
         matrix : (4, 4) array_like
-            Row-major; its last column is the translation. Units: mm.
+            Homogeneous matrix, row-major; its last column is the translation. Units: mm.
 
         Returns
         -------
         Pose
-            The same motion.
+            Pose of the same motion.
 
         Raises
         ------
@@ -125,7 +125,7 @@ class Pose(ComparedByValue):
         return matrix
 
     def __matmul__(self, other: Pose) -> Pose:
-        """Compose: ``a_from_c = a_from_b @ b_from_c``."""
+        """Return the composition ``a_from_c = a_from_b @ b_from_c``."""
         if not isinstance(other, Pose):
             raise TypeError(
                 f"expected a Pose behind @, got {type(other).__name__}: Pose.from_matrix makes "
@@ -157,17 +157,17 @@ class Pose(ComparedByValue):
         return Pose(self.rotation.T, -self.rotation.T @ self.translation)
 
     def apply(self, points: npt.ArrayLike) -> Points:
-        """Transform points from frame b to frame a.
+        """Return points of frame b in frame a.
 
         Parameters
         ----------
         points : (n, 3) or (n, 2) array_like
-            Frame b; two columns are points of the section plane z = 0. Units: mm.
+            Points in frame b; two columns are points of the section plane z = 0. Units: mm.
 
         Returns
         -------
         (n, 3) ndarray
-            Frame a. Units: mm.
+            Points in frame a. Units: mm.
         """
         array = np.asarray(points, dtype=np.float64)
         if array.ndim != 2 or array.shape[1] not in (2, 3):
@@ -175,17 +175,17 @@ class Pose(ComparedByValue):
         return array @ self.rotation[:, : array.shape[1]].T + self.translation
 
     def apply_one(self, point: npt.ArrayLike) -> FloatArray:
-        """Transform one point from frame b to frame a.
+        """Return one point of frame b in frame a.
 
         Parameters
         ----------
         point : (3,) array_like
-            Frame b. Units: mm.
+            Point in frame b. Units: mm.
 
         Returns
         -------
         (3,) ndarray
-            Frame a. Units: mm.
+            Point in frame a. Units: mm.
 
         Examples
         --------
@@ -196,12 +196,12 @@ class Pose(ComparedByValue):
 
 
 def as_pose(value: Pose | npt.ArrayLike) -> Pose:
-    """Return a pose as it is, and a 4x4 homogeneous matrix as one.
+    """Return a pose unchanged, or the pose of a 4x4 homogeneous matrix.
 
     Parameters
     ----------
     value : Pose or (4, 4) array_like
-        Row-major, mm.
+        Pose, or its row-major matrix. Units: mm.
 
     Raises
     ------
@@ -251,6 +251,6 @@ def as_poses(values: Iterable[Pose | npt.ArrayLike]) -> tuple[Pose, ...]:
 
 def _nearest_rotation(matrix: FloatArray) -> FloatArray:
     """Return the rotation nearest to a product of rotations: long products stay orthonormal."""
-    left, _, right = np.linalg.svd(matrix)
-    nearest: FloatArray = left @ right
+    u, _, vh = np.linalg.svd(matrix)
+    nearest: FloatArray = u @ vh
     return nearest

@@ -12,27 +12,27 @@ class ShowsChanges:
     >>> from dataclasses import dataclass
     >>> @dataclass(frozen=True, repr=False)
     ... class Settings(ShowsChanges):
-    ...     least: int = 3
-    ...     most: int = 9
-    >>> Settings(), Settings(most=8)
-    (Settings(), Settings(most=8))
+    ...     min_points: int = 3
+    ...     max_points: int = 9
+    >>> Settings(), Settings(max_points=8)
+    (Settings(), Settings(max_points=8))
     """
 
     __slots__ = ()
 
     def __repr__(self) -> str:
-        return _changes(self)
+        return _format_changes(self)
 
 
-def _changes(settings: Any) -> str:
-    """Return ``Name(field=value)`` with the fields that are not defaults, and so nested ones."""
-    shown = []
+def _format_changes(settings: Any) -> str:
+    """Return ``Name(field=value)`` with the fields that are not defaults, also of nested ones."""
+    texts = []
     for field in fields(settings):
         value = getattr(settings, field.name)
         if value != _default(field):
-            text = _changes(value) if is_dataclass(value) else repr(value)
-            shown.append(f"{field.name}={text}")
-    return f"{type(settings).__name__}({', '.join(shown)})"
+            text = _format_changes(value) if is_dataclass(value) else repr(value)
+            texts.append(f"{field.name}={text}")
+    return f"{type(settings).__name__}({', '.join(texts)})"
 
 
 def _default(field: "Field[Any]") -> Any:

@@ -78,7 +78,7 @@ def invert_information(
     Returns
     -------
     (k, k) ndarray
-        Zero in the row and column of an exactly known parameter.
+        Covariance; zero in the row and column of an exactly known parameter.
 
     Raises
     ------
@@ -136,7 +136,7 @@ def section_bound(
     Returns
     -------
     SectionPrediction
-        Standard uncertainties.
+        Standard uncertainties of radius, theta, phi and centre.
 
     Raises
     ------
@@ -172,7 +172,7 @@ def section_bound(
 
 
 def _section_jacobian(ellipse: Ellipse, points: Points) -> tuple[FloatArray, FloatArray]:
-    """Return the change of the signed distance by (centre, a, b, eta), and the outward normals."""
+    """Return the Jacobian of the signed distance by (centre, a, b, eta), and outward normals."""
     a, b = ellipse.semi_major, ellipse.semi_minor
     u, v = ellipse.to_ellipse_frame(points).T
     anomaly = np.arctan2(v / b, u / a)
@@ -180,17 +180,17 @@ def _section_jacobian(ellipse: Ellipse, points: Points) -> tuple[FloatArray, Flo
     length = np.hypot(b * cos, a * sin)
     ellipse_normals = np.column_stack([b * cos, a * sin]) / length[:, None]
     normals = ellipse.from_ellipse_frame(ellipse_normals) - ellipse.centre
-    by_a, by_b = ellipse_normals[:, 0] * cos, ellipse_normals[:, 1] * sin
-    by_eta = (a + b) * sin * cos / length
-    return np.column_stack([normals, by_a, by_b, by_eta]), normals
+    a_jacobian, b_jacobian = ellipse_normals[:, 0] * cos, ellipse_normals[:, 1] * sin
+    eta_jacobian = (a + b) * sin * cos / length
+    return np.column_stack([normals, a_jacobian, b_jacobian, eta_jacobian]), normals
 
 
 def _predict_section(ellipse: Ellipse, bound: FloatArray, points: int) -> SectionPrediction:
-    """Propagate the bound of (centre, a, b, eta) to theta and phi."""
+    """Return the bound of (centre, a, b, eta), propagated to theta and phi."""
     a, b = ellipse.semi_major, ellipse.semi_minor
     centre_x_std, centre_y_std, _, radius_std, eta_std = np.sqrt(np.diag(bound))
-    by_axes = np.array([-b / a**2, 1 / a])
-    ratio_std = math.sqrt(by_axes @ bound[2:4, 2:4] @ by_axes)
+    ratio_jacobian = np.array([-b / a**2, 1 / a])
+    ratio_std = math.sqrt(ratio_jacobian @ bound[2:4, 2:4] @ ratio_jacobian)
     difference, sin_phi = a - b, math.sin(ellipse.phi)
     covariance = bound.copy()
     covariance[4, :4] = covariance[:4, 4] = bound[4, :4] / difference if difference > 0 else 0.0
@@ -250,9 +250,11 @@ def scan_bound(
     points = as_readonly_array(points, ("n", 3), "points")
     variances = as_readonly_array(variances, (len(points),), "variances")
     basis = tangent_frame(cylinder.direction)[:2]
-    along = (points - cylinder.point) @ cylinder.direction
-    lateral = cylinder_normals(cylinder, points) @ basis.T
-    jacobian = np.column_stack([lateral, along[:, None] * lateral, np.ones(len(points))])
+    axial_positions = (points - cylinder.point) @ cylinder.direction
+    lateral_normals = cylinder_normals(cylinder, points) @ basis.T
+    jacobian = np.column_stack(
+        [lateral_normals, axial_positions[:, None] * lateral_normals, np.ones(len(points))]
+    )
     prior = None if known_radius_std is None else (4, known_radius_std)
     covariance = invert_information(fisher_information(jacobian, variances), prior)
     if shared_errors is not None:

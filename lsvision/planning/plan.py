@@ -12,7 +12,7 @@ from lsvision.planning.predictions import ScanPrediction, SectionPrediction
 from lsvision.planning.sensor_view import Feed, SensorView, cylinder_normals, visible_points
 
 MAX_SECTIONS = 2048
-"""Largest number of sections that `sections_needed` tries."""
+"""Largest number of sections in a proposal of `sections_needed`."""
 
 
 def plan_section(
@@ -226,14 +226,14 @@ def sections_needed(  # noqa: PLR0913 - the parameters of `plan_scan`, and the t
     feed: Feed | None = None,
     known_radius_std: float | None = None,
 ) -> ScanPrediction:
-    """Return the shortest scan, at the spacing of the feed, that reaches a target accuracy.
+    """Return the shortest scan, with the spacing of the feed, that reaches a target accuracy.
 
     Parameters
     ----------
     radius, theta, phi
         As in `plan_section`.
     target : AccuracyTarget
-        Limits on the standard uncertainties.
+        Largest acceptable standard uncertainties.
     view : SensorView, optional
         As in `plan_section`.
     feed : Feed, optional
@@ -268,19 +268,19 @@ def sections_needed(  # noqa: PLR0913 - the parameters of `plan_scan`, and the t
             radius, theta, phi, view=view, feed=scan, known_radius_std=known_radius_std
         )
 
-    too_few, enough = 0, 1
-    while not target.met_by(prediction := plan(enough)):
-        too_few, enough = enough, 2 * enough
-        if enough > MAX_SECTIONS:
+    insufficient, sufficient = 0, 1
+    while not target.met_by(prediction := plan(sufficient)):
+        insufficient, sufficient = sufficient, 2 * sufficient
+        if sufficient > MAX_SECTIONS:
             raise DegenerateGeometry(_describe_unreachable(prediction))
     # Bisection: the uncertainties decrease with the number of sections.
-    while enough - too_few > 1:
-        middle = (too_few + enough) // 2
+    while sufficient - insufficient > 1:
+        middle = (insufficient + sufficient) // 2
         candidate = plan(middle)
         if target.met_by(candidate):
-            enough, prediction = middle, candidate
+            sufficient, prediction = middle, candidate
         else:
-            too_few = middle
+            insufficient = middle
     return prediction
 
 

@@ -8,7 +8,7 @@ from lsvision.results.number_format import format_std
 from lsvision.results.quantities import Record
 from lsvision.results.result import Result
 
-ANGLES = ("direction_std", "theta_std", "phi_std")
+ANGLE_NAMES = ("direction_std", "theta_std", "phi_std")
 
 
 class _Prediction(Result):
@@ -27,11 +27,11 @@ class _Prediction(Result):
         Returns
         -------
         dict
-            Lengths in ``*_mm``, angles in ``*_deg``.
+            Standard uncertainties; lengths in ``*_mm``, angles in ``*_deg``.
         """
         record: Record = {}
         for name, value in vars(self).items():
-            if name in ANGLES:
+            if name in ANGLE_NAMES:
                 record[f"{name}_deg"] = math.degrees(value)
             elif name != "covariance":
                 record[name if isinstance(value, int) else f"{name}_mm"] = value
@@ -53,17 +53,17 @@ class SectionPrediction(_Prediction):
     radius_std : float
         Standard uncertainty of the radius. Units: mm.
     theta_std : float
-        At most 52 deg, the value of an angle that is uniform in [0, pi). Units: rad.
+        Standard uncertainty of theta; at most 52 deg, that of a uniform angle. Units: rad.
     phi_std : float
-        At most sqrt(2 sd(b/a)): near phi = 0, phi = arccos(b/a) behaves like a square root and
-        the linear bound sd(b/a) / sin(phi) diverges, while the actual spread does not. The
-        limit applies where sin(phi) < sqrt(sd(b/a) / 2); it is an order of magnitude, not a
-        bound. Units: rad.
+        Standard uncertainty of phi; at most sqrt(2 sd(b/a)). Near phi = 0, phi = arccos(b/a)
+        behaves like a square root and the linear bound sd(b/a) / sin(phi) diverges, while the
+        actual standard deviation does not. The limit applies where sin(phi) < sqrt(sd(b/a) / 2);
+        it is an order of magnitude, not a bound. Units: rad.
     centre_x_std, centre_y_std : float
         Standard uncertainty of the centre. Units: mm.
     covariance : (5, 5) ndarray
-        Linear bound without these limits; order centre_x, centre_y, semi_major, semi_minor,
-        theta (mm, rad). For a circle the last variance is inf, its covariances 0.
+        Covariance: linear bound without these limits; order centre_x, centre_y, semi_major,
+        semi_minor, theta (mm, rad). For a circle the last variance is inf, its covariances 0.
     points : int
         Number of points.
     """
@@ -93,8 +93,8 @@ class ScanPrediction(_Prediction):
     position_std : float
         Root mean square distance of the cylinder's `point` from the estimated axis. Units: mm.
     covariance : (5, 5) ndarray
-        Point along e_phi and e_theta (mm), direction along e_phi and e_theta (rad), radius
-        (mm); for e_phi and e_theta see `tangent_frame`.
+        Covariance of point along e_phi and e_theta (mm), direction along e_phi and e_theta (rad),
+        radius (mm); for e_phi and e_theta see `tangent_frame`.
     points, sections : int
         Number of points and of sections.
     length : float
@@ -120,8 +120,8 @@ def cells_of_stds(record: Record) -> list[tuple[str, ...]]:
     >>> cells_of_stds({"radius_std_mm": 0.3912, "points": 56})
     [('± radius mm', 'points'), ('0.39', '56')]
     """
-    named = [(_heading(key), _number(key, value)) for key, value in record.items()]
-    header, row = zip(*named, strict=True)
+    columns = [(_heading(key), _number(key, value)) for key, value in record.items()]
+    header, row = zip(*columns, strict=True)
     return [tuple(header), tuple(row)]
 
 
@@ -133,13 +133,13 @@ def summary_of_stds(record: Record) -> str:
     >>> summary_of_stds({"radius_std_mm": 0.3912, "points": 56})
     'one sigma: radius 0.39 mm, points 56'
     """
-    words = []
+    texts = []
     for key, value in record.items():
         name, *unit = _heading(key).removeprefix("± ").rsplit(" ", 1)
         if not key.endswith(("_mm", "_deg")):
             name, unit = _heading(key), []
-        words.append(" ".join([name, _number(key, value), *unit]))
-    return f"one sigma: {', '.join(words)}"
+        texts.append(" ".join([name, _number(key, value), *unit]))
+    return f"one sigma: {', '.join(texts)}"
 
 
 def _heading(key: str) -> str:

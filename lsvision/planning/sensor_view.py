@@ -23,7 +23,7 @@ class SensorView(ShowsChanges):
         Distance from the origin of the section frame to the section's centre along -Y.
         Units: mm.
     offset : float
-        x of the section's centre. Units: mm.
+        X of the section's centre. Units: mm.
     pitch : float, optional
         Distance of the rays in X at the standoff. None: the sensor's columns, evenly spaced over
         its width. Units: mm.
@@ -57,7 +57,7 @@ class SensorView(ShowsChanges):
 
     @property
     def rays(self) -> FloatArray:
-        """(n, 2) unit vectors along the rays, by ascending x."""
+        """Unit vectors (n, 2) along the rays, by ascending x."""
         sensor = self.sensor
         half = sensor.width_at_max_range / 2
         if self.pitch is None:
@@ -120,7 +120,7 @@ class Feed:
 
     @property
     def unit(self) -> FloatArray:
-        """(3,) unit vector along the feed."""
+        """Unit vector (3,) along the feed."""
         return np.array(self.direction) / math.hypot(*self.direction)
 
     @property
@@ -130,7 +130,7 @@ class Feed:
 
     @property
     def shifts(self) -> FloatArray:
-        """(sections, 3) positions of the sections from the middle of the scan. Units: mm."""
+        """Positions (sections, 3) of the sections from the middle of the scan. Units: mm."""
         steps = (np.arange(self.sections) - (self.sections - 1) / 2) * self.spacing
         shifts: FloatArray = np.outer(steps, self.unit)
         return shifts
@@ -142,7 +142,7 @@ def visible_points(cylinder: Cylinder, view: SensorView) -> Points:
     Parameters
     ----------
     cylinder : Cylinder
-        Section frame; the view's standoff and offset are not used.
+        Cylinder in the section frame; the view's standoff and offset are not used.
     view : SensorView
         Sensor, pitch and incidence limit.
 

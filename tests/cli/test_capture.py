@@ -84,7 +84,7 @@ def test_a_folder_that_cannot_be_made_is_named(run, video, tmp_path):
     done = run(*words(tmp_path, video))
     assert done.exit_code == 1
     assert f"{tmp_path / 'boards'}: " in done.stderr
-    assert "name a folder that can be made" in done.stderr
+    assert "name a folder that can be created" in done.stderr
 
 
 @pytest.mark.parametrize(

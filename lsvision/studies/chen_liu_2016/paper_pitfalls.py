@@ -114,7 +114,7 @@ def _theta_of_major_axis() -> Pitfall:
         (
             Check("Eq. (1) at the end of the major axis, θ as in the text (on the ellipse: 1)",
                   float(eq_1(vertex, ellipse, as_text)[0])),
-            Check("Eq. (4) there, mm (on the ellipse: 0)", float(eq_4(vertex, ellipse, as_text)[0])),
+            Check("Eq. (4) there, mm (on ellipse: 0)", float(eq_4(vertex, ellipse, as_text)[0])),
             Check("Eq. (1) with θ turned by 90°", float(eq_1(vertex, ellipse, as_printed)[0])),
             Check("Eq. (4) with θ turned by 90°, mm", float(eq_4(vertex, ellipse, as_printed)[0])),
         ),
