@@ -208,18 +208,13 @@ def laser_plane(
 
     settings = LaserPlaneSettings(line=line_options.parse())
     names = [printable(file.name) for file in board_files]
-    camera_model = read_camera(camera_file)
+    model, covariance = read_camera(camera_file), read_camera_covariance(camera_file)
     board_images, line_images = read_images(board_files), line_options.read(line_files)
     with prefix_file_names(
         image=names, board_image=names, line_image=[printable(file.name) for file in line_files]
     ):
         calibration = calibrate_laser_plane(
-            camera_model,
-            board,
-            board_images,
-            line_images,
-            settings,
-            read_camera_covariance(camera_file),
+            model, board, board_images, line_images, settings, covariance
         )
     provenance = build_provenance(
         f"laser line on {board} in {len(calibration.views)} poses", dict.fromkeys(files)

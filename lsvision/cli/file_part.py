@@ -215,32 +215,32 @@ def measure_parts(options: PartOptions, parts: Sequence[FilePart]) -> list[PartR
     from lsvision.ellipse.section import compute_intervals
 
     measured = [_measure_part(options, part) for part in parts]
-    found = [
-        section
-        for part_sections in measured
-        if not isinstance(part_sections, PartResult)
-        for section in part_sections
-    ]
     with contextlib.suppress(Exception):  # raised again in the part that causes it
-        compute_intervals(cylinder for each in found for cylinder in each.measurement.cylinders)
+        compute_intervals(
+            cylinder
+            for sections, _ in measured
+            for section in sections
+            for cylinder in section.measurement.cylinders
+        )
     return [
-        part_sections
-        if isinstance(part_sections, PartResult)
-        else _build_result(options, part, part_sections)
-        for part, part_sections in zip(parts, measured, strict=True)
+        failure or _build_result(options, part, sections)
+        for part, (sections, failure) in zip(parts, measured, strict=True)
     ]
 
 
-def _measure_part(options: PartOptions, part: FilePart) -> "list[_Section] | PartResult":
-    """Return the measured profiles of a part, or a result with the error."""
+def _measure_part(
+    options: PartOptions, part: FilePart
+) -> "tuple[list[_Section], PartResult | None]":
+    """Return the measured profiles of a part, and a result with the error if there is one."""
     try:
-        return [
+        sections = [
             _measure_section(options, part, number)
             for number, profile in enumerate(part.file.profiles)
             if profile.lost < len(profile)
         ]
     except Exception as error:  # noqa: BLE001 - a bug in one file must not stop the run
-        return PartResult(errors=[error_text(part.file.path, error, options)])
+        return [], PartResult(errors=[error_text(part.file.path, error, options)])
+    return sections, None
 
 
 def _build_result(options: PartOptions, part: FilePart, sections: "list[_Section]") -> PartResult:

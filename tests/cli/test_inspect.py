@@ -204,7 +204,7 @@ def test_job_new_needs_a_cylinder(run, written):
     flat = written(np.column_stack([np.linspace(-50, 50, 200), np.full(200, -400.0)]))
     done = run("job", "new", flat)
     assert done.exit_code == 1
-    assert "no cylinder to make a job of" in done.stderr
+    assert "no cylinder for a job" in done.stderr
 
 
 def test_job_schema_is_json_schema_with_the_units(run):

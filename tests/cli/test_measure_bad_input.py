@@ -194,9 +194,9 @@ def test_output_over_an_input_or_another_output_is_a_usage_error(run, written, p
 @pytest.mark.parametrize(
     "case",
     [
-        ("--json", "nowhere/out.json", "its folder does not exist: make it first"),
+        ("--json", "nowhere/out.json", "its folder does not exist: create it first"),
         ("--csv", "", "a directory: name a file in it"),
-        ("--plot", "nowhere/out.png", "its folder does not exist: make it first"),
+        ("--plot", "nowhere/out.png", "its folder does not exist: create it first"),
     ],
 )
 def test_output_that_cannot_be_written_is_reported_before_the_work(

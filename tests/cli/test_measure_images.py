@@ -134,7 +134,7 @@ def video(single, tmp_path):
 def test_a_video_is_measured_frame_by_frame(run, rows, video, tmp_path):
     result = run("measure", video, *RIG, "--plot", tmp_path / "p.png", "--laser", "white")
     assert len(radii(rows, result)) == 2
-    assert "1 of 3 frames hold no laser line" in result.stdout
+    assert "1 of 3 frames contain no laser line" in result.stdout
     assert "frame 2:" in result.stdout
     assert sorted(path.name for path in tmp_path.glob("*.png")) == ["p-0.png", "p-2.png"]
 

@@ -63,7 +63,7 @@ def test_a_device_is_written_to_not_replaced():
     ("name", "message"),
     [
         ("", "a directory: name a file in it"),
-        ("none/result.json", "its folder does not exist: make it first, or name another"),
+        ("none/result.json", "its folder does not exist: create it first, or name another"),
         ("file/result.json", "its folder does not exist"),
         ("a\0b", r"cannot be written \(embedded null byte\): name another file"),
     ],
