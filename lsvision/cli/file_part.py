@@ -215,13 +215,9 @@ def measure_parts(options: PartOptions, parts: Sequence[FilePart]) -> list[PartR
     from lsvision.ellipse.section import compute_intervals
 
     measured = [_measure_part(options, part) for part in parts]
+    measurements = [section.measurement for sections, _ in measured for section in sections]
     with contextlib.suppress(Exception):  # raised again in the part that causes it
-        compute_intervals(
-            cylinder
-            for sections, _ in measured
-            for section in sections
-            for cylinder in section.measurement.cylinders
-        )
+        compute_intervals(cylinder for m in measurements for cylinder in m.cylinders)
     return [
         failure or _build_result(options, part, sections)
         for part, (sections, failure) in zip(parts, measured, strict=True)
@@ -326,7 +322,6 @@ def _header(options: PartOptions, file: "ProfileFile | ImageFile", first: int = 
 
 
 def _section_lines(options: PartOptions, part: FilePart, section: _Section) -> list[str]:
-    """Return the printed text of a measured profile."""
     text_lines = measurement_lines(section.measurement, section.profile, verbose=options.verbose)
     if part.several:
         head = f"{_kind(part.file)} {part.first + section.index}:"
