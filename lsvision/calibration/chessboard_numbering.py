@@ -1,8 +1,9 @@
 """Order of a chessboard's corners, independent of the detector and the image's orientation.
 
-The first corner touches a black square at a corner of the board, the rows run to the right of the
-columns (as printed: x to the right, y down). Where a half turn changes nothing, because both counts
-are even or both are odd, the order whose rows point most to the right in the image is taken.
+The first corner touches a black square at a corner of the board. Seen with the rows pointing to the
+right, the columns point down, as printed. If the board looks the same after half a turn, because
+both counts are even or both are odd, the order is used whose rows point most to the right in the
+image.
 """
 
 import cv2
@@ -24,7 +25,7 @@ def corner_order(image: npt.NDArray[np.uint8], corners: Points) -> IntArray:
     image : (height, width) ndarray of uint8
         Grey image.
     corners : (rows, columns, 2) ndarray
-        Corners in any order of a grid. Units: px.
+        Corners as a grid, which may be rotated or mirrored. Units: px.
 
     Returns
     -------
@@ -43,27 +44,28 @@ def corner_order(image: npt.NDArray[np.uint8], corners: Points) -> IntArray:
     smooth = cv2.GaussianBlur(image.astype(np.float32), (0, 0), smoothing)
     flat, right_handed = corners.reshape(-1, 2), _right_handed_orders(corners)
     black_first = [order for order in right_handed if _contrast(smooth, flat[order]) > 0]
-    # A board with four white corner squares has no black one for the first corner.
+    # On a board with four white corner squares no corner touches a black corner square.
     return max(black_first or right_handed, key=lambda order: _rightward(flat[order]))
 
 
 def reading_order(centres: Points) -> IntArray:
     """Return the indices (rows, columns) of a symmetric grid: rows to the right, as one reads.
 
-    `centres` (rows, columns, 2) are in any order of the grid, whose rotations look the same.
+    `centres` (rows, columns, 2) are a grid that may be rotated or mirrored; all rotations of a
+    symmetric grid look the same.
     """
     flat = centres.reshape(-1, 2)
     return max(_right_handed_orders(centres), key=lambda order: _rightward(flat[order]))
 
 
 def _right_handed_orders(corners: Points) -> list[IntArray]:
-    """Return the orders in which columns run to the right of rows, as printed."""
+    """Return the orders that are not mirrored: columns point down if rows point to the right."""
     flat = corners.reshape(-1, 2)
     return [order for order in _grid_orders(corners.shape[:2]) if _handedness(flat[order]) > 0]
 
 
 def _grid_orders(shape: tuple[int, ...]) -> list[IntArray]:
-    """Return all orders in which rows and columns may run; eight for a square grid."""
+    """Return the indices of the grid, rotated and mirrored in all ways; eight for a square grid."""
     order = np.arange(shape[0] * shape[1]).reshape(shape)
     orders = [order, order.T] if shape[0] == shape[1] else [order]
     return [
@@ -75,7 +77,7 @@ def _grid_orders(shape: tuple[int, ...]) -> list[IntArray]:
 
 
 def _handedness(corners: Points) -> float:
-    """Return the cross product of the mean row and the mean column; positive as printed."""
+    """Return the cross product of the mean row and the mean column; positive if not mirrored."""
     row = (corners[:, -1] - corners[:, 0]).mean(axis=0)
     column = (corners[-1] - corners[0]).mean(axis=0)
     return float(row[0] * column[1] - row[1] * column[0])

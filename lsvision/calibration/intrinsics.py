@@ -231,7 +231,7 @@ def calibrate_camera(
         images, lambda image: find_target(image, target), lambda view: view.pixels.tobytes()
     )
     calibration = fit_camera(views, settings, sources)
-    left_out = left_out_warnings(target, views, sources.names(len(views)))
+    left_out = left_out_warnings(target, views, sources.image_indices(len(views)))
     return replace(calibration, warnings=(*calibration.warnings, *left_out))
 
 
@@ -253,7 +253,7 @@ def fit_camera(
     calibrated_views = tuple(
         CalibratedView(index, view, pose, camera.project(pose.apply(points)) - view.pixels)
         for index, view, pose, points in zip(
-            sources.names(len(views)), views, poses, solution.points, strict=True
+            sources.image_indices(len(views)), views, poses, solution.points, strict=True
         )
     )
     outliers = outlier_views(

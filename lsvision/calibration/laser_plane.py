@@ -146,11 +146,11 @@ def calibrate_laser_plane(
     corner_warnings = left_out_warnings(
         target,
         [TargetView(view.points, view.pixels, camera.size) for view in views],
-        sources.names(len(views)),
+        sources.image_indices(len(views)),
     )
     outside = _outside_warning(views, settings.line.margin)
     calibration = replace(calibration, warnings=(*calibration.warnings, *outside, *corner_warnings))
-    used_images = [board_images[k] for k in sources.names(len(views))]
+    used_images = [board_images[k] for k in sources.image_indices(len(views))]
     return _with_line_blur(
         calibration, used_images, views, settings.line.extraction or LineSettings()
     )
@@ -176,12 +176,12 @@ def fit_laser_plane(
         "one line alone lies in many planes; add poses of the board",
         sources,
     )
-    names = sources.names(len(views))
+    image_indices = sources.image_indices(len(views))
     poses = guess_board_poses(camera, views)
     laser_points = laser_points_on_boards(camera, poses, views)
     inlier_mask, distances = plane_inlier_views(laser_points, camera.focal_length)
     inliers = np.flatnonzero(inlier_mask).tolist()
-    rejected = _rejected_views(names, inlier_mask, distances)
+    rejected = _rejected_views(image_indices, inlier_mask, distances)
     plane = fit_plane(np.concatenate([laser_points[k] for k in inliers]))
     views, boards = [views[k] for k in inliers], tuple(poses[k] for k in inliers)
     refine = (
@@ -192,7 +192,7 @@ def fit_laser_plane(
         require_tilted(boards, "camera and distance")
     initial_guess = BundleAdjustmentState(camera, plane, boards, np.zeros(SHAPE_TERMS))
     solution = adjust_bundle(views, initial_guess, refine)
-    calibrated_views = _calibrated_views([names[k] for k in inliers], views, solution)
+    calibrated_views = _calibrated_views([image_indices[k] for k in inliers], views, solution)
     _require_one_plane(calibrated_views)
     return LaserPlaneCalibration(
         LightSection(
@@ -263,12 +263,12 @@ def _outside_warning(views: Sequence[LaserView], margin: float) -> list[str]:
 
 
 def _rejected_views(
-    names: Sequence[int], inlier_mask: BoolArray, distances: FloatArray
+    image_indices: Sequence[int], inlier_mask: BoolArray, distances: FloatArray
 ) -> tuple[RejectedView, ...]:
     """Return the views whose line is not in the plane of the others, with the reason."""
     return tuple(
         RejectedView(
-            names[k],
+            image_indices[k],
             f"its laser line lies {distances[k]:.0f} px off the plane of the other views: board "
             "moved between the two images, images mixed up, or line not on the board",
         )
@@ -307,11 +307,11 @@ def _with_line_blur(
 
 
 def _calibrated_views(
-    names: Sequence[int], views: Sequence[LaserView], solution: BundleAdjustmentResult
+    image_indices: Sequence[int], views: Sequence[LaserView], solution: BundleAdjustmentResult
 ) -> tuple[CalibratedLaserView, ...]:
     """Return the views with their poses and residuals."""
     fields = zip(
-        names,
+        image_indices,
         views,
         solution.state.camera_from_boards,
         solution.corner_residuals,
@@ -334,7 +334,7 @@ def _require_one_plane(views: Sequence[CalibratedLaserView]) -> None:
 
 def _outliers(views: Sequence[CalibratedLaserView]) -> tuple[RejectedView, ...]:
     """Return the views with outlying residuals of line or corners."""
-    names = [view.index for view in views]
+    indices = [view.index for view in views]
     remedy = "look at the image, and leave it out if it is blurred or shows glare"
     outliers = [
         outlier
@@ -342,7 +342,9 @@ def _outliers(views: Sequence[CalibratedLaserView]) -> tuple[RejectedView, ...]:
             ("laser line", [rms(view.line_residuals) for view in views]),
             ("corners", [rms(view.corner_residuals) for view in views]),
         )
-        for outlier in outlier_views(names, rms_values, OUTLIER_FACTOR, (f"{name} off by ", remedy))
+        for outlier in outlier_views(
+            indices, rms_values, OUTLIER_FACTOR, (f"{name} off by ", remedy)
+        )
     ]
     return tuple(sorted(outliers, key=lambda view: view.index))
 

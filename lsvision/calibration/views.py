@@ -18,10 +18,10 @@ Image = TypeVar("Image")
 View = TypeVar("View")
 
 MIN_OUTLIER_PX = 0.15
-"""Residual up to which a view is no outlier, however small the others are: good sets have 0.05 to
-0.3 px. Units: px."""
+"""Residual up to which a view is accepted, however small the others are: good sets have 0.05 to 0.3
+px. Units: px."""
 MAX_REPEATED = 2
-"""Number of images up to which each is listed with the reason that it shares with others."""
+"""Largest number of images with the same reason for rejection that are listed one by one."""
 MIN_TILT = np.radians(5.0)
 """Largest angle between two boards below which all boards count as parallel. Units: rad."""
 
@@ -57,7 +57,7 @@ class ViewSources:
     indices: tuple[int, ...] | None = None
     rejected: tuple[RejectedView, ...] = ()
 
-    def names(self, count: int) -> list[int]:
+    def image_indices(self, count: int) -> list[int]:
         """Return the image indices of `count` views."""
         return list(range(count)) if self.indices is None else list(self.indices)
 

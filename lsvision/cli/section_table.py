@@ -49,8 +49,8 @@ def measurement_lines(
 
 def _correlation_notes(cylinders: Sequence["CylinderSection"]) -> list[str]:
     return [
-        f"  {number}: residuals correlated along the line, {cylinder.residual_correlation:.1f} "
-        "points count as one: intervals widened (sensor smooths, or no exact cylinder)"
+        f"  {number}: residuals correlated over {cylinder.residual_correlation:.1f} points along "
+        "the line: intervals widened (the sensor smooths, or the cylinder is not exact)"
         for number, cylinder in enumerate(cylinders, 1)
         if cylinder.residual_correlation > 1
     ]

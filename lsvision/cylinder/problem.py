@@ -16,6 +16,7 @@ from lsvision.geometry.arrays import TINY, extent_of
 from lsvision.statistics.compiled_routines import levenberg_marquardt
 
 PARAMETERS = 5
+"""Number of parameters."""
 MAX_RADIUS_EXTENTS = 1e5
 """Largest ratio of the radius to the extent of the points; above it, the points lie on a plane."""
 FOOT_POINT_ITERATIONS = 3
@@ -40,10 +41,10 @@ class CylinderProblem:
     stds : (n,) ndarray
         Standard deviation of each distance. Units: mm.
     offsets : (n,) ndarray
-        Subtracted from the distances: the bias due to curvature, minus the distance from the
-        foot point to the measured point. Units: mm.
+        Values that are subtracted from the distances: the bias due to curvature, minus the distance
+        from the foot point to the measured point. Units: mm.
     known_radius : RadiusPrior or None
-        Prior on r.
+        Prior on the radius r.
     """
 
     points: Points
@@ -86,7 +87,7 @@ def axis_distances(
     Parameters
     ----------
     points : (n, 3) ndarray
-        Frame of the parameters. Units: mm.
+        Points in the frame of the parameters. Units: mm.
     parameters : (5,) ndarray
         ``(x, y, a, b, r)``; r is not used.
 
@@ -148,13 +149,13 @@ def distance_stds_and_biases(
     mean distance.
 
     The Jacobian of a least-squares problem must be evaluated at the foot points as well: at the
-    measured points it biases the radius by as much (measured: 0.3 standard uncertainties, for
-    1200 points with 0.1 mm noise).
+    measured points it biases the radius by the same amount, 0.3 standard uncertainties for 1200
+    points with 0.1 mm noise.
 
     Parameters
     ----------
     points : (n, 3) ndarray
-        Frame of the parameters. Units: mm.
+        Points in the frame of the parameters. Units: mm.
     covariances : (n, 3, 3) ndarray
         Covariance of each point's error. Units: mm^2.
     parameters : (5,) ndarray
@@ -206,7 +207,7 @@ def weighted_problem(
     Parameters
     ----------
     points : (n, 3) ndarray
-        Frame of the parameters. Units: mm.
+        Points in the frame of the parameters. Units: mm.
     covariances : (n, 3, 3) ndarray or None
         Covariance of each point's error. None: all weights 1. Units: mm^2.
     parameters : (5,) ndarray
@@ -255,7 +256,8 @@ def minimise(problem: CylinderProblem, initial_guess: FloatArray) -> FloatArray:
     if not (np.isfinite(solution).all() and 0 < solution[4] < MAX_RADIUS_EXTENTS * extent):
         raise FitFailed(
             f"no cylinder fits the points (radius {solution[4]:.3g} mm for an extent of "
-            f"{extent:.3g} mm): they lie on a plane or on several surfaces; exclude the others"
+            f"{extent:.3g} mm): they lie on a plane or on several surfaces; use points "
+            "of one cylinder"
         )
     return solution
 
@@ -268,7 +270,7 @@ def parameters_from_cylinder(frame: FloatArray, cylinder: Cylinder) -> FloatArra
 
 
 def cylinder_from_parameters(frame: FloatArray, parameters: FloatArray) -> Cylinder:
-    """Return the cylinder with given parameters, its point next to the origin of the frame."""
+    """Return the cylinder with given parameters, its point nearest to the origin of the frame."""
     u = np.array([parameters[2], parameters[3], 1.0])
     c = np.array([parameters[0], parameters[1], 0.0])
     foot = c - (c @ u) / (u @ u) * u

@@ -128,16 +128,16 @@ class Pose(ComparedByValue):
         """Return the composition ``a_from_c = a_from_b @ b_from_c``."""
         if not isinstance(other, Pose):
             raise TypeError(
-                f"expected a Pose behind @, got {type(other).__name__}: Pose.from_matrix makes "
-                "one of a 4x4 matrix, and pose.apply(points) transforms points"
+                f"expected a Pose after @, got {type(other).__name__}: Pose.from_matrix "
+                "converts a 4x4 matrix, and pose.apply(points) transforms points"
             )
         rotation = self.rotation @ other.rotation
         return Pose(_nearest_rotation(rotation), self.apply_one(other.translation))
 
     def __rmatmul__(self, other: object) -> NoReturn:
-        """Raise a TypeError that names the remedy: the left operand of ``@`` is not a pose."""
+        """Raise a TypeError with the remedy: the left operand of ``@`` is not a pose."""
         raise TypeError(
-            f"expected a Pose before @, got {type(other).__name__}: Pose.from_matrix makes one of "
+            f"expected a Pose before @, got {type(other).__name__}: Pose.from_matrix converts "
             "a 4x4 matrix"
         )
 

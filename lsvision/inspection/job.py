@@ -42,7 +42,7 @@ SCHEMA = 1
 
 
 class Job(JobTable):
-    """Measurement and limits of a kind of part: one TOML file.
+    """Settings of a measurement and limits of its parts, as stated in one TOML file.
 
     Parameters of the tables are named with their units; unknown keys are errors. Equal jobs have
     equal hashes, however their files are laid out.
@@ -82,17 +82,17 @@ class Job(JobTable):
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Job:
-        """Read a job file.
+        """Return the job of a file.
 
         Parameters
         ----------
         path : path
-            TOML in UTF-8.
+            TOML file in UTF-8.
 
         Returns
         -------
         Job
-            The job, validated as by `from_text`.
+            Validated job; see `from_text`.
 
         Raises
         ------
@@ -118,24 +118,24 @@ class Job(JobTable):
 
     @classmethod
     def from_text(cls, text: str, name: str = "job") -> Job:
-        """Read a job from the text of a file.
+        """Return the job of the text of a file.
 
         Parameters
         ----------
         text : str
-            TOML.
+            Text in TOML.
         name : str
             Name of the file, in messages.
 
         Returns
         -------
         Job
-            The validated job.
+            Validated job.
 
         Raises
         ------
         InvalidJob
-            Names every mistake with its line and the remedy.
+            If the job has mistakes; the message states each with its line and the remedy.
         """
         try:
             values = tomllib.loads(text)
@@ -167,12 +167,12 @@ class Job(JobTable):
         Returns
         -------
         Part
-            Its limits.
+            Part with its limits.
         """
         return next(part for part in self.parts if part.name == name)
 
     def extra_std(self, key: str) -> float:
-        """Return the uncertainty that the fit does not contain, in the unit of the key.
+        """Return the stated uncertainty that the fit does not contain, in the unit of the key.
 
         Parameters
         ----------
@@ -182,12 +182,13 @@ class Job(JobTable):
         Returns
         -------
         float
-            0 where the job gives none; of a diameter twice that of the radius.
+            Standard uncertainty; 0 if the job does not state it. That of a diameter is twice that
+            of the radius, unless the job states it.
         """
-        given = self.decision.extra_std
-        if key == "diameter_mm" and key not in given:
-            return 2 * given.get("radius_mm", 0.0)
-        return given.get(key, 0.0)
+        stated = self.decision.extra_std
+        if key == "diameter_mm" and key not in stated:
+            return 2 * stated.get("radius_mm", 0.0)
+        return stated.get(key, 0.0)
 
 
 def _ambiguous_parts(parts: tuple[Part, ...]) -> list[tuple[Location, str]]:
@@ -220,10 +221,10 @@ def _ambiguous_parts(parts: tuple[Part, ...]) -> list[tuple[Location, str]]:
 
 def _overlap(first: Part, second: Part) -> bool:
     """Return whether some position lies in the windows of both parts."""
-    everywhere = (float("-inf"), float("inf"))
+    unlimited = (float("-inf"), float("inf"))
     for axis in "xyz":
-        low_1, high_1 = first.windows.get(axis, everywhere)
-        low_2, high_2 = second.windows.get(axis, everywhere)
+        low_1, high_1 = first.windows.get(axis, unlimited)
+        low_2, high_2 = second.windows.get(axis, unlimited)
         if max(low_1, low_2) >= min(high_1, high_2):
             return False
     return True

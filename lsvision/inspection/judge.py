@@ -46,10 +46,10 @@ def judge(
     """Judge a measurement by a job: OK, NG or undecided, each with its reason.
 
     A quantity is OK where its interval at the job's level lies inside the limits, NG where it lies
-    wholly outside, else undecided (the guard band of ISO 14253-1): with level 0.95 a part outside
-    its limits is judged OK with a probability of at most 2.5 %, and one inside NG likewise. The
-    job's ``extra_std`` is added to both half widths in quadrature. The decision on a part, a
-    relation or the whole is the worst of its quantities, NG > undecided > OK.
+    completely outside, else undecided (the guard band of ISO 14253-1): with level 0.95 a part
+    outside its limits is judged OK with a probability of at most 2.5 %, and so is a part inside its
+    limits judged NG. The job's ``extra_std`` is added to both half widths in quadrature. The
+    decision on a part, a relation or the whole is the worst of its quantities, NG > undecided > OK.
 
     Parameters
     ----------
@@ -239,7 +239,7 @@ def _rejection_reasons_at(part: Part, measurement: Measurement | ScanMeasurement
             for rejection in sorted(scanned, key=lambda rejection: -len(rejection.sections))
         ]
 
-    def inside(rejection: Rejection) -> bool:
+    def in_window(rejection: Rejection) -> bool:
         if measurement.profile is None or "x" not in part.windows:
             return True
         points = measurement.profile.points[rejection.arc.start : rejection.arc.stop]
@@ -251,7 +251,7 @@ def _rejection_reasons_at(part: Part, measurement: Measurement | ScanMeasurement
     arcs = sorted(
         measurement.rejections, key=lambda rejection: rejection.arc.start - rejection.arc.stop
     )
-    return [rejection.reason for rejection in arcs if inside(rejection)]
+    return [rejection.reason for rejection in arcs if in_window(rejection)]
 
 
 def _describe_additional(matching: Matching, cylinders: Sequence[CylinderOfJob]) -> list[str]:
@@ -264,10 +264,10 @@ def _describe_additional(matching: Matching, cylinders: Sequence[CylinderOfJob])
 def _find_exchanged_parts(
     parts: Sequence[ItemVerdict], cylinders: Mapping[str, CylinderOfJob], job: Job
 ) -> list[str]:
-    """Return a note for each pair of parts of which each fits only the other's limits of size."""
+    """Return a note for each pair of parts whose sizes fit only the limits of the other part."""
 
-    def fits(name: str, limits_of: str) -> bool:
-        part = job.part(limits_of)
+    def fits(name: str, part_name: str) -> bool:
+        part = job.part(part_name)
         keys = [key for key in ("radius_mm", "diameter_mm") if key in part.limits]
         verdicts = [
             _judge_estimate(
@@ -278,11 +278,13 @@ def _find_exchanged_parts(
         ]  # fmt: skip
         return bool(keys) and all(verdict.decision != Decision.NG for verdict in verdicts)
 
-    wrong = [item.name for item in parts if item.decision == Decision.NG and item.name in cylinders]
+    failed = [
+        item.name for item in parts if item.decision == Decision.NG and item.name in cylinders
+    ]
     return [
         f"exchanged: {first!r} and {second!r} have each other's size"
-        for number, first in enumerate(wrong)
-        for second in wrong[number + 1 :]
+        for number, first in enumerate(failed)
+        for second in failed[number + 1 :]
         if not fits(first, first) and not fits(second, second)
         if fits(first, second) and fits(second, first)
     ]

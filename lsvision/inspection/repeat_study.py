@@ -63,14 +63,14 @@ class RepeatStudy(Result):
 
     @property
     def cg(self) -> float:
-        """A fifth of the tolerance over six standard deviations; NaN without a tolerance."""
+        """Capability Cg: a fifth of the tolerance over 6 std; NaN without a tolerance."""
         if self.tolerance is None or self.std == 0:
             return math.nan
         return TOLERANCE_FRACTION * self.tolerance / (6 * self.std)
 
     @property
     def cgk(self) -> float:
-        """A tenth of the tolerance less abs(bias), over 3 std; NaN without a tolerance."""
+        """Capability Cgk: (tolerance / 10 - abs(bias)) over 3 std; NaN without a tolerance."""
         if self.tolerance is None or self.std == 0:
             return math.nan
         return (TOLERANCE_FRACTION / 2 * self.tolerance - abs(self.bias)) / (3 * self.std)
@@ -81,7 +81,7 @@ class RepeatStudy(Result):
         Returns
         -------
         dict
-            In the unit of the values.
+            Numbers of the study, in the unit of the values.
         """
         return {
             "count": self.count,
@@ -134,7 +134,7 @@ def study_repeats(
     tolerance: float | None = None,
     level: float = 0.95,
 ) -> RepeatStudy:
-    """Compare repeated measurements of one part with its true value.
+    """Return bias and repeatability of repeated measurements of one part.
 
     Parameters
     ----------

@@ -252,7 +252,7 @@ class Verdict(Result):
         Returns
         -------
         ItemVerdict
-            The first with that name.
+            Verdict of the part with that name.
         """
         return next(item for item in self.parts if item.name == name)
 

@@ -29,7 +29,7 @@ def open_camera(name: str) -> Iterator[Frame]:
     Returns
     -------
     iterator of ndarray
-        (height, width) or (height, width, 3) in the order blue, green, red; 8 or 16 bit.
+        Frames (height, width) or (height, width, 3) in the order blue, green, red; 8 or 16 bit.
 
     Raises
     ------

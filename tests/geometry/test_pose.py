@@ -118,7 +118,7 @@ def test_an_invalid_pose_raises_an_error(make, message):
 
 
 def test_a_pose_composes_with_poses_only():
-    with pytest.raises(TypeError, match=r"expected a Pose behind @, got str: Pose\.from_matrix"):
+    with pytest.raises(TypeError, match=r"expected a Pose after @, got str: Pose\.from_matrix"):
         Pose() @ "flange"
     with pytest.raises(TypeError, match=r"expected a Pose before @, got ndarray: Pose\.from_m"):
         np.eye(4) @ Pose()
