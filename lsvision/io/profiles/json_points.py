@@ -181,7 +181,7 @@ def _from_list(document: list[Any], settings: ReadSettings, depth: int) -> RawPr
         return _from_rows(_floats(document).T, settings, ())
     if all(isinstance(item, list) and item for item in document):
         item_profiles = [_find_profiles(item, settings, depth + 1) for item in document]
-        return _join(item_profiles)
+        return _join_profiles(item_profiles)
     return None
 
 
@@ -208,7 +208,7 @@ def _from_objects(
         table = _table_of_objects(document, scalar)
         return profiles_from_table(table, settings)
     item_profiles = [_find_profiles(item, settings, depth + 1) for item in document]
-    profiles = _join(item_profiles)
+    profiles = _join_profiles(item_profiles)
     if profiles is None:
         return None
     attributes = [
@@ -234,12 +234,18 @@ def _table_of_objects(document: Sequence[Mapping[str, Any]], keys: Sequence[str]
     )
 
 
-def _join(parts: Sequence[RawProfiles | None]) -> RawProfiles | None:
+def _join_profiles(parts: Sequence[RawProfiles | None]) -> RawProfiles | None:
     """Return all profiles in one; None if one is missing, or units or directions differ."""
-    found = [part for part in parts if part is not None]
-    if not found or len(found) != len(parts) or len({(p.units, p.away) for p in found}) != 1:
+    profiles = [part for part in parts if part is not None]
+    if (
+        not profiles
+        or len(profiles) != len(parts)
+        or len({(p.units, p.away) for p in profiles}) != 1
+    ):
         return None
-    return replace(found[0], sections=[section for part in found for section in part.sections])
+    return replace(
+        profiles[0], sections=[section for part in profiles for section in part.sections]
+    )
 
 
 def _from_flat(
