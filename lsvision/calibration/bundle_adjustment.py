@@ -1,7 +1,7 @@
 """Bundle adjustment: joint refinement of camera, laser plane, board poses and board bow.
 
-All unknowns together, because most of the error of the laser plane comes from the boards' poses and
-the camera: refining the plane alone does not improve on its linear estimate.
+All unknowns are refined together, because most of the error of the laser plane comes from the
+boards' poses and the camera: refining the plane alone does not improve on its linear estimate.
 """
 
 from collections.abc import Sequence
@@ -128,8 +128,8 @@ def adjust_bundle(
     if corners_worse or _mad_std(line / np.concatenate(line_noise.point_stds)) > MAX_LINE_STD_RATIO:
         if refine[1]:
             # Where the line does not lie on the boards, it does not determine their bow.
-            flat = replace(initial_guess, bow=np.zeros(SHAPE_TERMS))
-            return adjust_bundle(views, flat, (refine[0], False), corner_std)
+            flat_boards = replace(initial_guess, bow=np.zeros(SHAPE_TERMS))
+            return adjust_bundle(views, flat_boards, (refine[0], False), corner_std)
         return _solve_plane_only(views, initial_guess)
     covariance, bow_std = _plane_covariance_and_bow_std(problem, information)
     return BundleAdjustmentResult(
@@ -173,7 +173,7 @@ def _cluster_robust_covariance(
         for rows, points in zip(design, laser_points, strict=True)
     ]
     inverse: FloatArray = np.linalg.inv(sum(rows.T @ rows for rows in design))
-    # Small-sample correction: three parameters, two numbers of each view.
+    # Small-sample correction: three parameters, of which each view (a line) determines two.
     small_sample_factor = len(laser_points) / max(len(laser_points) - 1.5, 0.5)
     gradient_covariance = np.asarray(gradients).T @ np.asarray(gradients)
     covariance: FloatArray = np.asarray(
@@ -241,7 +241,8 @@ class LineNoise:
     point_stds : tuple of (m,) ndarray
         Standard deviation of a single point, for each view. Units: px.
     effective_stds : tuple of (m,) ndarray
-        Inflated by the square root of the autocorrelation time: the weight of a correlated point.
+        `point_stds` times the square root of the autocorrelation time, by which correlated points
+        are weighted.
     """
 
     point_stds: tuple[FloatArray, ...]

@@ -114,7 +114,8 @@ def board_pose_modes(
     Returns
     -------
     (m, n, 6) ndarray
-        Shift of the origin (mm) and left-hand rotation (rad), for m errors and n views.
+        Shift of the origin (mm), and vector w (rad) of the rotation R -> exp([w]x) R, for m errors
+        and n views.
     """
     modes = camera_modes(camera, covariance)
     shifts = np.zeros((len(modes), len(views), 6))

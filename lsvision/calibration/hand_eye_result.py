@@ -34,7 +34,8 @@ class HandEyeSettings(ShowsChanges):
     ----------
     robot_std : tuple of float, optional
         Standard deviation of the robot's pose in each axis of position (mm) and orientation (rad).
-        If None, both are estimated from the residuals; prior ratio: 0.05 mm to 0.01 deg.
+        If None, both are estimated from the residuals; a prior favours a ratio of 0.05 mm to
+        0.01 deg.
         The "repeatability" of a data sheet is the best case; absolute accuracy is several times
         worse.
     arc : SphereArcSettings
@@ -43,11 +44,11 @@ class HandEyeSettings(ShowsChanges):
         Rejection of outlying poses.
     max_residual_rms : float, optional
         Largest root mean square residual of the inlier poses; a larger one shows poses and profiles
-        that do not belong together. If None, it follows the noise: four times what the stated robot
-        and the observations explain, or, where the robot is estimated, what one of 2 mm and 0.4 deg
-        would explain; never less than 3 mm. Units: mm.
+        that do not belong together. If None, it follows from the noise: four times the residual
+        expected for `robot_std` and the observations, or, without `robot_std`, that expected for
+        2 mm and 0.4 deg; never less than 3 mm. Units: mm.
     max_least_determined_std : float
-        Largest standard deviation of the least determined direction for the nominal or stated
+        Largest standard deviation of the least determined direction for a nominal or the stated
         robot. Units: mm.
     min_ambiguity_ratio : float
         Smallest ratio of the second-best minimum's cost to the best's.
@@ -92,7 +93,7 @@ class HandEye(Result):
     ambiguity_ratio : float
         Cost of the second-best minimum over the best's; near 1 the solution is ambiguous.
     least_determined_std : float
-        Standard deviation of the least determined direction for the nominal or stated robot; one
+        Standard deviation of the least determined direction for a nominal or the stated robot; one
         radian counts as 100 mm. Units: mm.
     least_determined_direction : str
         Description of that direction.
@@ -106,25 +107,26 @@ class HandEye(Result):
         not determine it.
     target_scale : tuple of float, optional
         Factor by which the size of a board must be multiplied, and its standard deviation; a check
-        of the stated size. A factor far from 1 is not applied, and the covariance holds what it
-        would change. None for other targets.
+        of the stated size. A factor far from 1 is not applied; the covariance then includes the
+        change that it would make. None for other targets.
 
     Examples
     --------
     >>> import lsvision as lsv
     >>> folder = "calibration/example"
     >>> poses = lsv.read_robot_poses(f"{folder}/sphere_poses.csv", "kuka")
-    >>> found = lsv.calibrate_hand_eye_sphere(lsv.read_profiles(f"{folder}/sphere"), poses, 20.0)
-    >>> found  # doctest: +ELLIPSIS
+    >>> profiles = lsv.read_profiles(f"{folder}/sphere")
+    >>> hand_eye = lsv.calibrate_hand_eye_sphere(profiles, poses, 20.0)
+    >>> hand_eye  # doctest: +ELLIPSIS
     <HandEye: section, eye in hand, 0.0... mm at the working point, from 12 of 12 poses>
-    >>> found.flange_from_section.translation.shape, found.covariance_at((0, -200)).shape
+    >>> hand_eye.flange_from_section.translation.shape, hand_eye.covariance_at((0, -200)).shape
     ((3,), (3, 3))
-    >>> found.std_at(found.working_point) == found.to_dict()["working_point_std_mm"]
+    >>> hand_eye.std_at(hand_eye.working_point) == hand_eye.to_dict()["working_point_std_mm"]
     True
     >>> import tempfile
     >>> path = f"{tempfile.mkdtemp()}/hand_eye.json"
-    >>> found.save(path)
-    >>> HandEye.load(path) == found
+    >>> hand_eye.save(path)
+    >>> HandEye.load(path) == hand_eye
     True
     """
 

@@ -26,9 +26,11 @@ DRAWING = (0.03, 0.03, 0.66, 0.83)
 MAX_POINTS = 6000
 """Largest number of points drawn; more would overlap."""
 FACETS = 40
+"""Number of flat strips that approximate a drawn cylinder."""
 Vertical = Literal["y", "z"]
 MIN_FACING = -0.3
-"""Smallest cosine between the measured sides and the view; below it the view is turned."""
+"""Smallest cosine between the mean outward normal of the measured sides and the direction to the
+viewer; below it the cylinders would be seen from behind, and the view is turned."""
 PANEL_LEFT, PANEL_TOP, PANEL_LINE = 0.715, 0.86, 0.024
 MAX_FULL_CYLINDERS, MAX_CYLINDERS = 4, 9
 """Number of cylinders of the panel with all values, and with two lines each."""

@@ -45,8 +45,8 @@ def measurement_record(
     profile : int
         Index of the profile in its file, from 0.
     placed : sequence of pairs of PlacedCylinder, optional
-        Both cylinders of each section in the robot's frame; they become ``base_frame`` or
-        ``flange_frame`` of its record.
+        The two cylinders that fit each section equally well, in the robot's frame; they become
+        ``base_frame`` or ``flange_frame`` of its record.
     reading : dict, optional
         How the profile was read, from `input_record`; it becomes ``input`` of the record.
     reason : str, optional
@@ -117,7 +117,7 @@ class JsonFormat:
         return False
 
     def item(self, record: Record) -> str:
-        """Return the text of the next record, one line: indenting takes ten times as long."""
+        """Return the text of the next record on one line; indented text takes ten times as long."""
         separator, self._separator = self._separator, ",\n"
         return f"{separator}    {json.dumps(record, allow_nan=False)}"
 

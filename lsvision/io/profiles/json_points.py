@@ -234,18 +234,12 @@ def _table_of_objects(document: Sequence[Mapping[str, Any]], keys: Sequence[str]
     )
 
 
-def _join_profiles(parts: Sequence[RawProfiles | None]) -> RawProfiles | None:
+def _join_profiles(items: Sequence[RawProfiles | None]) -> RawProfiles | None:
     """Return all profiles in one; None if one is missing, or units or directions differ."""
-    profiles = [part for part in parts if part is not None]
-    if (
-        not profiles
-        or len(profiles) != len(parts)
-        or len({(p.units, p.away) for p in profiles}) != 1
-    ):
+    profiles = [item for item in items if item is not None]
+    if len(profiles) < len(items) or len({(item.units, item.away) for item in profiles}) != 1:
         return None
-    return replace(
-        profiles[0], sections=[section for part in profiles for section in part.sections]
-    )
+    return replace(profiles[0], sections=[xz for item in profiles for xz in item.sections])
 
 
 def _from_flat(
