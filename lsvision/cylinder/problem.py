@@ -5,16 +5,18 @@ regular while the axis stays within 45 deg of the third axis; before each fit th
 transformed by the `tangent_frame` of the current direction.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.ellipse.problem import RadiusPrior, cache_last_evaluation
+from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import FitFailed
 from lsvision.geometry import Cylinder, FloatArray, Points
 from lsvision.geometry.arrays import TINY, extent_of
 from lsvision.statistics.compiled_routines import levenberg_marquardt
 
+Evaluation = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 PARAMETERS = 5
 """Number of parameters."""
 MAX_RADIUS_EXTENTS = 1e5
@@ -246,7 +248,7 @@ def minimise(problem: CylinderProblem, initial_guess: FloatArray) -> FloatArray:
     FitFailed
         If the radius diverges, as for the points of a plane.
     """
-    evaluate = cache_last_evaluation(problem.evaluate)
+    evaluate = _cache_last_evaluation(problem.evaluate)
     with np.errstate(all="ignore"):
         solution, _ = levenberg_marquardt(
             lambda x: evaluate(x)[0], lambda x: evaluate(x)[1], initial_guess,
@@ -260,6 +262,20 @@ def minimise(problem: CylinderProblem, initial_guess: FloatArray) -> FloatArray:
             "of one cylinder"
         )
     return solution
+
+
+def _cache_last_evaluation(evaluate: Evaluation) -> Evaluation:
+    """Return a function that keeps its last result: MINPACK calls for both parts separately."""
+    last: dict[bytes, tuple[FloatArray, FloatArray]] = {}
+
+    def cached(parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+        key = parameters.tobytes()
+        if key not in last:
+            last.clear()
+            last[key] = evaluate(parameters)
+        return last[key]
+
+    return cached
 
 
 def parameters_from_cylinder(frame: FloatArray, cylinder: Cylinder) -> FloatArray:

@@ -6,11 +6,10 @@ it by a variance factor, an autocorrelation time, and variances that increase wi
 """
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from lsvision.ellipse.robust_gauss_newton import EllipseResiduals
 from lsvision.geometry import FloatArray
 from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints
 from lsvision.statistics.correlation import estimate_correlation, neighbour_correlation
@@ -29,8 +28,7 @@ MIN_SCORE_SIGMAS = 2.0
 incidence: by chance in 2 % of the arcs."""
 
 
-@dataclass(frozen=True, slots=True)
-class ArcNoise:
+class ArcNoise(NamedTuple):
     """Corrections of a noise model.
 
     Variance of the residuals over the model's; number of points per effective point, and the same
@@ -44,12 +42,12 @@ class ArcNoise:
     smoothed: bool
 
 
-def estimate_arc_noise(compared: EllipseResiduals, min_variance_factor: float) -> ArcNoise:
-    """Estimate the noise of an arc from the residuals of its middle part, in order along the line.
+def estimate_arc_noise(normalised: FloatArray, min_variance_factor: float) -> ArcNoise:
+    """Estimate the noise of an arc from residuals (n,) over their standard deviations.
 
-    With a `min_variance_factor` of 1, a given noise model, errors are taken to be uncorrelated.
+    The residuals are those of its middle part, in order along the line. With a
+    `min_variance_factor` of 1, a given noise model, errors are taken to be uncorrelated.
     """
-    normalised = compared.residuals / np.sqrt(compared.variances)
     scale = upper_mad_std(normalised)
     factor = max(scale * scale, min_variance_factor)
     if min_variance_factor >= 1:
@@ -63,16 +61,19 @@ def estimate_arc_noise(compared: EllipseResiduals, min_variance_factor: float) -
     return ArcNoise(factor, time, low_frequency_time, smoothed=True)
 
 
-def smoothed_noise(points: NoisyPoints, normals: ComplexArray, std: float) -> NoisyPoints:
+def smoothed_noise(
+    points: NoisyPoints, normals: ComplexArray, std: float | FloatArray
+) -> NoisyPoints:
     """Return the points with the noise of a sensor that smooths along the line.
 
-    Isotropic errors, with the standard deviation `std` (mm) at normal incidence; the variance grows
-    with the angle of the ellipse's unit normals from +Y.
+    Isotropic errors, with the standard deviation `std` (mm; a number, or (k, 1) for a stack of
+    arcs) at normal incidence; the variance grows with the angle of the ellipse's unit normals
+    (..., n) from +Y.
     """
     incidence_deg = np.degrees(np.arccos(np.minimum(np.maximum(normals.imag, -1.0), 1.0)))
     growth = 1 + (incidence_deg / GRAZING_INCIDENCE_DEG) ** GRAZING_POWER
     variances = std**2 * np.minimum(growth, MAX_INCIDENCE_STD_FACTOR**2)
-    return NoisyPoints(points.z, variances, np.zeros(len(points), dtype=complex))
+    return NoisyPoints(points.z, variances, np.zeros(points.z.shape, dtype=complex))
 
 
 def errors_grow_with_incidence(normalised: FloatArray, normals: ComplexArray) -> bool:

@@ -7,11 +7,14 @@ sqrt(n' Sigma n), which attains the Cramer-Rao bound.
 """
 
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
+from lsvision.ellipse.arc_solutions import SolvedArc, StartedArc, solve_arcs
+from lsvision.ellipse.outcomes import apply_to_successes, outcome_of, replace_some, result_of
 from lsvision.ellipse.parameters import (
     PARAMETERS,
     deviator_of,
@@ -22,20 +25,20 @@ from lsvision.ellipse.phi_prior import PhiPrior
 from lsvision.ellipse.problem import (
     DEFAULT_TOLERANCE,
     MAX_EVALUATIONS,
+    NO_PRIORS,
     EllipseProblem,
+    Priors,
     RadiusPrior,
     Solution,
     minimise,
 )
 from lsvision.ellipse.robust_gauss_newton import (
-    IDENTITY,
-    ellipse_residuals,
-    solve_positive_definite,
+    inverse_or_huge,
 )
-from lsvision.errors import TooFewPoints
+from lsvision.errors import LsvisionError, TooFewPoints
 from lsvision.geometry import Ellipse, FloatArray, Points, as_readonly_array
 from lsvision.geometry.arrays import TINY, require_coordinates, require_covariances
-from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints, as_complex, as_vectors
+from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints, as_complex
 from lsvision.statistics.correlation import Correlation, estimate_correlation
 from lsvision.statistics.numerical_failures import report_numerical_failure, require_finite
 from lsvision.statistics.robust import SIGNIFICANT_SIGMAS
@@ -125,7 +128,8 @@ class EllipseFit:
     @property
     def is_noncircular(self) -> bool:
         """Whether (p, q) differs from 0 by more than 5 standard deviations, so theta is defined."""
-        largest = float(np.linalg.eigvalsh(self.parameter_covariance[-2:, -2:])[-1])
+        (pp, pq), (_, qq) = self.parameter_covariance[-2:, -2:].tolist()
+        largest = (pp + qq) / 2 + math.hypot((pp - qq) / 2, pq)
         return abs(deviator_of(self.parameters)) > NONCIRCULAR_SIGMAS * math.sqrt(largest)
 
     @property
@@ -200,40 +204,88 @@ def fit_ellipse(
         require_covariances(covariances)
         noisy = NoisyPoints.of(points, covariances)
     with report_numerical_failure("an ellipse"):
-        fit = fit_noisy_points(noisy, initial_guess, known_radius, known_phi, settings)
+        (outcome,) = fit_noisy_points(
+            [(noisy, initial_guess)], Priors(known_radius, known_phi), settings
+        )
+    fit = result_of(outcome)
     require_finite("an ellipse", fit.parameters, fit.residuals)
     return fit
 
 
+Fits = list[EllipseFit | LsvisionError]
+
+
 def fit_noisy_points(
-    points: NoisyPoints,
-    initial_guess: Ellipse,
-    known_radius: RadiusPrior | None = None,
-    known_phi: PhiPrior | None = None,
+    arcs: Iterable[tuple[NoisyPoints, Ellipse]],
+    priors: Priors = NO_PRIORS,
     settings: FittingSettings = FittingSettings(),
-) -> EllipseFit:
-    """Fit an ellipse to points with covariances; parameters and errors as in `fit_ellipse`."""
-    if len(points) <= PARAMETERS:
-        raise TooFewPoints(
-            "an arc", len(points), PARAMETERS + 1, "scan slower or nearer, or lower the pitch"
-        )
-    if known_phi is not None and not known_phi.includes_circle:
-        free = fit_noisy_points(points, initial_guess, known_radius, None, settings)
-        if not free.is_noncircular:
-            return free
-        initial_guess = free.ellipse
-    parameters = parameters_from_ellipse(initial_guess)
-    has_prior = known_radius is not None or known_phi is not None
-    if has_prior and settings.variance == "estimated":
-        points = _scale_by_free_fit(points, parameters, settings)
-    vectors = as_vectors(points.z)
-    for _ in range(1 + settings.reweightings):
-        stds = np.sqrt(ellipse_residuals(points, parameters).variances)
-        problem = EllipseProblem(vectors, stds, known_radius, settings.residual, known_phi)
-        solution = minimise(problem, parameters, settings.max_evaluations, settings.tolerance)
-        parameters = solution.parameters
-    fit = _build_fit(problem, solution, known_noise=settings.variance == "given")
-    return _refit_with_scaled_stds(fit) if has_prior and fit.variance_factor != 1 else fit
+) -> Fits:
+    """Fit ellipses to several arcs together, with the same priors and settings.
+
+    Parameters
+    ----------
+    arcs : iterable of (NoisyPoints, Ellipse)
+        Points and initial guess of each arc.
+    priors : Priors
+        Priors on radius and phi.
+    settings : FittingSettings
+        Settings of the fit.
+
+    Returns
+    -------
+    list of EllipseFit or LsvisionError
+        Result of `fit_ellipse` for each arc; an error is not raised, but returned.
+    """
+    hint = "scan slower or nearer, or lower the pitch"
+    starts = [
+        StartedArc(points, parameters_from_ellipse(guess))
+        if len(points) > PARAMETERS
+        else TooFewPoints("an arc", len(points), PARAMETERS + 1, hint)
+        for points, guess in arcs
+    ]
+    fit = _fit if priors.phi is None or priors.phi.includes_circle else _fit_where_noncircular
+    return apply_to_successes(lambda some: fit(some, priors, settings), starts)
+
+
+def _fit_where_noncircular(
+    arcs: list[StartedArc], priors: Priors, settings: FittingSettings
+) -> Fits:
+    """Fit without the prior on phi, then with it where the points determine theta."""
+    fits = _fit(arcs, priors._replace(phi=None), settings)
+    determined = {
+        i: StartedArc(arcs[i].points, fit.parameters)
+        for i, fit in enumerate(fits)
+        if isinstance(fit, EllipseFit) and fit.is_noncircular
+    }
+    replace_some(fits, determined, lambda some: _fit(some, priors, settings))
+    return fits
+
+
+def _fit(arcs: list[StartedArc], priors: Priors, settings: FittingSettings) -> Fits:
+    """Fit ellipses with the priors."""
+    starts: Sequence[StartedArc | LsvisionError] = arcs
+    if priors != NO_PRIORS and settings.variance == "estimated":
+        starts = _scale_by_free_fits(arcs, settings)
+    limits = settings.max_evaluations, settings.tolerance
+
+    def solve(some: Sequence[StartedArc | SolvedArc]) -> list[SolvedArc | LsvisionError]:
+        return solve_arcs(some, priors, settings.residual, *limits)
+
+    solved = apply_to_successes(solve, starts)
+    for _ in range(settings.reweightings):
+        solved = apply_to_successes(solve, solved)
+    fits = apply_to_successes(
+        lambda some: [outcome_of(_build_fit, each, settings.variance) for each in some], solved
+    )
+    if priors == NO_PRIORS:
+        return fits
+    inexact = {
+        i: fit
+        for i, fit in enumerate(fits)
+        if isinstance(fit, EllipseFit) and fit.variance_factor != 1
+    }
+    replace_some(fits, inexact, _refit_with_scaled_stds)
+    return fits
 
 
 def with_known_radius(fit: EllipseFit, known_radius: RadiusPrior) -> EllipseFit:
@@ -246,32 +298,47 @@ def with_known_radius(fit: EllipseFit, known_radius: RadiusPrior) -> EllipseFit:
     known_radius : RadiusPrior
         The prior.
     """
-    return _refit_with_scaled_stds(
-        replace(fit, problem=replace(fit.problem, known_radius=known_radius))
-    )
+    problem = replace(fit.problem, known_radius=known_radius)
+    (refitted,) = _refit_with_scaled_stds([replace(fit, problem=problem)])
+    return result_of(refitted)
 
 
-def _scale_by_free_fit(
-    points: NoisyPoints, initial_guess: FloatArray, settings: FittingSettings
-) -> NoisyPoints:
-    """Return the points with the variance of a fit without priors, which scales their weights."""
-    vectors = as_vectors(points.z)
-    stds = np.sqrt(ellipse_residuals(points, initial_guess).variances)
-    residuals = minimise(
-        EllipseProblem(vectors, stds, None, settings.residual), initial_guess
-    ).residuals
-    variance = float(residuals @ residuals) / (len(points) - PARAMETERS)
-    variance = max(variance, TINY)
-    return NoisyPoints(points.z, points.mean_variance * variance, points.deviator * variance)
+def _scale_by_free_fits(
+    arcs: list[StartedArc], settings: FittingSettings
+) -> list[StartedArc | LsvisionError]:
+    """Return the points with the variances of fits without priors, which scale their weights."""
+
+    def scaled(arc: StartedArc, free: SolvedArc) -> StartedArc:
+        points, residuals = arc.points, free.solution.residuals
+        variance = float(residuals @ residuals) / (len(points) - PARAMETERS)
+        variance = max(variance, TINY)
+        points = NoisyPoints(points.z, points.mean_variance * variance, points.deviator * variance)
+        return StartedArc(points, arc.parameters)
+
+    return [
+        free if isinstance(free, LsvisionError) else scaled(arc, free)
+        for arc, free in zip(arcs, solve_arcs(arcs, NO_PRIORS, settings.residual), strict=True)
+    ]
 
 
-def _refit_with_scaled_stds(fit: EllipseFit) -> EllipseFit:
+def _refit_with_scaled_stds(fits: list[EllipseFit]) -> Fits:
     """Refit with the points' standard deviations scaled to the residuals; the prior is not."""
-    factor = fit.variance_factor
-    stds = np.maximum(fit.problem.stds * np.sqrt(factor), math.sqrt(TINY))
-    problem = replace(fit.problem, stds=stds)
-    solution = minimise(problem, fit.parameters)
-    residuals = solution.residuals[: len(problem.points)] * problem.stds
+
+    def scaled(fit: EllipseFit) -> EllipseProblem:
+        stds = fit.problem.stds * math.sqrt(fit.variance_factor)
+        return replace(fit.problem, stds=np.maximum(stds, math.sqrt(TINY)))
+
+    problems = [scaled(fit) for fit in fits]
+    solutions = minimise(problems, np.array([fit.parameters for fit in fits]))
+    return [
+        outcome_of(_refitted, fit, problem, found) if isinstance(found, Solution) else found
+        for fit, problem, found in zip(fits, problems, solutions, strict=True)
+    ]
+
+
+def _refitted(fit: EllipseFit, problem: EllipseProblem, solution: Solution) -> EllipseFit:
+    """Return a fit with the solution of a problem with scaled standard deviations."""
+    residuals = solution.residuals * problem.stds
     return replace(
         fit,
         ellipse=ellipse_from_parameters(solution.parameters),
@@ -279,33 +346,21 @@ def _refit_with_scaled_stds(fit: EllipseFit) -> EllipseFit:
         parameters=solution.parameters,
         residuals=residuals,
         normalised=residuals / fit.problem.stds,
-        unscaled_covariance=_inverse(solution.jacobian.T @ solution.jacobian),
+        unscaled_covariance=inverse_or_huge(solution.information),
         variance_factor=1.0,
         converged=solution.converged,
     )
 
 
-def _inverse(information: FloatArray) -> FloatArray:
-    """Return the inverse of the information; huge variances where it is singular."""
-    inverse = solve_positive_definite(information, IDENTITY)
-    if math.isnan(inverse[0, 0]):
-        scale = 1 / np.sqrt(np.maximum(information.diagonal(), TINY))
-        scales = scale[:, None] * scale
-        values, vectors = np.linalg.eigh(information * scales)
-        with np.errstate(over="ignore"):  # all points at one position: infinite variances
-            inverse = (vectors / np.maximum(values, np.finfo(float).eps)) @ vectors.T * scales
-    return inverse
-
-
-def _build_fit(problem: EllipseProblem, solution: Solution, *, known_noise: bool) -> EllipseFit:
-    count = len(problem.points)
-    normalised = solution.residuals[:count]
+def _build_fit(arc: SolvedArc, variance: Literal["given", "estimated"]) -> EllipseFit:
+    """Return the fit of a solution."""
+    _, problem, solution = arc
+    count, normalised = len(problem.points), solution.residuals
     residuals = normalised * problem.stds
-    normals = -as_complex(solution.jacobian[:count, :2])
     correlation = estimate_correlation(normalised)
     dof = float(max(count - PARAMETERS, 1)) + problem.prior_residual_count
     reduced_chi2 = float(normalised @ normalised) / dof
-    if known_noise:
+    if variance == "given":
         significant = reduced_chi2 > 1 + SIGNIFICANT_SIGMAS * math.sqrt(2 / dof)
         factor, dof = (reduced_chi2 if significant else 1.0), np.inf
     else:
@@ -319,8 +374,8 @@ def _build_fit(problem: EllipseProblem, solution: Solution, *, known_noise: bool
         parameters=solution.parameters,
         residuals=residuals,
         normalised=normalised,
-        normals=normals / np.maximum(np.abs(normals), TINY),
-        unscaled_covariance=_inverse(solution.jacobian.T @ solution.jacobian),
+        normals=solution.normals,
+        unscaled_covariance=inverse_or_huge(solution.information),
         variance_factor=factor * correlation.autocorrelation_time,
         degrees_of_freedom=dof,
         correlation=correlation,

@@ -5,20 +5,24 @@ does. The local quadratics of smoothing are already evaluated at equal steps of 
 no spline is needed.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from lsvision.ellipse.parameters import (
     PARAMETERS,
-    centre_of,
-    deviator_of,
     ellipse_from_parameters,
     is_ellipse,
     parameter_jacobian,
     parameters_from_ellipse,
+    split_parameters,
 )
-from lsvision.ellipse.robust_gauss_newton import add_flattening_prior, damped_step
+from lsvision.ellipse.robust_gauss_newton import (
+    WeightedSystem,
+    add_flattening_prior,
+    damped_step,
+)
 from lsvision.ellipse.smoothing import SmoothedArc
 from lsvision.geometry import Ellipse, Points
 from lsvision.geometry.noisy_points import as_vectors
@@ -31,22 +35,32 @@ class HomogenisedArc(NamedTuple):
     ellipse: Ellipse
 
 
-def homogenise_arc(smoothed: SmoothedArc) -> HomogenisedArc:
-    """Return the smoothed points and their ellipse, the initial guess of the refinement.
+def homogenise_arcs(smoothed: Sequence[SmoothedArc]) -> list[HomogenisedArc]:
+    """Return the smoothed points and ellipse of each arc, the initial guess of its refinement.
 
-    All parts of the arc have equal weight, whatever the sensor's sampling density.
+    All parts of an arc have equal weight, whatever the sensor's sampling density.
     """
-    parameters, w = parameters_from_ellipse(smoothed.ellipse), smoothed.directions
-    m, d = float(parameters[2]), deviator_of(parameters)
-    along, across = m * w, d * w.conj()
-    normals = along - across
+    if not smoothed:
+        return []
+    parameters = np.array([parameters_from_ellipse(arc.ellipse) for arc in smoothed])
+    w = np.array([arc.directions for arc in smoothed])
+    rows = np.empty((len(w), PARAMETERS + 1, w.shape[1]))
+    rows[:, PARAMETERS] = [arc.residuals for arc in smoothed]
+    stds = np.array([arc.stds for arc in smoothed])
+    centre, m, d = split_parameters(parameters)
+    mean_part, deviator_part = m * w, d * w.conj()
+    normals = mean_part - deviator_part
     normals /= np.abs(normals)
-    z = centre_of(parameters) + along + across + normals * smoothed.residuals
+    mean_part += deviator_part
+    z = centre + mean_part + normals * rows[:, PARAMETERS]
     # The residual is linear in small changes of the parameters: one Gauss-Newton step is enough.
-    rows = np.concatenate([parameter_jacobian(normals, w), smoothed.residuals[None]])
-    equations = (rows[:PARAMETERS] / smoothed.stds**2) @ rows.T
+    parameter_jacobian(normals, w, out=rows[:, :PARAMETERS])
+    equations = WeightedSystem(rows, 1 / (stds * stds)).normal_equations()
     add_flattening_prior(equations, parameters)
     fitted = parameters + damped_step(equations, parameters)
-    return HomogenisedArc(
-        as_vectors(z), ellipse_from_parameters(fitted if is_ellipse(fitted) else parameters)
-    )
+    return [
+        HomogenisedArc(
+            as_vectors(points), ellipse_from_parameters(found if is_ellipse(found) else screened)
+        )
+        for points, found, screened in zip(z, fitted, parameters, strict=True)
+    ]

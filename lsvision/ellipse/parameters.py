@@ -7,13 +7,14 @@ is a singular point; in (m, p, q) it is regular.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
 from lsvision.errors import FitFailed
-from lsvision.geometry import Ellipse, FloatArray, Points
+from lsvision.geometry import BoolArray, Ellipse, FloatArray
 from lsvision.geometry.ellipse import MAX_FOOT_POINT_ITERATIONS, foot_directions
-from lsvision.geometry.noisy_points import ComplexArray, as_complex
+from lsvision.geometry.noisy_points import ComplexArray
 
 PARAMETERS = 5
 """Number of parameters: centre x, y, m, p, q."""
@@ -27,51 +28,84 @@ MIN_AXIS_RATIO = 1e-3
 
 
 def orthogonal_residuals_and_normals(
-    points: Points, parameters: FloatArray
+    z: ComplexArray, parameters: FloatArray
 ) -> tuple[FloatArray, ComplexArray, ComplexArray]:
-    """Return signed distances to the nearest points c + E w, with normal n and w of each.
+    """Return signed distances to the nearest points c + E w of k ellipses, with their n and w.
+
+    Parameters
+    ----------
+    z : (k, n) complex ndarray
+        Points x + iy of each ellipse. Units: mm.
+    parameters : (k, 5) ndarray
+        Parameters of the ellipses. Units: mm.
 
     Returns
     -------
-    signed : (n,) ndarray
+    signed : (k, n) ndarray
         Positive outside. Units: mm.
-    normals, w : (n,) complex ndarray
+    normals, w : (k, n) complex ndarray
         Outward unit normal and unit vector of the nearest point.
-
-    Notes
-    -----
-    Newton's method along the ellipse, from its intersection with the ray to each point; the
-    distance changes by -n d(c + E w). Far from an ellipse it may converge to the farthest point:
-    after a large step all points restart from the closed-form nearest point.
     """
-    (m, p, q), offsets = parameters[2:].tolist(), as_complex(points) - centre_of(parameters)
-    d = complex(p, q)
-    side, squares = math.copysign(1.0, m * m - abs(d) ** 2), 2 * (m * m + abs(d) ** 2)
-    w = (side * m) * offsets - (side * d) * offsets.conj()
-    w /= np.abs(w)
-    largest = math.inf
-    for _ in range(MAX_FOOT_POINT_ITERATIONS):
-        mean_part, deviator_part = m * w, d * w.conj()
-        foot, normals = mean_part + deviator_part, mean_part - deviator_part
-        residuals = offsets - foot
-        if largest < FOOT_TOLERANCE:
+    centre, m, d = split_parameters(parameters)
+    offsets = z - centre
+    mean_part, deviator_part = m * offsets, d * offsets.conj()
+    across, along = mean_part - deviator_part, mean_part + deviator_part
+    determinant = m * m - (d * d.conjugate()).real
+    side = np.copysign(1.0, determinant)
+    w = across * (side / np.abs(across))
+    w = _nearest_by_newton(offsets, along, w, parameters, MAX_FOOT_POINT_ITERATIONS)
+    conjugate = w.conj()
+    normals = m * w
+    normals -= d * conjugate
+    scale = side / np.abs(normals)
+    normals *= scale
+    across *= conjugate
+    return (across.real - determinant) * scale, normals, w
+
+
+def _nearest_by_newton(
+    offsets: ComplexArray,
+    along: ComplexArray,
+    w: ComplexArray,
+    parameters: FloatArray,
+    iterations: int,
+) -> ComplexArray:
+    """Return w of the nearest points E w of k ellipses, by Newton's method from a first w.
+
+    `along` is m offset + d conj(offset), (k, n): the derivative of the squared distance by the
+    angle of w is then minus Im(along conj(w) - 2 m d conj(w)^2). Far from an ellipse the method may
+    converge to the farthest point: after a large step all points of that ellipse restart from the
+    closed-form nearest point. Ellipses whose points have converged are left out of further steps,
+    so that the result of one does not depend on the others.
+    """
+    _, m, d = split_parameters(parameters)
+    for remaining in range(iterations - 1, -1, -1):
+        conjugate = w.conj()
+        first = along * conjugate
+        conjugate *= conjugate
+        conjugate *= (2 * m) * d
+        first -= conjugate
+        derivative = first.real - conjugate.real
+        step = first.imag / derivative
+        turn = 1j * step
+        turn += 1
+        turn *= w
+        w = turn * (1 / np.abs(turn))
+        largest, lowest = np.abs(step).max(axis=1).tolist(), derivative.min(axis=1).tolist()
+        for row, (size, slope) in enumerate(zip(largest, lowest, strict=True)):
+            if not (size < MAX_STEP and slope > 0):
+                w[row] = _nearest_directions(offsets[row], parameters[row])
+        moving = [row for row, size in enumerate(largest) if not size < FOOT_TOLERANCE]
+        if len(moving) < len(w):
+            if moving:
+                some = offsets[moving], along[moving], w[moving], parameters[moving]
+                w[moving] = _nearest_by_newton(*some, remaining)
             break
-        # Derivative by the step: |normals|^2 + residuals . foot, where |foot|^2 + |normals|^2 is
-        # the same everywhere.
-        derivative = ((residuals - foot) * foot.conj()).real + squares
-        step = (residuals * normals.conj()).imag / derivative
-        largest = float(np.abs(step).max(initial=0.0))
-        if not (largest < MAX_STEP and derivative.min() > 0):
-            w = _nearest_directions(offsets, parameters)
-        else:
-            w *= 1 + 1j * step
-            w /= np.abs(w)
-    normals *= side / np.abs(normals)
-    return (residuals * normals.conj()).real, normals, w
+    return w
 
 
 def _nearest_directions(offsets: ComplexArray, parameters: FloatArray) -> ComplexArray:
-    """Return the unit vectors w of the nearest points E w, also for points far from them."""
+    """Return the unit vectors w of the nearest points E w, also for points far from them, (n,)."""
     a, b, rotation = axes_of(parameters)
     rotated = offsets * rotation.conjugate()
     cos, sin = foot_directions(rotated.real, rotated.imag, a, b)
@@ -79,20 +113,26 @@ def _nearest_directions(offsets: ComplexArray, parameters: FloatArray) -> Comple
 
 
 def radial_residuals_and_normals(
-    points: Points, parameters: FloatArray
+    z: ComplexArray, parameters: FloatArray
 ) -> tuple[FloatArray, ComplexArray, ComplexArray]:
     """Return signed distances along the ray from the centre: the paper's r_j (Eq. 4).
 
+    Parameters
+    ----------
+    z, parameters
+        As for `orthogonal_residuals_and_normals`.
+
     Returns
     -------
-    signed : (n,) ndarray
+    signed : (k, n) ndarray
         Signed residual of each point, positive outside. Units: mm.
-    normals, w : (n,) complex ndarray
+    normals, w : (k, n) complex ndarray
         The normal divided by its cosine with the ray, so that -n d(c + E w) is again the
         derivative of the residual; unit vector of the point on the ray.
     """
-    a, b, rotation = axes_of(parameters)
-    offsets = (as_complex(points) - centre_of(parameters)) * rotation.conjugate()
+    axes = [axes_of(row) for row in parameters]
+    a, b, rotation = (np.array(column)[:, None] for column in zip(*axes, strict=True))
+    offsets = (z - split_parameters(parameters)[0]) * rotation.conj()
     w = _complex(offsets.real / a, offsets.imag / b)
     rho, scaled = np.abs(offsets), np.abs(w)
     w /= scaled
@@ -104,18 +144,25 @@ def radial_residuals_and_normals(
 def parameter_jacobian(
     normals: ComplexArray, w: ComplexArray, out: FloatArray | None = None
 ) -> FloatArray:
-    """Return the derivative of the ellipse along its normals by each parameter: (5, n)."""
-    jacobian = np.empty((PARAMETERS, len(w))) if out is None else out
+    """Return the derivative (..., 5, n) of ellipses along their normals (..., n)."""
+    jacobian = np.empty((*w.shape[:-1], PARAMETERS, w.shape[-1])) if out is None else out
     deviating = normals * w
-    jacobian[0], jacobian[1] = normals.real, normals.imag
-    jacobian[2] = (normals * w.conj()).real
-    jacobian[-2], jacobian[-1] = deviating.real, deviating.imag
+    jacobian[..., 0, :], jacobian[..., 1, :] = normals.real, normals.imag
+    jacobian[..., 2, :] = (normals * w.conj()).real
+    jacobian[..., 3, :], jacobian[..., 4, :] = deviating.real, deviating.imag
     return jacobian
 
 
-def centre_of(parameters: FloatArray) -> complex:
-    """Return the centre as x + iy. Units: mm."""
-    return complex(*parameters[:2].tolist())
+def split_parameters(parameters: FloatArray) -> tuple[Any, Any, Any]:
+    """Return centre x + iy, m and d = p + iq of ellipses (..., 5) as columns (..., 1).
+
+    Those of a single ellipse are numbers, with which numpy is faster than with columns.
+    """
+    if parameters.size == PARAMETERS:
+        x, y, m, p, q = parameters.ravel().tolist()
+        return complex(x, y), m, complex(p, q)
+    columns = parameters[..., :2].view(complex), parameters[..., 2:3]
+    return *columns, parameters[..., 3:].view(complex)
 
 
 def deviator_of(parameters: FloatArray) -> complex:
@@ -156,6 +203,12 @@ def is_ellipse(parameters: FloatArray) -> bool:
     return math.isfinite(x + y + m + h) and MIN_AXIS_RATIO * (m + h) < m - h
 
 
+def are_ellipses(parameters: FloatArray) -> BoolArray:
+    """Return `is_ellipse` of each of (..., 5) parameters, (...)."""
+    rows = parameters.reshape(-1, PARAMETERS)
+    return np.array([is_ellipse(row) for row in rows], dtype=bool).reshape(parameters.shape[:-1])
+
+
 def semi_minor(parameters: FloatArray) -> float:
     """Return the semi-minor axis b = m - h. Units: mm."""
     return float(parameters[2]) - abs(deviator_of(parameters))
@@ -180,7 +233,7 @@ def axes_of(parameters: FloatArray) -> tuple[float, float, complex]:
 
 
 def _complex(real: FloatArray, imaginary: FloatArray) -> ComplexArray:
-    numbers = np.empty(len(real), dtype=complex)
+    numbers = np.empty(real.shape, dtype=complex)
     numbers.real, numbers.imag = real, imaginary
     return numbers
 

@@ -1,31 +1,32 @@
-"""Least-squares problem of one arc, and its solution by the Levenberg-Marquardt method."""
+"""Least-squares problems of arcs, solved together by the Levenberg-Marquardt method."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
+from lsvision.ellipse.levenberg_marquardt import LevenbergMarquardt
+from lsvision.ellipse.outcomes import apply_to_successes
 from lsvision.ellipse.parameters import (
     PARAMETERS,
-    centre_of,
     orthogonal_residuals_and_normals,
     parameter_jacobian,
     radial_residuals_and_normals,
     semi_minor,
     semi_minor_gradient,
+    split_parameters,
 )
 from lsvision.ellipse.phi_prior import EXACT_STD, PhiPrior
-from lsvision.errors import FitFailed, TooFewPoints
+from lsvision.errors import FitFailed, LsvisionError, TooFewPoints
 from lsvision.geometry import FloatArray, Points
-from lsvision.geometry.noisy_points import as_complex
-from lsvision.statistics.compiled_routines import levenberg_marquardt
+from lsvision.geometry.arrays import TINY, padded_rows, stack_padded
+from lsvision.geometry.noisy_points import ComplexArray, as_complex
 
 MAX_EVALUATIONS = 100
 DEFAULT_TOLERANCE = 1e-10
-"""Relative decrease of chi^2 in a step, below which the iteration has converged. As the relative
-change of the parameters it is always this: a larger one would depend on the origin's distance."""
+"""Relative decrease of chi^2 in a step, below which the iteration has converged."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +52,16 @@ class RadiusPrior:
     def effective_std(self) -> float:
         """Standard deviation of the prior in the fit, never 0. Units: mm."""
         return max(self.std, EXACT_STD * self.radius)
+
+
+class Priors(NamedTuple):
+    """Priors on radius and tilt of a cylinder."""
+
+    radius: RadiusPrior | None
+    phi: PhiPrior | None
+
+
+NO_PRIORS = Priors(None, None)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -83,127 +94,222 @@ class EllipseProblem:
         tilt = 0 if self.known_phi is None else self.known_phi.residual_count
         return tilt + (self.known_radius is not None)
 
+    def prior_rows(self, parameters: FloatArray) -> FloatArray:
+        """Return the rows of the priors at parameters (5,).
+
+        Returns
+        -------
+        (j, 6) ndarray
+            Derivative of each residual by the parameters, negative, and the residual; over its
+            standard deviation.
+        """
+        rows = np.empty((self.prior_residual_count, PARAMETERS + 1))
+        if self.known_phi is not None:
+            tilt = rows[: self.known_phi.residual_count]
+            tilt[:, PARAMETERS], tilt[:, :PARAMETERS] = self.known_phi.residuals_and_jacobian(
+                parameters
+            )
+        if self.known_radius is not None:
+            known = self.known_radius
+            rows[-1, PARAMETERS] = semi_minor(parameters) - known.radius
+            rows[-1, :PARAMETERS] = semi_minor_gradient(parameters)
+            rows[-1] /= known.effective_std
+        rows[:, :PARAMETERS] *= -1
+        return rows
+
     def evaluate(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the residuals over their standard deviations, and their derivative.
 
         Returns
         -------
-        residuals : (n + k,) ndarray
-            The last k are those of the priors.
-        jacobian : (n + k, 5) ndarray
+        residuals : (n + j,) ndarray
+            The last j are those of the priors.
+        jacobian : (n + j, 5) ndarray
             Derivatives of the residuals. Units: 1/mm.
         """
-        compare = (
-            orthogonal_residuals_and_normals
-            if self.residual == "orthogonal"
-            else radial_residuals_and_normals
+        (rows,), _ = ProblemStack.of([self]).evaluate(parameters[None])
+        rows = np.concatenate([rows.T, self.prior_rows(parameters)])
+        return rows[:, PARAMETERS], -rows[:, :PARAMETERS]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ProblemStack:
+    """Problems of k arcs with up to n points each, whose residuals have one definition.
+
+    Parameters
+    ----------
+    problems : list of EllipseProblem
+        The problems.
+    z : (k, n) complex ndarray
+        Points x + iy; after the last point of an arc it is repeated. Units: mm.
+    inverse_stds : (k, 1, n) ndarray
+        1 / standard deviation of the residuals; 0 for repeated points. Units: 1/mm.
+    """
+
+    problems: list[EllipseProblem]
+    z: ComplexArray
+    inverse_stds: FloatArray
+
+    @classmethod
+    def of(cls, problems: list[EllipseProblem]) -> Self:
+        """Return the stack of one or more problems."""
+        z, stds = [as_complex(problem.points) for problem in problems], [p.stds for p in problems]
+        if len(problems) == 1:
+            return cls(problems, z[0][None], (1 / stds[0])[None, None])
+        indices, valid = padded_rows([len(each) for each in z])
+        return cls(
+            problems, stack_padded(z, indices), (valid / stack_padded(stds, indices))[:, None]
         )
-        signed, n, w = compare(self.points, parameters)
-        rows = parameter_jacobian(n, w)
-        if self.residual == "radial":
+
+    def part(self, which: list[int]) -> "ProblemStack":
+        """Return the stack of some of the problems."""
+        problems = [self.problems[i] for i in which]
+        return ProblemStack(problems, self.z[which], self.inverse_stds[which])
+
+    def evaluate(self, parameters: FloatArray) -> tuple[FloatArray, ComplexArray]:
+        """Return the rows of the residuals of the points at parameters (k, 5), and the normals.
+
+        Returns
+        -------
+        rows : (k, 6, n) ndarray
+            Derivatives of the residuals by the parameters, negative, and the residuals; over their
+            standard deviations.
+        normals : (k, n) complex ndarray
+            Outward unit normals of the ellipses.
+        """
+        radial = self.problems[0].residual == "radial"
+        compare = radial_residuals_and_normals if radial else orthogonal_residuals_and_normals
+        signed, normals, w = compare(self.z, parameters)
+        rows = np.empty((len(w), PARAMETERS + 1, w.shape[1]))
+        parameter_jacobian(normals, w, out=rows[:, :PARAMETERS])
+        if radial:
             # A shift of the centre also rotates the ray about the point: the residual lies along
             # the ray, while n is the derivative at its intersection with the ellipse.
-            ray = as_complex(self.points) - centre_of(parameters)
+            ray = self.z - split_parameters(parameters)[0]
             length = np.abs(ray)
-            turning = (ray - n * length) * (signed / length**2)
-            rows[0] += turning.real
-            rows[1] += turning.imag
-        rows /= -self.stds
-        residuals, jacobian = signed / self.stds, rows.T
-        if self.prior_residual_count == 0:
-            return residuals, jacobian
-        prior = self._prior(parameters)
-        return np.concatenate([residuals, prior[0]]), np.concatenate([jacobian, prior[1]])
+            turning = (ray - normals * length) * (signed / length**2)
+            rows[:, 0] += turning.real
+            rows[:, 1] += turning.imag
+            normals /= np.maximum(np.abs(normals), TINY)
+        rows[:, PARAMETERS] = signed
+        rows *= self.inverse_stds
+        return rows, normals
 
-    def _prior(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
-        residuals, jacobian = (
-            np.empty(self.prior_residual_count),
-            np.empty((self.prior_residual_count, PARAMETERS)),
-        )
-        if self.known_phi is not None:
-            tilt = slice(0, self.known_phi.residual_count)
-            residuals[tilt], jacobian[tilt] = self.known_phi.residuals_and_jacobian(parameters)
-        if self.known_radius is not None:
-            known = self.known_radius
-            residuals[-1] = (semi_minor(parameters) - known.radius) / known.effective_std
-            jacobian[-1] = semi_minor_gradient(parameters) / known.effective_std
-        return residuals, jacobian
+    def normal_equations(self, rows: FloatArray, parameters: FloatArray) -> FloatArray:
+        """Return the normal equations (k, 6, 6) of points and priors, see `LevenbergMarquardt`."""
+        equations: FloatArray = rows @ rows.swapaxes(1, 2)
+        for i, problem in enumerate(self.problems):
+            if problem.known_radius is not None or problem.known_phi is not None:
+                prior = problem.prior_rows(parameters[i])
+                equations[i] += prior.T @ prior
+        return equations
 
 
 class Solution(NamedTuple):
-    """Estimated parameters (k,), with residuals (n,) and Jacobian (n, k) at them.
+    """Estimated ellipse of one arc.
 
-    `converged` is false where the largest number of evaluations ended the iteration.
+    Parameters
+    ----------
+    parameters : (5,) ndarray
+        See `lsvision.ellipse.parameters`. Units: mm.
+    residuals : (n,) ndarray
+        Residuals of the points over their standard deviations.
+    normals : (n,) complex ndarray
+        Outward unit normals of the ellipse at the points.
+    information : (5, 5) ndarray
+        Information of points and priors about the parameters. Units: 1/mm^2.
+    converged : bool
+        False where the largest number of evaluations ended the iteration.
+    evaluations : int
+        Number of evaluations of the residuals.
     """
 
     parameters: FloatArray
     residuals: FloatArray
-    jacobian: FloatArray
+    normals: ComplexArray
+    information: FloatArray
     converged: bool
+    evaluations: int
 
 
 def minimise(
-    problem: EllipseProblem,
-    initial_guess: FloatArray,
+    problems: Sequence[EllipseProblem],
+    initial_guesses: FloatArray,
     max_evaluations: int = MAX_EVALUATIONS,
     tolerance: float = DEFAULT_TOLERANCE,
-) -> Solution:
-    """Fit the least-squares ellipse by Levenberg-Marquardt (MINPACK) with analytic Jacobian.
-
-    Raises
-    ------
-    FitFailed
-        If the parameters are not finite.
-    """
-    rows = len(problem.points) + problem.prior_residual_count
-    if rows < PARAMETERS:
-        raise TooFewPoints("an arc", rows, PARAMETERS, "scan slower or nearer")
-    solution = least_squares(problem.evaluate, initial_guess, max_evaluations, tolerance)
-    if not np.isfinite(solution.parameters).all():
-        raise FitFailed("the ellipse fit overflowed: the points do not lie on an ellipse")
-    return solution
-
-
-Evaluation = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-
-
-def least_squares(
-    evaluate: Evaluation,
-    initial_guess: FloatArray,
-    max_evaluations: int = MAX_EVALUATIONS,
-    tolerance: float = DEFAULT_TOLERANCE,
-) -> Solution:
-    """Solve a least-squares problem by Levenberg-Marquardt (MINPACK) with analytic Jacobian.
+) -> list[Solution | LsvisionError]:
+    """Fit the least-squares ellipses of k arcs by the Levenberg-Marquardt method.
 
     Parameters
     ----------
-    evaluate : callable
-        Function of the parameters (k,) that returns residuals (n,) and Jacobian (n, k).
-    initial_guess : (k,) ndarray
-        Initial parameters.
+    problems : sequence of EllipseProblem
+        The problems, whose residuals have one definition.
+    initial_guesses : (k, 5) ndarray
+        Initial parameters. Units: mm.
     max_evaluations : int
         Largest number of evaluations.
     tolerance : float
         Relative decrease of chi^2 in a step, below which the iteration has converged.
+
+    Returns
+    -------
+    list of Solution or LsvisionError
+        `TooFewPoints` for an arc with fewer residuals than parameters, `FitFailed` where numbers
+        overflow.
     """
-    cached = cache_last_evaluation(evaluate)
+    counts = [len(problem.points) + problem.prior_residual_count for problem in problems]
+    guesses = np.array(initial_guesses, dtype=float)
+    starts: list[tuple[EllipseProblem, FloatArray] | LsvisionError] = [
+        (problem, guess)
+        if count >= PARAMETERS
+        else TooFewPoints("an arc", count, PARAMETERS, "scan slower or nearer")
+        for problem, guess, count in zip(problems, guesses, counts, strict=True)
+    ]
+
+    def solve(some: list[tuple[EllipseProblem, FloatArray]]) -> list[Solution | LsvisionError]:
+        searches = [LevenbergMarquardt(guess, max_evaluations, tolerance) for _, guess in some]
+        return _solve(ProblemStack.of([problem for problem, _ in some]), searches)
+
+    return apply_to_successes(solve, starts)
+
+
+def _solve(
+    stack: ProblemStack, searches: list[LevenbergMarquardt]
+) -> list[Solution | LsvisionError]:
+    """Run the searches of a stack together; those that have finished are left out."""
+    nothing = np.empty((PARAMETERS + 1, 0)), np.empty(0, dtype=complex)
+    best, active, part = [nothing] * len(searches), list(range(len(searches))), stack
     with np.errstate(all="ignore"):
-        parameters, converged = levenberg_marquardt(
-            lambda x: cached(x)[0], lambda x: cached(x)[1], initial_guess,
-            xtol=DEFAULT_TOLERANCE, ftol=tolerance, max_evaluations=max_evaluations,
-        )  # fmt: skip
-        return Solution(parameters, *cached(parameters), converged=converged)
+        while active:
+            trials = np.array([searches[i].trial for i in active])
+            rows, normals = part.evaluate(trials)
+            equations = part.normal_equations(rows, trials)
+            running = []
+            for i, matrix, row, normal in zip(active, equations, rows, normals, strict=True):
+                search = searches[i]
+                if search.take(matrix):
+                    best[i] = row, normal
+                if not search.finished:
+                    running.append(i)
+            if 0 < len(running) < len(active):
+                part = stack.part(running)
+            active = running
+    return [_solution(*each) for each in zip(stack.problems, searches, best, strict=True)]
 
 
-def cache_last_evaluation(evaluate: Evaluation) -> Evaluation:
-    """Return a function that keeps its last result: MINPACK calls for both parts separately."""
-    last: dict[bytes, tuple[FloatArray, FloatArray]] = {}
-
-    def cached(parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
-        key = parameters.tobytes()
-        if key not in last:
-            last.clear()
-            last[key] = evaluate(parameters)
-        return last[key]
-
-    return cached
+def _solution(
+    problem: EllipseProblem, search: LevenbergMarquardt, best: tuple[FloatArray, ComplexArray]
+) -> Solution | LsvisionError:
+    """Return the result of a search, with the rows and normals at the best parameters."""
+    if not search.is_finite:
+        return FitFailed("the ellipse fit overflowed: the points do not lie on an ellipse")
+    rows, normals = best[0][:, : len(problem.points)], best[1][: len(problem.points)]
+    residuals = rows[PARAMETERS]
+    if search.last_step is None:
+        residuals = residuals.copy()
+    else:
+        residuals = residuals - search.last_step @ rows[:PARAMETERS]
+    information = search.equations[:PARAMETERS, :PARAMETERS]
+    return Solution(
+        search.parameters, residuals, normals, information, search.converged, search.evaluations
+    )

@@ -1,62 +1,70 @@
-"""Geometric refinement of one arc (paper section 2.3), with a correction of its noise model."""
+"""Geometric refinement of arcs (paper section 2.3), with a correction of their noise models."""
 
+from collections.abc import Collection, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 from lsvision.ellipse.arc_noise import errors_grow_with_incidence, smoothed_noise
-from lsvision.ellipse.fit import EllipseFit, FittingSettings, fit_noisy_points
-from lsvision.ellipse.phi_prior import PhiPrior
-from lsvision.ellipse.problem import RadiusPrior
+from lsvision.ellipse.fit import EllipseFit, Fits, FittingSettings, fit_noisy_points
+from lsvision.ellipse.outcomes import replace_some
+from lsvision.ellipse.problem import Priors
 from lsvision.geometry import Ellipse
 from lsvision.geometry.noisy_points import NoisyPoints
 
 
-class Priors(NamedTuple):
-    """Priors on radius and tilt of a cylinder."""
-
-    radius: RadiusPrior | None
-    phi: PhiPrior | None
-
-
-def refine_arc(
-    points: NoisyPoints,
-    initial_guess: Ellipse,
+def refine_arcs(
+    points: Sequence[NoisyPoints],
+    initial_guesses: Sequence[Ellipse],
     priors: Priors,
     settings: FittingSettings,
-    estimated_std: float | None,
-) -> EllipseFit:
-    """Fit an ellipse to the inliers of an arc, with the noise model corrected by its residuals.
+    estimated_stds: Sequence[float | None],
+) -> Fits:
+    """Fit ellipses to the inliers of k arcs, with the noise models corrected by the residuals.
 
     Parameters
     ----------
-    points : NoisyPoints
-        Inliers, in order along the line.
-    initial_guess : Ellipse
-        Ellipse of the homogenised arc. Units: mm, rad.
+    points : sequence of NoisyPoints
+        Inliers of each arc, in order along the line.
+    initial_guesses : sequence of Ellipse
+        Ellipses of the homogenised arcs. Units: mm, rad.
     priors : Priors
-        Priors on radius and phi.
+        Priors on radius and phi, the same for all arcs.
     settings : FittingSettings
         Settings of the fit.
-    estimated_std : float or None
+    estimated_stds : sequence of float or None
         Standard deviation of an estimated noise, None for a noise model. The variance of an
         estimated noise is free, and an arc whose errors are correlated or grow with incidence is
         refitted with the noise of a sensor that smooths along the line. Units: mm.
 
     Returns
     -------
-    EllipseFit
-
-    Raises
-    ------
-    LsvisionError
-        If no ellipse can be fitted; see `fit_ellipse`.
+    list of EllipseFit or LsvisionError
+        The error where no ellipse can be fitted; see `fit_ellipse`.
     """
-    if estimated_std is None:
-        return fit_noisy_points(points, initial_guess, priors.radius, priors.phi, settings)
+    arcs = dict(enumerate(zip(points, initial_guesses, estimated_stds, strict=True)))
+    given = {i: (arc, guess) for i, (arc, guess, std) in arcs.items() if std is None}
+    estimated = {i: (arc, guess, std) for i, (arc, guess, std) in arcs.items() if std is not None}
+    fits = dict(zip(given, fit_noisy_points(given.values(), priors, settings), strict=True))
     settings = replace(settings, variance="estimated")
-    fit = fit_noisy_points(points, initial_guess, priors.radius, priors.phi, settings)
-    independent = not fit.correlation.neighbours_correlated
-    if independent and not errors_grow_with_incidence(fit.normalised, fit.normals):
-        return fit
-    smoothed = smoothed_noise(points, fit.normals, estimated_std)
-    return fit_noisy_points(smoothed, fit.ellipse, priors.radius, priors.phi, settings)
+    fits |= zip(estimated, _refine_estimated(estimated.values(), priors, settings), strict=True)
+    return [fits[i] for i in arcs]
+
+
+def _refine_estimated(
+    arcs: Collection[tuple[NoisyPoints, Ellipse, float]], priors: Priors, settings: FittingSettings
+) -> Fits:
+    """Fit ellipses to arcs with estimated noise, some again with that of a sensor that smooths."""
+    fits = fit_noisy_points([(points, guess) for points, guess, _ in arcs], priors, settings)
+    smoothed = {
+        i: (smoothed_noise(points, fit.normals, std), fit.ellipse)
+        for i, (fit, (points, _, std)) in enumerate(zip(fits, arcs, strict=True))
+        if isinstance(fit, EllipseFit) and _is_of_smoothing_sensor(fit)
+    }
+    replace_some(fits, smoothed, lambda some: fit_noisy_points(some, priors, settings))
+    return fits
+
+
+def _is_of_smoothing_sensor(fit: EllipseFit) -> bool:
+    """Return whether the errors are correlated, or grow with incidence."""
+    return fit.correlation.neighbours_correlated or errors_grow_with_incidence(
+        fit.normalised, fit.normals
+    )

@@ -3,16 +3,25 @@
 An arc of 40 deg hardly determines the tilt of a free ellipse, whose fit may degenerate to a
 straight line. Here a weak prior (few pipes are tilted by more than 60 deg) limits the difference
 of the semi-axes; on a long arc it has no effect.
+
+The functions take one arc, or a stack of k arcs as arrays with a leading axis: parameters (5,) or
+(k, 5), points (n,) or (k, n).
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from lsvision.ellipse.parameters import PARAMETERS, is_ellipse, parameter_jacobian
-from lsvision.geometry import FloatArray, IntArray
-from lsvision.geometry.arrays import TINY
+from lsvision.ellipse.parameters import (
+    PARAMETERS,
+    is_ellipse,
+    parameter_jacobian,
+    split_parameters,
+)
+from lsvision.geometry import BoolArray, FloatArray, IntArray
+from lsvision.geometry.arrays import TINY, as_column
 from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints
 from lsvision.statistics.compiled_routines import dposv
 from lsvision.statistics.robust import MAD_TO_STD, SIGNIFICANT_SIGMAS, upper_median
@@ -20,8 +29,12 @@ from lsvision.statistics.robust import MAD_TO_STD, SIGNIFICANT_SIGMAS, upper_med
 FLATTENING_PRIOR_STD = 0.3
 """Prior standard deviation of (a - b) / (a + b): a tilt of 57 deg."""
 IDENTITY = np.eye(PARAMETERS)
+_DEVIATOR_DIAGONAL, _DEVIATOR_GRADIENT = slice(21, None, 7), slice(23, None, 6)
+"""Elements (p, p) and (q, q) of normal equations (5, 6) in one row, and their last column."""
 MAX_RELATIVE_STEP = 0.1
 """Damping: a step of this fraction of m costs as much as a residual of one sigma."""
+DAMPING = IDENTITY / MAX_RELATIVE_STEP**2
+"""Information that damps a step, for m = 1 mm. Units: 1/mm^2."""
 VARIANCE_FLOOR_FRACTION = 0.05
 """Fraction of the total variance added along any normal: as for a normal that is 13 deg wrong."""
 
@@ -31,15 +44,15 @@ class EllipseResiduals(NamedTuple):
 
     Parameters
     ----------
-    residuals : (n,) ndarray
+    residuals : (..., n) ndarray
         Orthogonal distance, positive outside; its error is of second order near the ellipse.
         Units: mm.
-    normals, w : (n,) complex ndarray
+    normals, w : (..., n) complex ndarray
         Outward unit normal, and unit vector of c + E w, where the ray from the centre meets the
         ellipse.
-    variances : (n,) ndarray
+    variances : (..., n) ndarray
         Variance of the points' errors along these normals, n' Sigma n. Units: mm^2.
-    inflated_variances : (n,) ndarray
+    inflated_variances : (..., n) ndarray
         These variances plus `VARIANCE_FLOOR_FRACTION` of the total variance: on a steep flank
         n' Sigma n almost vanishes, and with a normal a few degrees wrong a single point would
         dominate the fit. Units: mm^2.
@@ -51,8 +64,13 @@ class EllipseResiduals(NamedTuple):
     variances: FloatArray
     inflated_variances: FloatArray
 
-    def rows(self, which: IntArray | slice) -> "EllipseResiduals":
-        """Return the residuals of some points."""
+    @property
+    def normalised_squares(self) -> FloatArray:
+        """Squared residuals over the inflated variances."""
+        return self.residuals * self.residuals / self.inflated_variances
+
+    def rows(self, which: IntArray | BoolArray | list[int] | slice) -> "EllipseResiduals":
+        """Return the residuals of some points, or of some arcs of a stack."""
         residuals, normals, w, variances, inflated = self
         return EllipseResiduals(
             residuals[which], normals[which], w[which], variances[which], inflated[which]
@@ -65,19 +83,35 @@ def ellipse_residuals(points: NoisyPoints, parameters: FloatArray) -> EllipseRes
     The symmetric matrix E / m acts on w as w + d conj(w), with d = (p + iq) / m, and its adjugate,
     from which the inverse and the normals follow, as w - d conj(w).
     """
-    x, y, m, p, q = parameters.tolist()
-    d, offset = complex(p, q) / m, points.z - complex(x, y)
+    centre, m, d = split_parameters(parameters)
+    d = d / m
+    offset = points.z - centre
     w = offset - d * offset.conj()
     size = np.maximum(np.abs(w), TINY)
-    w /= size
+    w *= 1 / size
     n = w - d * w.conj()
     steepness = np.maximum(np.abs(n), TINY)
-    n /= steepness
+    n *= 1 / steepness
     # Along the ray the ellipse is at m det / size; times the ray's cosine with n.
-    signed = (size - m * (1 - abs(d) ** 2)) / steepness
+    signed = (size - (m - m * (d * d.conjugate()).real)) / steepness
     variances = points.normal_variances(n)
     inflated = variances + (2 * VARIANCE_FLOOR_FRACTION) * points.mean_variance
     return EllipseResiduals(signed, n, w, variances, inflated)
+
+
+def ray_normal_variances(points: NoisyPoints, parameters: FloatArray) -> FloatArray:
+    """Return `EllipseResiduals.variances` (..., n) of points alone. Units: mm^2."""
+    centre, m, d = split_parameters(parameters)
+    offset = points.z - centre
+    # (w - d conj(w)) / m with w = offset - d conj(offset) / m, times m^2.
+    n = (m * m + (d * d.conjugate()).real) * offset
+    n -= (2 * m * d) * offset.conj()
+    n *= n
+    size = np.maximum(np.abs(n), TINY)
+    n *= points.deviator
+    variances: FloatArray = n.real / size
+    variances += points.mean_variance
+    return variances
 
 
 class WeightedSystem(NamedTuple):
@@ -85,9 +119,9 @@ class WeightedSystem(NamedTuple):
 
     Parameters
     ----------
-    rows : (6, n) ndarray
-        Jacobian (5, n), then the residuals.
-    weights : (n,) ndarray
+    rows : (..., 6, n) ndarray
+        Jacobian (..., 5, n), then the residuals.
+    weights : (..., n) ndarray
         Inverse variances. Units: 1/mm^2.
     """
 
@@ -95,45 +129,54 @@ class WeightedSystem(NamedTuple):
     weights: FloatArray
 
     @classmethod
-    def of(cls, compared: EllipseResiduals, variance_factor: float) -> "WeightedSystem":
+    def of(
+        cls, compared: EllipseResiduals, variance_factor: float | FloatArray
+    ) -> "WeightedSystem":
         """Return the system with Cauchy's weights: a residual of 3 sigma halves a point's.
 
         Otherwise the foot of a weld bead on a flank, where n' Sigma n is small, would dominate the
-        fit, and the next step would diverge.
+        fit, and the next step would diverge. `variance_factor` is a number, or (k, 1).
         """
-        rows = np.empty((PARAMETERS + 1, len(compared.residuals)))
-        parameter_jacobian(compared.normals, compared.w, out=rows[:PARAMETERS])
-        rows[PARAMETERS] = compared.residuals
+        *stack, count = compared.residuals.shape
+        rows = np.empty((*stack, PARAMETERS + 1, count))
+        parameter_jacobian(compared.normals, compared.w, out=rows[..., :PARAMETERS, :])
+        rows[..., PARAMETERS, :] = compared.residuals
         variances = compared.residuals * compared.residuals
         variances *= 1 / SIGNIFICANT_SIGMAS**2
         variances += variance_factor * compared.inflated_variances
         return cls(rows, 1 / variances)
 
-    def normal_equations(self, which: slice | IntArray = slice(None)) -> FloatArray:
-        """Return the normal equations of some points, (5, 6): information, then gradient."""
-        rows = self.rows[:, which]
-        equations: FloatArray = (rows[:PARAMETERS] * self.weights[which]) @ rows.T
+    def normal_equations(self, members: BoolArray | None = None) -> FloatArray:
+        """Return the normal equations of all or some points, (..., 5, 6): information, gradient."""
+        weights = self.weights if members is None else self.weights * members
+        weighted = self.rows[..., :PARAMETERS, :] * weights[..., None, :]
+        equations: FloatArray = weighted @ self.rows.swapaxes(-1, -2)
         return equations
 
 
 def add_flattening_prior(equations: FloatArray, parameters: FloatArray) -> None:
     """Add the weak prior that few pipes are tilted by more than 60 deg, in place."""
-    weight = 1 / (FLATTENING_PRIOR_STD * float(parameters[2])) ** 2
-    for i in range(PARAMETERS)[-2:]:
-        equations[i, i] += weight
-        equations[i, PARAMETERS] -= weight * float(parameters[i])
+    m = parameters[..., 2:3]
+    weight = FLATTENING_PRIOR_STD**-2 / (m * m)
+    matrices = equations.reshape(-1, PARAMETERS * (PARAMETERS + 1))  # a view
+    matrices[:, _DEVIATOR_DIAGONAL] += weight
+    matrices[:, _DEVIATOR_GRADIENT] -= weight * parameters[..., 3:]
 
 
 def damped_step(equations: FloatArray, parameters: FloatArray) -> FloatArray:
-    """Return the step (5,) to the minimum, damped in units of the ellipse's m; NaN if singular."""
-    damping = 1 / (MAX_RELATIVE_STEP * float(parameters[2])) ** 2
-    damped = equations[:, :PARAMETERS] + damping * IDENTITY
-    return solve_positive_definite(damped, equations[:, PARAMETERS])
+    """Return the step (..., 5) to the minimum, damped in units of m; NaN if singular."""
+    one = parameters.size == PARAMETERS
+    m = float(parameters[..., 2].item()) if one else parameters[..., 2:3, None]
+    damped = equations[..., :PARAMETERS] + DAMPING / (m * m)
+    return solve_positive_definite(damped, equations[..., PARAMETERS])
 
 
 def inverse_information(equations: FloatArray) -> FloatArray:
-    """Return the covariance (5, 5) of the parameters; NaN if singular. Units: mm^2."""
-    return solve_positive_definite(equations[:, :PARAMETERS], IDENTITY)
+    """Return the covariance (..., 5, 5) of the parameters; NaN if singular. Units: mm^2."""
+    information = equations[..., :PARAMETERS]
+    matrices = information.reshape(-1, PARAMETERS, PARAMETERS)
+    inverses = np.array([_solve(matrix, IDENTITY) for matrix in matrices])
+    return inverses.reshape(information.shape)
 
 
 def refine_ellipse(points: NoisyPoints, parameters: FloatArray, steps: int) -> FloatArray:
@@ -160,17 +203,60 @@ def refine_ellipse(points: NoisyPoints, parameters: FloatArray, steps: int) -> F
     return parameters
 
 
-def gauss_newton_step(compared: EllipseResiduals, parameters: FloatArray) -> FloatArray:
-    """Return the parameters after one step of `refine_ellipse`; NaN if they are not an ellipse."""
-    squares = compared.residuals * compared.residuals / compared.inflated_variances
-    factor = max(upper_median(squares) * MAD_TO_STD**2, 1.0)
-    equations = WeightedSystem.of(compared, factor).normal_equations()
+def gauss_newton_step(
+    compared: EllipseResiduals, parameters: FloatArray, members: BoolArray | None = None
+) -> FloatArray:
+    """Return the parameters after one step of `refine_ellipse`; NaN if they are not an ellipse.
+
+    `members` is the mask (..., n) of the points that are used, all of them by default; at least one
+    of each arc.
+    """
+    medians = row_medians(compared.normalised_squares, members)
+    factor = as_column([max(median * MAD_TO_STD**2, 1.0) for median in medians])
+    equations = WeightedSystem.of(compared, factor).normal_equations(members)
     add_flattening_prior(equations, parameters)
     refined = parameters + damped_step(equations, parameters)
-    return refined if is_ellipse(refined) else np.full(PARAMETERS, np.nan)
+    for row in refined.reshape(-1, PARAMETERS):
+        if not is_ellipse(row):
+            row.fill(np.nan)
+    return refined
+
+
+def row_medians(
+    values: FloatArray, members: BoolArray | Sequence[IntArray] | None = None
+) -> list[float]:
+    """Return the upper median of some values of each row of (k, n) values, or of one row (n,).
+
+    `members` is a mask (k, n), or the positions in each row; by default all.
+    """
+    rows = values.reshape(-1, values.shape[-1])
+    if members is None:
+        return [upper_median(row) for row in rows]
+    return [upper_median(row[own]) for row, own in zip(rows, members, strict=True)]
 
 
 def solve_positive_definite(matrix: FloatArray, rhs: FloatArray) -> FloatArray:
-    """Solve a symmetric positive definite system; NaN if the matrix is not positive definite."""
+    """Solve symmetric positive definite systems; NaN where a matrix is not positive definite.
+
+    `matrix` is (k, k) or (n, k, k), `rhs` (k,), (k, j), or a stack of these.
+    """
+    if matrix.ndim == 2:
+        return _solve(matrix, rhs)
+    return np.array([_solve(*pair) for pair in zip(matrix, rhs, strict=True)])
+
+
+def _solve(matrix: FloatArray, rhs: FloatArray) -> FloatArray:
     _, solution, failed = dposv(matrix, rhs)
     return np.full_like(solution, np.nan) if failed else solution
+
+
+def inverse_or_huge(information: FloatArray) -> FloatArray:
+    """Return the inverse of an information (5, 5); huge variances where it is singular."""
+    inverse = solve_positive_definite(information, IDENTITY)
+    if math.isnan(inverse[0, 0]):
+        scale = 1 / np.sqrt(np.maximum(information.diagonal(), TINY))
+        scales = scale[:, None] * scale
+        values, vectors = np.linalg.eigh(information * scales)
+        with np.errstate(over="ignore"):  # all points at one position: infinite variances
+            inverse = (vectors / np.maximum(values, np.finfo(float).eps)) @ vectors.T * scales
+    return inverse

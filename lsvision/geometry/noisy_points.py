@@ -2,18 +2,20 @@
 
 A point is ``z = x + iy``. A covariance is represented by the mean of its two principal variances
 and a complex number, the deviator, for their difference and direction. A quadratic form n' Sigma n
-is then one complex multiplication of whole arrays.
+is then one complex multiplication of whole arrays. Arrays may have leading axes: those of one arc
+are (n,), those of a stack of k arcs (k, n).
 """
 
 import cmath
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.geometry.arrays import TINY, FloatArray, Points
+from lsvision.geometry.arrays import TINY, BoolArray, FloatArray, Points, padded_rows, stack_padded
 
 ComplexArray = npt.NDArray[np.complex128]
 FAN_EDGE_DIRECTION = cmath.rect(1.0, math.radians(60))
@@ -29,11 +31,11 @@ class NoisyPoints:
 
     Parameters
     ----------
-    z : (n,) complex ndarray
+    z : (..., n) complex ndarray
         Points x + iy. Units: mm.
-    mean_variance : (n,) ndarray
+    mean_variance : (..., n) ndarray
         Half the trace of the covariance. Units: mm^2.
-    deviator : (n,) complex ndarray
+    deviator : (..., n) complex ndarray
         Deviators (Sigma_xx - Sigma_yy) / 2 - i Sigma_xy. Units: mm^2.
     """
 
@@ -57,6 +59,21 @@ class NoisyPoints:
         deviator.fill((x_std**2 - y_std**2) / 2)
         return cls(z, mean, deviator)
 
+    @classmethod
+    def stack(cls, arcs: Sequence[Self]) -> tuple[Self, BoolArray]:
+        """Return the points of k arcs, (k, n), and the mask of valid ones.
+
+        Each arc has n points or fewer, at least one; its last point is repeated.
+        """
+        if len(arcs) == 1:
+            (arc,) = arcs
+            valid = np.ones((1, len(arc)), dtype=bool)
+            return cls(arc.z[None], arc.mean_variance[None], arc.deviator[None]), valid
+        indices, valid = padded_rows([len(arc) for arc in arcs])
+        z = stack_padded([arc.z for arc in arcs], indices)
+        mean = stack_padded([arc.mean_variance for arc in arcs], indices)
+        return cls(z, mean, stack_padded([arc.deviator for arc in arcs], indices)), valid
+
     @property
     def covariances(self) -> FloatArray:
         """(n, 2, 2) covariances of x and y. Units: mm^2."""
@@ -69,18 +86,18 @@ class NoisyPoints:
     def __len__(self) -> int:
         return len(self.z)
 
-    def __getitem__(self, indices: npt.NDArray[np.generic] | slice) -> Self:
-        """Return the points of a slice, an index array or a mask."""
-        return type(self)(self.z[indices], self.mean_variance[indices], self.deviator[indices])
+    def __getitem__(self, which: npt.NDArray[np.generic] | int | slice | tuple[Any, ...]) -> Self:
+        """Return the points of an index, a slice, an index array, a mask, or a tuple of these."""
+        return type(self)(self.z[which], self.mean_variance[which], self.deviator[which])
 
     def normal_variances(self, normals: ComplexArray) -> FloatArray:
-        """Return n' Sigma n of each point, for unit normals (n,). Units: mm^2."""
+        """Return n' Sigma n of each point, for unit normals (..., n). Units: mm^2."""
         variances: FloatArray = (self.deviator * (normals * normals)).real
         variances += self.mean_variance
         return variances
 
     def incidence_cosines(self, normals: ComplexArray) -> FloatArray:
-        """Return the cosine between unit normals (n,) and the direction to the sensor.
+        """Return the cosine between unit normals (..., n) and the direction to the sensor.
 
         A point with a negative cosine is not visible. The ray is assumed to have the direction of
         the point's largest error; if that is not clearly along Y, the largest cosine over a fan
@@ -96,8 +113,8 @@ class NoisyPoints:
 
 
 def as_complex(vectors: FloatArray) -> ComplexArray:
-    """Return vectors (n, 2) as complex numbers x + iy (n,)."""
-    numbers: ComplexArray = np.ascontiguousarray(vectors, dtype=float).view(complex)[:, 0]
+    """Return vectors (..., 2) as complex numbers x + iy (...)."""
+    numbers: ComplexArray = np.ascontiguousarray(vectors, dtype=float).view(complex)[..., 0]
     return numbers
 
 

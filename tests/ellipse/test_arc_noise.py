@@ -9,7 +9,6 @@ from lsvision.ellipse.arc_noise import (
     estimate_arc_noise,
     smoothed_noise,
 )
-from lsvision.ellipse.robust_gauss_newton import EllipseResiduals
 from lsvision.geometry.noisy_points import NoisyPoints
 from tests.tolerances import FIVE_SIGMA, ROUNDING, spread_of_share
 
@@ -20,12 +19,6 @@ def fan(count, degrees=140.0):
     """Normals of an arc towards the sensor, evenly from one flank to the other."""
     half = math.radians(degrees) / 2
     return 1j * np.exp(1j * np.linspace(half, -half, count))
-
-
-def compared(normalised, std=0.05):
-    count = len(normalised)
-    variances = np.full(count, std**2)
-    return EllipseResiduals(std * normalised, fan(count), fan(count), variances, variances)
 
 
 def smoothed_along(count, width, rng):
@@ -42,7 +35,7 @@ def std_factors(incidence_deg):
 
 @pytest.mark.parametrize("std_ratio", [0.3, 1.0, 3.0])
 def test_the_variance_factor_is_that_of_the_residuals(std_ratio, rng):
-    noise = estimate_arc_noise(compared(std_ratio * rng.normal(size=4000)), ESTIMATED)
+    noise = estimate_arc_noise(std_ratio * rng.normal(size=4000), ESTIMATED)
     # A median of moduli has a standard error of 1.17 / sqrt(n); a variance twice that.
     slack = FIVE_SIGMA * 2 * 1.17 / math.sqrt(4000)
     assert noise.variance_factor == pytest.approx(std_ratio**2, rel=slack)
@@ -50,18 +43,18 @@ def test_the_variance_factor_is_that_of_the_residuals(std_ratio, rng):
 
 def test_a_given_noise_model_is_not_improved_upon(rng):
     quiet = 0.2 * smoothed_along(200, 9, rng)
-    noise = estimate_arc_noise(compared(quiet), 1.0)
+    noise = estimate_arc_noise(quiet, 1.0)
     assert (noise.variance_factor, noise.autocorrelation_time) == (1.0, 1.0)
     assert (noise.low_frequency_time, noise.smoothed) == (1.0, False)
 
 
 def test_a_given_noise_model_may_be_too_small(rng):
-    noise = estimate_arc_noise(compared(5 * rng.normal(size=4000)), 1.0)
+    noise = estimate_arc_noise(5 * rng.normal(size=4000), 1.0)
     assert noise.variance_factor == pytest.approx(25, rel=0.2)
 
 
 def test_an_average_over_five_columns_is_reported(rng):
-    noise = estimate_arc_noise(compared(smoothed_along(2000, 5, rng)), ESTIMATED)
+    noise = estimate_arc_noise(smoothed_along(2000, 5, rng), ESTIMATED)
     assert noise.smoothed
     assert noise.autocorrelation_time == pytest.approx(5, rel=0.15)
     assert noise.low_frequency_time >= noise.autocorrelation_time
@@ -70,9 +63,7 @@ def test_an_average_over_five_columns_is_reported(rng):
 def test_low_waves_alone_say_nothing_of_neighbours():
     """A form error of two waves under white noise: the middle part's ellipse knows less."""
     white = np.random.default_rng(5).normal(size=200)
-    noise = estimate_arc_noise(
-        compared(white + 0.5 * np.cos(np.linspace(0, 5 * np.pi, 200))), ESTIMATED
-    )
+    noise = estimate_arc_noise(white + 0.5 * np.cos(np.linspace(0, 5 * np.pi, 200)), ESTIMATED)
     assert not noise.smoothed
     assert noise.low_frequency_time == noise.autocorrelation_time
 
@@ -83,7 +74,7 @@ def test_outliers_count_as_three_sigma_in_the_correlation(rng):
     far[outliers] = 60.0
     near = far.copy()
     near[outliers] = 3.0 * 1.4826 * np.median(np.abs(far))
-    found, wanted = (estimate_arc_noise(compared(values), ESTIMATED) for values in (far, near))
+    found, wanted = (estimate_arc_noise(values, ESTIMATED) for values in (far, near))
     assert wanted.autocorrelation_time > 2
     assert found.autocorrelation_time == pytest.approx(wanted.autocorrelation_time, rel=ROUNDING)
 

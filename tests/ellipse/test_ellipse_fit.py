@@ -7,9 +7,11 @@ from hypothesis import given
 from scipy.optimize import approx_fprime, least_squares
 from scipy.stats import chi2
 
-from lsvision.ellipse.fit import FittingSettings, fit_ellipse, fit_noisy_points
+from lsvision.ellipse.fit import FittingSettings, fit_ellipse
+from lsvision.ellipse.fit import fit_noisy_points as fit_several
+from lsvision.ellipse.outcomes import result_of
 from lsvision.ellipse.phi_prior import PhiPrior
-from lsvision.ellipse.problem import RadiusPrior
+from lsvision.ellipse.problem import Priors, RadiusPrior
 from lsvision.ellipse.section import CylinderSection
 from lsvision.errors import FitFailed, TooFewPoints
 from lsvision.geometry import Ellipse, orthogonal_residuals
@@ -140,6 +142,12 @@ ESTIMATED = FittingSettings(variance="estimated", reweightings=0)
 
 def noisy(points, variance_ratio=1.0):
     return NoisyPoints.of(points, variance_ratio * SENSOR.covariances(points))
+
+
+def fit_noisy_points(points, start, known_radius=None, known_phi=None, settings=FittingSettings()):
+    """Fit of one arc with the covariances of its points."""
+    (outcome,) = fit_several([(points, start)], Priors(known_radius, known_phi), settings)
+    return result_of(outcome)
 
 
 def ellipse_of(values):

@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 from lsvision import Ellipse
-from lsvision.ellipse.homogenising import homogenise_arc
-from lsvision.ellipse.smoothing import smooth_arc
+from lsvision.ellipse.homogenising import homogenise_arcs
+from lsvision.ellipse.smoothing import smooth_arcs
 from lsvision.geometry import orthogonal_residuals
 from lsvision.geometry.noisy_points import NoisyPoints
 from tests.alike import assert_same_ellipse
 from tests.ellipse.arcs import SENSOR, measured, pipe, upper_arc
+from tests.tolerances import ROUNDING
 
 TRUTH = pipe(25.0)
 SLIGHTLY_OFF = Ellipse((5.2, -400.1), TRUTH.semi_major + 0.2, TRUTH.semi_minor + 0.1, 0.55)
@@ -17,7 +18,8 @@ SLIGHTLY_OFF = Ellipse((5.2, -400.1), TRUTH.semi_major + 0.2, TRUTH.semi_minor +
 
 def homogenised(points, screened):
     noisy = NoisyPoints.of(points, SENSOR.covariances(points))
-    return homogenise_arc(smooth_arc(noisy, screened))
+    (found,) = homogenise_arcs(smooth_arcs([noisy], [screened]))
+    return found
 
 
 def steps_between(points):
@@ -101,3 +103,19 @@ def test_duplicate_points_are_homogenised_too():
     even = homogenised(np.repeat(upper_arc(TRUTH, count=20), 3, axis=0), SLIGHTLY_OFF)
     assert np.isfinite(even.points).all()
     assert_same_ellipse(even.ellipse, TRUTH, atol=0.1)
+
+
+def test_arcs_in_a_stack_are_homogenised_as_alone(rng):
+    ellipses = [pipe(10.0 * i, radius=10.0 + 4 * i, theta=0.4 * i) for i in range(6)]
+    points = [measured(upper_arc(each, 100.0, 40 + 20 * i), rng) for i, each in enumerate(ellipses)]
+    smoothed = smooth_arcs(
+        [NoisyPoints.of(each, SENSOR.covariances(each)) for each in points], ellipses
+    )
+    for together, arc in zip(homogenise_arcs(smoothed), smoothed, strict=True):
+        (alone,) = homogenise_arcs([arc])
+        np.testing.assert_allclose(together.points, alone.points, rtol=ROUNDING)
+        assert_same_ellipse(together.ellipse, alone.ellipse, atol=ROUNDING)
+
+
+def test_no_arcs_are_homogenised_to_none():
+    assert homogenise_arcs([]) == []

@@ -10,6 +10,7 @@ from scipy.optimize import approx_fprime, brentq, least_squares
 from lsvision import Ellipse
 from lsvision.ellipse import parameters as module
 from lsvision.ellipse.fit import FittingSettings, fit_ellipse
+from lsvision.ellipse.outcomes import result_of
 from lsvision.ellipse.parameters import (
     ellipse_from_parameters,
     orthogonal_residuals_and_normals,
@@ -19,10 +20,11 @@ from lsvision.ellipse.parameters import (
     semi_minor,
     semi_minor_gradient,
 )
-from lsvision.ellipse.problem import EllipseProblem, RadiusPrior, minimise
-from lsvision.ellipse.problem import least_squares as levenberg_marquardt
+from lsvision.ellipse.phi_prior import PhiPrior
+from lsvision.ellipse.problem import EllipseProblem, RadiusPrior, Solution, minimise
 from lsvision.errors import FitFailed, TooFewPoints
 from lsvision.geometry import orthogonal_residuals, radial_residuals
+from lsvision.geometry.noisy_points import as_complex
 from tests.alike import assert_same_ellipse
 from tests.ellipse.arcs import about, measured, pipe, upper_arc
 from tests.strategies import PROPERTY, ellipses
@@ -30,6 +32,12 @@ from tests.tolerances import BRUTE_FORCE, DIFFERENCES, MACHINE, PUBLISHED
 
 GANDER = Path(__file__).parents[2] / "../shared/real/gander1994/gander1994.json"
 PRIOR = RadiusPrior(19.0, 0.1)
+
+
+def solved(problem, start, **options):
+    """Solution of a problem alone."""
+    (outcome,) = minimise([problem], parameters_from_ellipse(start)[None], **options)
+    return result_of(outcome)
 
 
 def problem_of(points, residual="orthogonal", prior=None):
@@ -66,7 +74,7 @@ def test_an_exact_radius_counts_as_a_prior_of_a_millionth():
 )
 def test_the_comparison_gives_the_residuals_of_shapes(compare, residuals, rng):
     points = upper_arc(pipe(40.0)) + rng.normal(size=(70, 2))
-    signed, _, w = compare(points, parameters_from_ellipse(pipe(40.0)))
+    (signed,), _, w = compare(as_complex(points)[None], parameters_from_ellipse(pipe(40.0))[None])
     np.testing.assert_allclose(signed, residuals(points, pipe(40.0)), atol=MACHINE)
     np.testing.assert_allclose(np.abs(w), 1, atol=MACHINE)
 
@@ -77,7 +85,8 @@ def test_the_comparison_finds_nearest_points_wherever_the_points_are(ellipse):
     rng = np.random.default_rng(0)
     points = ellipse.points_at(rng.uniform(0, 2 * math.pi, 40))
     points = ellipse.centre + rng.uniform(0.05, 3.0, (40, 1)) * (points - ellipse.centre)
-    signed, normals, w = orthogonal_residuals_and_normals(points, parameters_from_ellipse(ellipse))
+    at = as_complex(points)[None], parameters_from_ellipse(ellipse)[None]
+    (signed,), normals, w = orthogonal_residuals_and_normals(*at)
     around = ellipse.points_at(np.linspace(0, 2 * math.pi, 20_000))
     brute = [np.hypot(*(around - point).T).min() for point in points]
     np.testing.assert_allclose(np.abs(signed), brute, atol=1e-4 * ellipse.semi_major)
@@ -165,10 +174,14 @@ def test_a_prior_pulls_the_radius_by_its_weight(rng):
     truth = pipe(25.0)
     points = measured(upper_arc(truth), rng)
     problem = problem_of(points, prior=RadiusPrior(truth.radius + 0.5, 0.05))
-    _, residuals, jacobian, _ = minimise(problem, parameters_from_ellipse(truth))
+    found = solved(problem, truth)
+    residuals, jacobian = problem.evaluate(found.parameters)
     cancel = jacobian.T @ residuals / np.linalg.norm(jacobian, axis=0)
     np.testing.assert_allclose(cancel, 0, atol=1e3 * DIFFERENCES)
     assert residuals[-1] < 0
+    information = jacobian.T @ jacobian
+    scale = np.abs(information).max()
+    np.testing.assert_allclose(found.information, information, atol=1e-6 * scale)
 
 
 @pytest.mark.parametrize("residual", ["orthogonal", "radial"])
@@ -180,17 +193,110 @@ def test_residuals_and_jacobian_have_a_row_more_with_a_prior(residual):
     assert [part.shape for part in with_prior] == [(10,), (10, 5)]
 
 
-def test_least_squares_solves_a_problem_of_any_size():
-    wanted = np.array([3.0, -2.0])
-    found = levenberg_marquardt(lambda x: (x - wanted, np.eye(2)), np.zeros(2)).parameters
-    np.testing.assert_allclose(found, wanted, atol=MACHINE)
+def mixed_problems(rng):
+    """Problems of many sizes and priors, one with a far outlier, one too small; their guesses."""
+    priors = [
+        (None, None), (RadiusPrior(12.0), None), (None, PhiPrior(0.0)),
+        (RadiusPrior(14.0, 0.1), PhiPrior(0.5, 0.02)), (None, PhiPrior(0.6)),
+    ]  # fmt: skip
+    problems, guesses = [], []
+    for i, (radius, phi) in enumerate(2 * priors):
+        truth = pipe(3.0 + 5 * i, radius=10.0 + 2 * i, theta=0.3 * i)
+        points = measured(upper_arc(truth, 80.0 + 12 * i, 20 + 17 * i), rng)
+        stds = np.full(len(points), 0.05)
+        problems.append(EllipseProblem(points, stds, radius, "orthogonal", phi))
+        guesses.append(about(truth))
+    problems[3].points[5] += (4.0, 30.0)
+    problems.append(problem_of(upper_arc(pipe(20.0))[:3]))
+    guesses.append(pipe(20.0))
+    return problems, np.array([parameters_from_ellipse(guess) for guess in guesses])
+
+
+@pytest.mark.parametrize("order", ["as they are", "reverse"])
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-10])
+def test_problems_in_a_stack_have_the_solutions_of_each_alone(order, tolerance, rng):
+    problems, guesses = mixed_problems(rng)
+    if order == "reverse":
+        problems, guesses = problems[::-1], guesses[::-1]
+    options = {"max_evaluations": 20, "tolerance": tolerance}
+    found = minimise(problems, guesses, **options)
+    for together, problem, guess in zip(found, problems, guesses, strict=True):
+        (alone,) = minimise([problem], guess[None], **options)
+        if not isinstance(alone, Solution):
+            assert isinstance(together, TooFewPoints)
+            continue
+        assert together.converged == alone.converged
+        if alone.converged:
+            for name in ("parameters", "residuals", "information"):
+                wanted = getattr(alone, name)
+                scale = np.abs(wanted).max()
+                np.testing.assert_allclose(
+                    getattr(together, name), wanted, rtol=1e-9, atol=1e-9 * scale
+                )
+
+
+@pytest.mark.parametrize("residual", ["orthogonal", "radial"])
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-10])
+def test_the_iteration_ends_near_the_minimum_of_minpack(residual, tolerance, rng):
+    truth = pipe(30.0)
+    points = measured(upper_arc(truth), rng)
+    problem = EllipseProblem(points, np.full(len(points), 0.05), PRIOR, residual)
+    start = parameters_from_ellipse(about(truth))
+    best = least_squares(
+        lambda at: problem.evaluate(at)[0], start, method="lm", xtol=1e-14, ftol=1e-14
+    )
+    found = solved(problem, about(truth), tolerance=tolerance)
+    assert found.converged
+    stds = np.sqrt(np.diag(np.linalg.inv(found.information)))
+    np.testing.assert_array_less(np.abs(found.parameters - best.x) / stds, 10 * tolerance**0.5)
+
+
+def test_residuals_after_the_last_step_are_those_at_the_solution(rng):
+    """The last step is taken without an evaluation, to first order."""
+    truth = pipe(30.0)
+    points = measured(upper_arc(truth), rng)
+    problem = EllipseProblem(points, np.full(len(points), 0.05), None, "orthogonal")
+    found = solved(problem, truth, tolerance=1e-3)
+    wanted, _ = problem.evaluate(found.parameters)
+    np.testing.assert_allclose(found.residuals, wanted, atol=1e-3)
+
+
+@pytest.mark.parametrize("points_std", [1e-6, 0.05, 10.0])
+@pytest.mark.parametrize("phi", [None, PhiPrior(math.radians(30.0))], ids=["", "and phi"])
+def test_an_exactly_known_radius_is_kept_whatever_the_weight_of_the_points(points_std, phi, rng):
+    truth = pipe(30.0)
+    points = measured(upper_arc(truth), rng)
+    known = RadiusPrior(19.2)
+    problem = EllipseProblem(points, np.full(len(points), points_std), known, "orthogonal", phi)
+    found = solved(problem, about(truth), tolerance=1e-3)
+    assert found.converged
+    radius = ellipse_from_parameters(found.parameters).radius
+    if points_std > 1e-3:
+        assert radius == pytest.approx(19.2, abs=5 * known.effective_std)
+        if phi is not None:
+            assert ellipse_from_parameters(found.parameters).phi == pytest.approx(phi.phi, abs=1e-5)
+
+
+def test_too_few_evaluations_are_reported():
+    points = upper_arc(pipe(30.0)) + 0.05 * np.sin(np.arange(140)).reshape(70, 2)
+    problem = problem_of(points)
+    assert not solved(problem, about(pipe(30.0)), max_evaluations=3).converged
+    found = solved(problem, about(pipe(30.0)))
+    assert found.converged
+    assert 3 < found.evaluations < 20
+
+
+def test_a_start_without_finite_residuals_has_failed():
+    problem = problem_of(upper_arc(pipe(20.0)))
+    (outcome,) = minimise([problem], np.full((1, 5), math.nan))
+    assert isinstance(outcome, FitFailed)
 
 
 @pytest.mark.parametrize("count", [0, 1, 4])
 def test_too_few_rows_are_rejected(count):
     problem = problem_of(upper_arc(pipe(20.0))[:count])
     with pytest.raises(TooFewPoints, match=f"an arc has {count} points? and needs 5: scan slower"):
-        minimise(problem, parameters_from_ellipse(pipe(20.0)))
+        solved(problem, pipe(20.0))
 
 
 @pytest.mark.parametrize(
@@ -238,6 +344,11 @@ def test_after_a_large_newton_step_the_nearest_points_are_found_in_closed_form(
     factor = brentq(lambda f: step(f) - longest, 1.0, 8.0)
     point = factor * np.array([[a * math.cos(0.8), b * math.sin(0.8)]])
     ellipse = Ellipse.from_axes((0.0, 0.0), a, b, 0.0)
-    signed, _, _ = orthogonal_residuals_and_normals(point, parameters_from_ellipse(ellipse))
-    assert len(found) == calls
+    near = as_complex(ellipse.points_at(np.array([0.8]))) + 1e-3
+    rows = np.array([as_complex(point), near, near])
+    at = np.tile(parameters_from_ellipse(ellipse), (3, 1))
+    (signed, *others), _, _ = orthogonal_residuals_and_normals(rows, at)
+    assert len(found) == calls  # of the one point, not of its neighbours in the stack
+    (alone,), _, _ = orthogonal_residuals_and_normals(near[None], at[:1])
+    np.testing.assert_array_equal(others, [alone, alone])
     np.testing.assert_allclose(signed, orthogonal_residuals(point, ellipse), atol=1e-6)

@@ -6,10 +6,11 @@ from scipy.stats import t as student
 
 from lsvision import Arc, CylinderSection
 from lsvision.ellipse.fit import FittingSettings, fit_noisy_points
+from lsvision.ellipse.outcomes import result_of
 from lsvision.ellipse.phi_prior import PhiPrior
-from lsvision.ellipse.problem import RadiusPrior
-from lsvision.ellipse.refinement import Priors, refine_arc
-from lsvision.errors import TooFewPoints
+from lsvision.ellipse.problem import Priors, RadiusPrior
+from lsvision.ellipse.refinement import refine_arcs
+from lsvision.errors import LsvisionError, TooFewPoints
 from lsvision.geometry.noisy_points import NoisyPoints
 from tests.alike import assert_same_ellipse
 from tests.ellipse.arcs import SENSOR, about, measured, pipe, upper_arc
@@ -47,6 +48,12 @@ def refined(points, estimated_std=STD, priors=FREE):
     return refine_arc(points, TRUTH, priors, SETTINGS, estimated_std)
 
 
+def refine_arc(points, start, priors, settings, estimated_std):
+    """Refinement of one arc."""
+    (outcome,) = refine_arcs([points], [start], priors, settings, [estimated_std])
+    return result_of(outcome)
+
+
 def section_of(fit):
     count = len(fit.problem.points)
     return CylinderSection(fit, Arc(0, count), np.arange(count))
@@ -63,7 +70,7 @@ def test_a_given_noise_model_is_fitted_once_and_accepted(rng):
     points = measured(upper_arc(TRUTH), rng)
     noisy = NoisyPoints.of(points, SENSOR.covariances(points))
     fit = refine_arc(noisy, TRUTH, FREE, SETTINGS, None)
-    wanted = fit_noisy_points(noisy, TRUTH, settings=SETTINGS)
+    (wanted,) = fit_noisy_points([(noisy, TRUTH)], settings=SETTINGS)
     np.testing.assert_array_equal(fit.parameters, wanted.parameters)
     np.testing.assert_array_equal(fit.problem.stds, wanted.problem.stds)
 
@@ -106,7 +113,8 @@ def test_knowing_that_errors_grow_makes_the_radius_more_accurate():
     rng, errors = np.random.default_rng(11), []
     for _ in range(RUNS):
         noisy = isotropic(growing(upper_arc(TRUTH, 150.0, 120), rng))
-        equal = fit_noisy_points(noisy, TRUTH, settings=FittingSettings(variance="estimated"))
+        estimated = FittingSettings(variance="estimated")
+        (equal,) = fit_noisy_points([(noisy, TRUTH)], settings=estimated)
         errors.append([fit.ellipse.radius - TRUTH.radius for fit in (refined(noisy), equal)])
     ours, plain = np.sqrt(np.mean(np.square(errors), axis=0))
     assert ours < 0.8 * plain
@@ -159,3 +167,53 @@ def test_a_tilt_of_zero_makes_a_circle_whatever_the_assumed_noise(assumed, rng):
 def test_too_few_points_are_rejected():
     with pytest.raises(TooFewPoints, match="an arc has 5 points and needs 6"):
         refined(isotropic(upper_arc(TRUTH)[:5]))
+
+
+def arcs_of_all_kinds(rng):
+    """Arcs of many sizes: independent, averaged and growing errors, a short one and a line."""
+    exact = [upper_arc(TRUTH, 80.0 + 10 * i, 60 + 25 * i) for i in range(8)]
+    arcs = [isotropic(each + STD * rng.normal(size=each.shape)) for each in exact[:3]]
+    arcs += [isotropic(averaged(each, 5, rng)) for each in exact[3:5]]
+    arcs += [isotropic(growing(each, rng)) for each in exact[5:]]
+    x = np.linspace(-20.0, 20.0, 40)
+    line = isotropic(np.column_stack([x, 0.1 * x - 400.0]))
+    return [*arcs, arcs[0][:4], line, arcs[1]], [STD] * 10 + [None]
+
+
+@pytest.mark.parametrize("order", ["as they are", "reverse"])
+@pytest.mark.parametrize(
+    "priors",
+    [
+        FREE,
+        Priors(RadiusPrior(TRUTH.radius), None),
+        Priors(None, PhiPrior(TRUTH.phi, 0.01)),
+        Priors(RadiusPrior(TRUTH.radius, 0.1), PhiPrior(0.0, 0.4)),
+    ],
+    ids=["free", "radius", "phi", "both"],
+)
+def test_arcs_in_a_stack_are_fitted_as_alone_and_a_failure_stops_no_other(priors, order, rng):
+    points, stds = arcs_of_all_kinds(rng)
+    if order == "reverse":
+        points, stds = points[::-1], stds[::-1]
+    fits = refine_arcs(points, [TRUTH] * len(points), priors, SETTINGS, stds)
+    failures = 0
+    for fit, arc, std in zip(fits, points, stds, strict=True):
+        (alone,) = refine_arcs([arc], [TRUTH], priors, SETTINGS, [std])
+        if isinstance(alone, LsvisionError):
+            assert type(fit) is type(alone)
+            failures += 1
+            continue
+        np.testing.assert_allclose(fit.parameters, alone.parameters, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(
+            fit.parameter_covariance, alone.parameter_covariance, rtol=1e-6, atol=1e-12
+        )
+        np.testing.assert_allclose(fit.normalised, alone.normalised, atol=1e-6)
+        assert fit.degrees_of_freedom == pytest.approx(alone.degrees_of_freedom)
+        assert (fit.correlation.neighbours_correlated, fit.converged) == (
+            alone.correlation.neighbours_correlated, alone.converged,
+        )  # fmt: skip
+    assert failures >= 1
+
+
+def test_no_arcs_are_refined_to_none():
+    assert refine_arcs([], [], FREE, SETTINGS, []) == []

@@ -11,6 +11,7 @@ from lsvision.ellipse.robust_gauss_newton import (
     add_flattening_prior,
     damped_step,
     ellipse_residuals,
+    ray_normal_variances,
     refine_ellipse,
     solve_positive_definite,
 )
@@ -97,7 +98,8 @@ def test_normal_equations_of_parts_add_up_to_those_of_all(rng):
     system = WeightedSystem.of(
         ellipse_residuals(noisy(measured(upper_arc(TRUTH), rng)), PARAMETERS), 1.0
     )
-    first, second = (system.normal_equations(part) for part in (slice(0, 30), np.arange(30, 70)))
+    begins = np.arange(len(system.weights)) < 30
+    first, second = (system.normal_equations(part) for part in (begins, ~begins))
     both, whole = first + second, system.normal_equations()
     design = np.sqrt(system.weights)[:, None] * system.rows[:5].T
     np.testing.assert_allclose(both, whole, rtol=1e-9, atol=1e-6)
@@ -157,3 +159,12 @@ def test_points_of_no_ellipse_give_nan():
 def test_a_matrix_that_is_not_positive_definite_has_no_solution():
     assert np.isnan(solve_positive_definite(-np.eye(5), np.ones(5))).all()
     np.testing.assert_allclose(solve_positive_definite(4 * np.eye(5), np.ones(5)), 0.25)
+
+
+def test_variances_along_the_normals_alone_are_those_of_the_residuals(rng):
+    points = noisy(measured(upper_arc(TRUTH), rng))
+    wanted = ellipse_residuals(points, PARAMETERS).variances
+    np.testing.assert_allclose(ray_normal_variances(points, PARAMETERS), wanted, rtol=1e-9)
+    stacked, _ = NoisyPoints.stack([points, points[:20]])
+    found = ray_normal_variances(stacked, np.array([PARAMETERS, PARAMETERS]))
+    np.testing.assert_allclose(found[1, :20], wanted[:20], rtol=1e-9)

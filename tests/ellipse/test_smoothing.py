@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -6,13 +7,13 @@ import pytest
 from lsvision import Ellipse
 from lsvision.ellipse.smoothing import (
     POSITIONS,
-    smooth_arc,
-    smooth_residual,
+    smooth_arcs,
+    smooth_residuals,
 )
 from lsvision.geometry import orthogonal_residuals
 from lsvision.geometry.noisy_points import NoisyPoints, as_vectors
 from tests.ellipse.arcs import SENSOR, measured, pipe, upper_arc
-from tests.tolerances import MACHINE
+from tests.tolerances import MACHINE, ROUNDING
 
 TRUTH = pipe(25.0)
 SLIGHTLY_OFF = Ellipse((5.2, -400.1), TRUTH.semi_major + 0.2, TRUTH.semi_minor + 0.1, 0.55)
@@ -23,6 +24,19 @@ STDS = np.full(121, 0.05)
 
 def noisy(points):
     return NoisyPoints.of(points, SENSOR.covariances(points))
+
+
+def smooth_arc(points, ellipse):
+    """An arc smoothed alone."""
+    (smoothed,) = smooth_arcs([points], [ellipse])
+    return smoothed
+
+
+def smooth_residual(length, residuals, stds, positions=len(EVEN)):
+    """Residuals of one arc of 60 mm."""
+    rows = (np.atleast_2d(each) for each in (length / 60.0, residuals, stds))
+    smooth, weights = smooth_residuals(*rows, [len(length)], positions)
+    return smooth[0], weights[0]
 
 
 def local_quadratic(length, residuals, stds, even, weights):
@@ -58,7 +72,7 @@ def test_it_is_a_robust_local_quadratic_regression(factor, rng):
     stds = STDS * rng.uniform(0.5, 2.0, 121)
     residuals = np.sin(LENGTH / 9) + factor * stds * rng.normal(size=121)
     residuals[[20, 77, 78]] += (1.0, -2.0, 3.0)
-    smooth, weights = smooth_residual(LENGTH, residuals, stds, EVEN)
+    smooth, weights = smooth_residual(LENGTH, residuals, stds)
     wanted, wanted_weights = robust_quadratic(LENGTH, residuals, stds, EVEN)
     np.testing.assert_allclose(smooth, wanted, atol=1e-6)  # of the ridge
     np.testing.assert_allclose(weights, wanted_weights, atol=1e-5)
@@ -70,7 +84,7 @@ def test_it_is_a_robust_local_quadratic_regression(factor, rng):
     ids=["zero", "constant", "slope", "parabola"],
 )
 def test_quadratics_pass_unchanged(residual):
-    smooth, _ = smooth_residual(LENGTH, residual, STDS, EVEN)
+    smooth, _ = smooth_residual(LENGTH, residual, STDS)
     np.testing.assert_allclose(smooth, np.interp(EVEN, LENGTH, residual), atol=1e-6)  # of the ridge
 
 
@@ -81,7 +95,7 @@ def test_a_jump_is_4_7_sigma_from_its_neighbours(sigmas, kept):
     residuals = np.zeros(2001)
     residuals[1000] = 0.05 * sigmas
     length = np.linspace(0.0, 60.0, 2001)
-    _, weights = smooth_residual(length, residuals, np.full(2001, 0.05), EVEN)
+    _, weights = smooth_residual(length, residuals, np.full(2001, 0.05))
     assert (weights[1000] > 0) is np.bool_(kept)
     assert weights.mean() > 0.999
 
@@ -91,36 +105,40 @@ def test_jumps_get_no_weight_and_leave_no_trace(rng):
     jumps = [7, 40, 41, 99]
     with_jumps = residuals.copy()
     with_jumps[jumps] += 5.0
-    smooth, weights = smooth_residual(LENGTH, with_jumps, STDS, EVEN)
+    smooth, weights = smooth_residual(LENGTH, with_jumps, STDS)
     np.testing.assert_array_equal(np.flatnonzero(weights == 0), jumps)
-    clean, _ = smooth_residual(LENGTH, residuals, STDS, EVEN)
+    clean, _ = smooth_residual(LENGTH, residuals, STDS)
     # As large as leaving four points out makes it.
     assert np.abs(smooth - clean).max() < 0.05
 
 
 def test_smoothing_lessens_noise(rng):
     residuals = 0.05 * rng.normal(size=121)
-    assert smooth_residual(LENGTH, residuals, STDS, EVEN)[0].std() < 0.5 * residuals.std()
+    assert smooth_residual(LENGTH, residuals, STDS)[0].std() < 0.5 * residuals.std()
 
 
 def test_smoothing_is_the_same_from_either_end(rng):
     residuals = 0.05 * rng.normal(size=121)
-    there, weights = smooth_residual(LENGTH, residuals, STDS, EVEN)
-    back, back_weights = smooth_residual(60.0 - LENGTH[::-1], residuals[::-1], STDS, EVEN)
+    there, weights = smooth_residual(LENGTH, residuals, STDS)
+    back, back_weights = smooth_residual(60.0 - LENGTH[::-1], residuals[::-1], STDS)
     np.testing.assert_allclose(back[::-1], there, atol=MACHINE)
     np.testing.assert_allclose(back_weights[::-1], weights, atol=1e-6)
 
 
 @pytest.mark.parametrize("count", [2, 3, 8])
 def test_a_few_points_are_smoothed_without_breaking(count):
-    length, even = np.linspace(0, 1, count), np.linspace(0, 1, 9)
-    smooth, _ = smooth_residual(length, np.zeros(count), np.ones(count), even)
+    length = np.linspace(0.0, 60.0, count)
+    smooth, _ = smooth_residual(length, np.zeros(count), np.ones(count), 9)
     np.testing.assert_allclose(smooth, np.zeros(9), atol=MACHINE)
 
 
 def test_points_at_one_place_are_smoothed_without_breaking():
-    smooth, _ = smooth_residual(np.zeros(10), np.full(10, 0.2), np.ones(10), np.zeros(5))
-    np.testing.assert_allclose(smooth, 0.2, atol=1e-3)
+    point = TRUTH.points_at(np.array([math.pi / 2]))
+    points = np.repeat(point + 0.2 * (point - TRUTH.centre) / 19.0, 60, axis=0)
+    smoothed = smooth_arc(noisy(points), TRUTH)
+    distance = orthogonal_residuals(points, TRUTH)[0]
+    assert smoothed.residuals[0] == pytest.approx(distance, rel=1e-3)
+    assert (np.abs(smoothed.residuals) < 1.1 * distance).all()
 
 
 def test_clean_arcs_have_no_jumps(rng):
@@ -156,8 +174,8 @@ def test_a_wave_as_long_as_the_window_keeps_its_shape_between_the_positions():
     """More positions follow it no better: what is lost is what a local quadratic loses."""
     residual = 0.2 * np.sin(LENGTH / 60.0 * 2 * math.pi)
     positions = np.linspace(0.0, 60.0, POSITIONS)
-    few, _ = smooth_residual(LENGTH, residual, STDS, positions)
-    many, _ = smooth_residual(LENGTH, residual, STDS, LENGTH)
+    few, _ = smooth_residual(LENGTH, residual, STDS, POSITIONS)
+    many, _ = smooth_residual(LENGTH, residual, STDS, len(LENGTH))
     assert np.abs(np.interp(LENGTH, positions, few) - many).max() < 0.2 * 0.025
 
 
@@ -213,3 +231,36 @@ def test_smoothed_points_lie_nearer_to_the_truth(rng):
     points = measured(upper_arc(TRUTH), rng)
     smoothed = smooth_arc(noisy(points), TRUTH)
     assert smoothed.residuals.std() < 0.6 * orthogonal_residuals(points, TRUTH).std()
+
+
+def arcs_of_many_sizes(rng, count=12):
+    """Noisy points of arcs of 8 to 250 points with jumps, and slightly wrong ellipses."""
+    points, ellipses = [], []
+    for i in range(count):
+        truth = pipe(5.0 * i, radius=10.0 + 3 * i, theta=0.3 * i)
+        arc = measured(upper_arc(truth, 60.0 + 10 * i, int(rng.integers(8, 250))), rng)
+        arc[len(arc) // 3] += (0.0, 3.0)
+        points.append(noisy(arc))
+        ellipses.append(replace(truth, semi_major=truth.semi_major + 0.2))
+    return points, ellipses
+
+
+@pytest.mark.parametrize("order", ["as they are", "reverse"])
+def test_arcs_in_a_stack_are_smoothed_as_alone(order, rng):
+    points, ellipses = arcs_of_many_sizes(rng)
+    if order == "reverse":
+        points, ellipses = points[::-1], ellipses[::-1]
+    for together, *arc in zip(smooth_arcs(points, ellipses), points, ellipses, strict=True):
+        alone = smooth_arc(*arc)
+        np.testing.assert_array_equal(together.inliers, alone.inliers)
+        np.testing.assert_allclose(together.directions, alone.directions, rtol=0, atol=ROUNDING)
+        np.testing.assert_allclose(together.stds, alone.stds, rtol=ROUNDING)
+        # mm: in a window with two points the ridge increases rounding errors.
+        few = len(alone.inliers) < 40
+        atol = 1e-6 if few else 1e-10
+        np.testing.assert_allclose(together.residuals, alone.residuals, rtol=0, atol=atol)
+        assert together.ellipse is alone.ellipse
+
+
+def test_no_arcs_are_smoothed_to_none():
+    assert smooth_arcs([], []) == []

@@ -7,6 +7,7 @@ import pytest
 from scipy.fft import dct, idct
 from scipy.stats import chi2, norm
 
+from lsvision.statistics import correlation
 from lsvision.statistics.correlation import (
     autocorrelation_time,
     debiased_autocorrelation_time,
@@ -203,3 +204,13 @@ def test_debiased_time_of_fitted_decaying_noise_agrees_with_its_theory(length):
 def test_debiased_time_of_exact_and_of_alternating_residuals_is_one():
     assert debiased_autocorrelation_time(np.zeros(50), 3) == 1.0
     assert debiased_autocorrelation_time(np.tile([1.0, -1.0], 40), 3) == 1.0
+
+
+@pytest.mark.parametrize("count", [34, 77, 200])
+def test_powers_of_the_bands_are_those_of_a_fourier_transform(count, rng):
+    """Of the residuals and their mirror image."""
+    residuals = rng.normal(size=count)
+    transform = np.fft.rfft(np.concatenate([residuals, residuals[::-1]]))
+    powers = np.abs(transform) ** 2 / (2 * residuals @ residuals)
+    wanted = [powers[4:8].mean(), powers[4:6].mean(), powers[12:34].mean()]
+    np.testing.assert_allclose(correlation._band_powers(residuals), wanted, rtol=1e-9)

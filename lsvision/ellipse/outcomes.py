@@ -1,0 +1,92 @@
+"""Results of many arcs, where the failure of one does not stop the others."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TypeVar
+
+from lsvision.errors import LsvisionError
+
+T = TypeVar("T")
+Result = TypeVar("Result")
+
+
+def apply_to_successes(
+    step: Callable[[list[T]], Iterable[Result | LsvisionError]],
+    outcomes: Sequence[T | LsvisionError],
+) -> list[Result | LsvisionError]:
+    """Apply a function of a list to all outcomes but the errors, which are kept.
+
+    Parameters
+    ----------
+    step : callable
+        Function of a list of one or more successes that returns as many results.
+    outcomes : sequence
+        Outcomes, any of which may be an error.
+
+    Examples
+    --------
+    >>> apply_to_successes(lambda some: [-n for n in some], [1, LsvisionError("too short"), 2])
+    [-1, LsvisionError('too short'), -2]
+    """
+    successes = [each for each in outcomes if not isinstance(each, LsvisionError)]
+    results = iter(step(successes) if successes else ())
+    return [each if isinstance(each, LsvisionError) else next(results) for each in outcomes]
+
+
+def replace_some(
+    outcomes: list[Result | LsvisionError],
+    inputs: Mapping[int, T],
+    step: Callable[[list[T]], Iterable[Result | LsvisionError]],
+) -> None:
+    """Replace some outcomes, in place, by the results of a function of a list of new inputs.
+
+    Parameters
+    ----------
+    outcomes : list
+        Outcomes of which some are replaced.
+    inputs : mapping
+        Index of the outcome, and input of the function for it.
+    step : callable
+        Function of a list of one or more inputs that returns as many results.
+
+    Examples
+    --------
+    >>> outcomes = [1, 2, 3]
+    >>> replace_some(outcomes, {0: 10, 2: 30}, lambda some: [-n for n in some])
+    >>> outcomes
+    [-10, 2, -30]
+    """
+    if inputs:
+        for index, result in zip(inputs, step(list(inputs.values())), strict=True):
+            outcomes[index] = result
+
+
+def outcome_of(step: Callable[..., Result], *arguments: object) -> Result | LsvisionError:
+    """Return the result of a function, or the error that it raises.
+
+    Examples
+    --------
+    >>> outcome_of(result_of, LsvisionError("too short"))
+    LsvisionError('too short')
+    """
+    try:
+        return step(*arguments)
+    except LsvisionError as error:
+        return error
+
+
+def result_of(outcome: T | LsvisionError) -> T:
+    """Return an outcome; raise it if it is an error.
+
+    Raises
+    ------
+    LsvisionError
+        The outcome.
+
+    Examples
+    --------
+    >>> result_of(3)
+    3
+    """
+    if isinstance(outcome, LsvisionError):
+        raise outcome
+    return outcome
