@@ -317,6 +317,11 @@ class PreparedProfile:
         """Whether the noise was estimated from neighbours, not given by a noise model."""
         return self.min_variance_factor < 1
 
+    @property
+    def estimated_std(self) -> float | None:
+        """`noise_std` if it was estimated, None for a given noise model. Units: mm."""
+        return self.noise_std if self.noise_is_estimated else None
+
     def max_noise_factor(self, radius: float) -> float:
         """Return the largest accepted scatter about an ellipse, as a multiple of the noise.
 

@@ -7,6 +7,7 @@ are a fixed lattice instead of random draws, so that results are repeatable.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -15,6 +16,7 @@ import numpy as np
 from lsvision.detection import windows
 from lsvision.detection.arcs import MAX_OVERLAP
 from lsvision.geometry import BoolArray, Ellipse, FloatArray, IntArray, Points
+from lsvision.geometry.arrays import padded_rows, stack_padded
 from lsvision.profile import MAX_RELATIVE_SCATTER, Arc, PreparedProfile
 from lsvision.statistics.robust import SIGNIFICANT_SIGMAS
 
@@ -49,41 +51,54 @@ class Candidate:
 
 
 def find_candidates(
-    profile: PreparedProfile,
-    components: list[IntArray],
-    radius_range: tuple[float, float],
+    profiles: Sequence[PreparedProfile],
+    components: Sequence[list[IntArray]],
+    radius_ranges: Sequence[tuple[float, float]],
     settings: CandidateSettings = CandidateSettings(),
-) -> list[Candidate]:
-    """Return the windows with the curvature of a pipe, by descending angle covered.
+) -> list[list[Candidate]]:
+    """Return, for each profile, the windows with the curvature of a pipe.
 
-    Reversing the order of the points does not change the result.
+    They are sorted by descending angle covered. Reversing the order of the points does not change
+    the result. The `radius_ranges` are in mm.
     """
-    if not components:
-        return []
-    sequence = np.concatenate(components)
-    points = profile.points[sequence]
-    sizes = [len(component) for component in components]
-    starts, stops = windows.multiscale_windows(sizes, settings.min_span_points)
-    circles = windows.fit_window_circles(points, starts, stops)
-    passed = _passes_gates(circles, profile.noise_std, radius_range).nonzero()[0]
-    starts, stops, centres = starts[passed], stops[passed], circles.centre[passed]
-    coverage = windows.arc_coverage(points, starts, stops, centres)
+    found: list[list[Candidate]] = [[] for _ in profiles]
+    searched = [i for i, parts in enumerate(components) if parts]
+    if not searched:
+        return found
+    sequences = [np.concatenate(components[i]) for i in searched]
+    arrays = [profiles[i].noisy_points.z[row] for i, row in zip(searched, sequences, strict=True)]
+    points = stack_padded(arrays, padded_rows([len(array) for array in arrays])[0])
+    all_windows = _windows_of([components[i] for i in searched], settings.min_span_points)
+    circles = windows.fit_window_circles(points, all_windows)
+    limits = np.array([(*radius_ranges[i], profiles[i].noise_std) for i in searched])
+    passed = _passes_gates(circles, *limits.take(all_windows.rows, axis=0).T).nonzero()[0]
+    left, centres = all_windows.select(passed), circles.centre[passed]
+    coverage = windows.arc_coverage(points, left, centres)
     # float32: windows whose coverage differs by rounding only are sorted by their centre's x.
-    order = np.lexsort((centres[:, 0], -coverage.astype(np.float32)))
-    order = order[(coverage * (stops - starts) >= MIN_COVERAGE_POINTS)[order]]
-    kept = order[_non_maximum_suppression(starts[order], stops[order])]
-    radii, found = circles.radius[passed], []
-    for i in kept:
-        span, (x, y) = sequence[starts[i] : stops[i]], centres[i].tolist()
-        found.append(Candidate(Arc(int(span[0]), int(span[-1]) + 1), span, (x, y), float(radii[i])))
+    order = np.lexsort((centres.real, -coverage.astype(np.float32), left.rows))
+    order = order[(coverage * (left.stops - left.starts) >= MIN_COVERAGE_POINTS)[order]]
+    kept = order[_non_maximum_suppression(left.select(order))]
+    radii = circles.radius[passed]
+    for i, row, start, stop in zip(kept, *(field[kept].tolist() for field in left), strict=True):
+        indices, centre = sequences[row][start:stop], complex(centres[i])
+        arc = Arc(int(indices[0]), int(indices[-1]) + 1)
+        candidate = Candidate(arc, indices, (centre.real, centre.imag), float(radii[i]))
+        found[searched[row]].append(candidate)
     return found
 
 
+def _windows_of(components: Sequence[list[IntArray]], smallest: int) -> windows.Windows:
+    """Return the windows of the components of each row of points."""
+    spans = [windows.multiscale_windows(list(map(len, parts)), smallest) for parts in components]
+    rows = np.repeat(np.arange(len(spans)), [len(starts) for starts, _ in spans])
+    starts, stops = (np.concatenate(ends) for ends in zip(*spans, strict=True))
+    return windows.Windows(rows, starts, stops)
+
+
 def _passes_gates(
-    circles: windows.WindowCircles, noise_std: float, radius_range: tuple[float, float]
+    circles: windows.WindowCircles, low: FloatArray, high: FloatArray, noise_std: FloatArray
 ) -> BoolArray:
     """Return which windows pass the limits of curvature, convexity and residuals."""
-    low, high = radius_range
     passed: BoolArray = circles.convex & (circles.rms < circles.line_rms)
     # Radius of curvature of an ellipse: from b^2 / a at its sharp ends to a^2 / b.
     passed &= circles.radius >= low / MAX_AXIS_RATIO
@@ -92,23 +107,30 @@ def _passes_gates(
     return passed
 
 
-def max_circle_rms(radius: FloatArray, noise_std: float) -> FloatArray:
+def max_circle_rms(radius: FloatArray, noise_std: float | FloatArray) -> FloatArray:
     """Return the largest accepted rms distance of points from circles of these radii. Units: mm."""
     # 90 deg of a section tilted by 50 deg leave 1.2 % of the radius.
     return SIGNIFICANT_SIGMAS * noise_std + MAX_RELATIVE_SCATTER * radius
 
 
-def _non_maximum_suppression(starts: IntArray, stops: IntArray) -> list[int]:
-    """Return the positions of the windows, sorted best first, that overlap no better one."""
-    kept: dict[int, tuple[int, int]] = {}
-    for i, (start, stop) in enumerate(zip(starts.tolist(), stops.tolist(), strict=True)):
-        for first, last in kept.values():
+def _non_maximum_suppression(ordered: windows.Windows) -> list[int]:
+    """Return the positions of windows, sorted by row, then best first, that overlap no better one.
+
+    Windows of different rows do not overlap.
+    """
+    kept, spans, last_row = list[int](), list[tuple[int, int]](), -1
+    spans_by_row = zip(*(field.tolist() for field in ordered), strict=True)
+    for i, (row, start, stop) in enumerate(spans_by_row):
+        if row != last_row:
+            spans, last_row = [], row
+        for first, last in spans:
             common = (stop if stop < last else last) - (start if start > first else first)
             if common > MAX_OVERLAP * (stop - start + last - first - common):
                 break
         else:
-            kept[i] = (start, stop)
-    return list(kept)
+            kept.append(i)
+            spans.append((start, stop))
+    return kept
 
 
 def seed_ellipse(profile: PreparedProfile, candidate: Candidate) -> Ellipse:

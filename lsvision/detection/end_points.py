@@ -3,6 +3,9 @@
 From the middle part outwards, a Kalman filter of the ellipse predicts each point from the inliers
 closer to the middle. The density of its residual is compared with that for an outlier, for a point
 of another smooth line, and for a gradual departure from the ellipse (foot of a weld bead).
+
+The functions take a stack of ends, as arrays with one or more leading axes, and up to k points of
+each end. A shorter end is extended outwards by points that are not visible: they change nothing.
 """
 
 import math
@@ -10,9 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lsvision.geometry import BoolArray, FloatArray, IntArray
+from lsvision.geometry import BoolArray, FloatArray
 from lsvision.geometry.arrays import TINY
-from lsvision.statistics.compiled_routines import dpotrf, dtrtrs
 
 OUTLIER_FRACTION = 0.05
 """Prior probability that a point is an outlier, from stray light or a jump."""
@@ -49,9 +51,9 @@ LOG_INLIER = math.log(1 - OUTLIER_FRACTION) - 0.5 * math.log(2 * math.pi)
 class EndPoints(NamedTuple):
     """Last two points of the middle part of an arc, and k points outwards from it.
 
-    Signed distances (k + 2,) from the ellipse in mm, and their variances; displacement of the
-    ellipse along its normals by each parameter, (5, k + 2); whether the sensor can see a surface
-    of that normal; arc length in mm, increasing outwards.
+    Signed distances (..., k + 2) from the ellipse in mm, and their variances; displacement of the
+    ellipse along its normals by each parameter, (..., 5, k + 2); whether the sensor can see a
+    surface of that normal; arc length in mm, increasing outwards.
     """
 
     residuals: FloatArray
@@ -60,114 +62,212 @@ class EndPoints(NamedTuple):
     visible: BoolArray
     positions: FloatArray
 
+    def select(self, ends: BoolArray) -> "EndPoints":
+        """Return some ends of a stack."""
+        residuals, variances, jacobian, visible, positions = self
+        return EndPoints(
+            residuals[ends], variances[ends], jacobian[ends], visible[ends], positions[ends]
+        )
+
 
 class Prediction(NamedTuple):
     """Ellipse predicted from the middle part and the other end.
 
-    Its five parameters less those of the ellipse of the residuals, in mm, and their covariance;
-    autocorrelation time of the points' errors, in points; mean semi-axis, in mm.
+    Its five parameters less those of the ellipse of the residuals (..., 5), in mm, and their
+    covariance (..., 5, 5); autocorrelation time of the points' errors, in points, and mean
+    semi-axis, in mm, both (...) or broadcast to it.
     """
 
     offset: FloatArray
     covariance: FloatArray
-    autocorrelation_time: float
-    radius: float
+    autocorrelation_time: FloatArray
+    radius: FloatArray
+
+    def select(self, ends: BoolArray) -> "Prediction":
+        """Return the predictions of some ends of a stack."""
+        offset, covariance, time, radius = self
+        shape = offset.shape[:-1]
+        time, radius = (np.broadcast_to(field, shape)[ends] for field in (time, radius))
+        return Prediction(offset[ends], covariance[ends], time, radius)
+
+    def innovations(self, residuals: FloatArray, jacobian: FloatArray) -> FloatArray:
+        """Return residuals (..., k) from the predicted ellipse; `jacobian` is (..., 5, k)."""
+        predicted: FloatArray = (self.offset[..., None, :] @ jacobian)[..., 0, :]
+        return residuals - predicted
+
+    def covariances(self, jacobian: FloatArray) -> FloatArray:
+        """Return the covariance (..., k, k) of the predicted ellipse at k points."""
+        covariances: FloatArray = jacobian.swapaxes(-1, -2) @ self.covariance @ jacobian
+        return covariances
 
 
 class EndInliers(NamedTuple):
-    """Positions (m,) of the inliers of an end among its k points.
+    """Which of the k points of an end are inliers, (..., k).
 
     `log_odds` are those of inlier against outlier; `leverages` the variance of the predicted
     residual over that of the point itself, at least 1.
     """
 
-    members: IntArray
+    members: BoolArray
     log_odds: FloatArray
     leverages: FloatArray
 
+    def select(self, ends: BoolArray) -> "EndInliers":
+        """Return the inliers of some ends of a stack."""
+        members, log_odds, leverages = self
+        return EndInliers(members[ends], log_odds[ends], leverages[ends])
 
-def find_end_inliers(end: EndPoints, prediction: Prediction) -> EndInliers:
-    """Return the points of an end that lie on the ellipse, up to where the line leaves it.
+
+def find_end_inliers(ends: EndPoints, prediction: Prediction) -> EndInliers:
+    """Return the points of ends that lie on the ellipse, up to where the line leaves it.
 
     A single point that determines the prediction of the points beyond it, after a gap, may be a
     jump: it is an inlier if the end's likelihood is higher with it than without it.
     """
-    inliers, likelihood = _filter_end(end, prediction)
-    decisive = (inliers.leverages > DECISIVE_LEVERAGE).nonzero()[0]
-    if len(decisive) == 0:
+    inliers, likelihood = _filter_ends(ends, prediction)
+    decisive = inliers.members & (inliers.leverages > DECISIVE_LEVERAGE)
+    if not decisive.any():
         return inliers
-    visible = end.visible.copy()
-    visible[inliers.members[decisive[0]] + PREDECESSORS] = False
-    other, likelihood_without = _filter_end(end._replace(visible=visible), prediction)
-    return other if likelihood_without > likelihood else inliers
+    doubtful: BoolArray = np.logical_or.reduce(decisive, axis=-1)
+    first = decisive & (decisive.cumsum(axis=-1) == 1)
+    visible = ends.visible.copy()
+    visible[..., PREDECESSORS:] &= ~first
+    others, likelihood_without = _filter_ends(
+        ends._replace(visible=visible).select(doubtful), prediction.select(doubtful)
+    )
+    better = doubtful.copy()
+    better[doubtful] = likelihood_without > likelihood[doubtful]
+    for field, other in zip(inliers, others, strict=True):
+        field[better] = other[better[doubtful]]
+    return inliers
 
 
-def _filter_end(end: EndPoints, prediction: Prediction) -> tuple[EndInliers, float]:
-    """Return the inliers of an end by a Kalman filter, and the log likelihood ratio of the end."""
-    rows, correlation_time = end.jacobian[:, PREDECESSORS:], prediction.autocorrelation_time
-    residuals = end.residuals[PREDECESSORS:] - prediction.offset @ rows
-    point_variances, visible = end.variances[PREDECESSORS:], end.visible[PREDECESSORS:]
-    log_outlier = math.log(OUTLIER_FRACTION / (2 * prediction.radius))
-    covariance = rows.T @ prediction.covariance @ rows
+def _filter_ends(ends: EndPoints, prediction: Prediction) -> tuple[EndInliers, FloatArray]:
+    """Return the inliers of ends by a Kalman filter, and the log likelihood ratio of each end."""
+    jacobian = ends.jacobian[..., PREDECESSORS:]
+    point_variances = ends.variances[..., PREDECESSORS:]
+    residuals = prediction.innovations(ends.residuals[..., PREDECESSORS:], jacobian)
+    correlation_time = prediction.autocorrelation_time[..., None]
+    log_outlier = np.log(OUTLIER_FRACTION / 2 / prediction.radius)[..., None]
+    covariance, visible = prediction.covariances(jacobian), ends.visible[..., PREDECESSORS:]
     # The filter uses only points that are possible inliers of the ellipse predicted without them.
-    possible = _log_inlier(residuals, point_variances + covariance.diagonal()) > log_outlier
-    used = np.where(visible & possible, correlation_time, EXCLUDED) * point_variances
-    factor = _cholesky(covariance, used)
-    stds = factor.diagonal()
-    residuals = dtrtrs(factor, residuals, lower=1)[0] * stds
-    variances = np.maximum(stds * stds - used, 0.0) + point_variances
+    variances = point_variances + covariance.diagonal(axis1=-2, axis2=-1)
+    possible = visible & (_log_inlier(residuals, variances) > log_outlier)
+    used = np.where(possible, correlation_time, EXCLUDED) * point_variances
+    residuals, variances = _predict_sequentially(covariance, used, residuals)
+    variances = np.maximum(variances - used, 0.0) + point_variances
     log_inlier = _log_inlier(residuals, variances)
     log_inlier[~visible] = -np.inf
     log_ratio = np.logaddexp(log_inlier, log_outlier)
-    log_ratio -= _log_other_line(end, prediction.radius, log_outlier)
-    cumulated = log_ratio.cumsum() / correlation_time
+    log_ratio -= _log_other_line(ends, prediction.radius[..., None], log_outlier)
+    cumulated = log_ratio.cumsum(axis=-1) / correlation_time
+    highest = cumulated.max(axis=-1, initial=0.0)
     likely = log_inlier > log_outlier
-    within = cumulated >= max([0.0, *cumulated.tolist()]) - END_LOG_MARGIN
-    last = (within & likely).nonzero()[0]
-    members = likely[: last[-1] + 1 if len(last) else 0].nonzero()[0]
-    leverages = variances[members] / point_variances[members]
-    inliers = EndInliers(members, log_inlier[members] - log_outlier, leverages)
-    return inliers, max([0.0, *cumulated.tolist()])
+    inside = likely & (cumulated >= highest[..., None] - END_LOG_MARGIN)
+    before_last = np.logical_or.accumulate(inside[..., ::-1], axis=-1)[..., ::-1]
+    inliers = EndInliers(
+        likely & before_last, log_inlier - log_outlier, variances / point_variances
+    )
+    return inliers, highest
+
+
+def _predict_sequentially(
+    covariance: FloatArray, variances: FloatArray, residuals: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return residuals (..., k), each predicted from those before it, and their variances.
+
+    `covariance` (..., k, k) is that of the ellipse at the points, `variances` (..., k) are those
+    of the points.
+    """
+    count = residuals.shape[-1]
+    total = np.empty((*residuals.shape[:-1], count + 1, count + 1))
+    total[..., :-1, :-1] = covariance
+    diagonal = total.reshape(*residuals.shape[:-1], -1)[..., :: count + 2]
+    diagonal[..., :-1] += variances
+    # With the residuals as one more row, that of the factor has the normalised innovations. Its
+    # last element exceeds their sum of squares.
+    total[..., -1, :-1] = residuals
+    diagonal[..., -1] = 1 + (residuals * residuals / variances).sum(axis=-1)
+    try:
+        factor = np.linalg.cholesky(total)
+    except np.linalg.LinAlgError:
+        return _predict_each_sequentially(total)
+    stds = factor.diagonal(axis1=-2, axis2=-1)[..., :-1]
+    return factor[..., -1, :-1] * stds, stds * stds
+
+
+def _predict_each_sequentially(total: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the same by each matrix alone; not predicted where it is not positive definite."""
+    residuals = total[..., -1, :-1].copy()
+    variances = total.diagonal(axis1=-2, axis2=-1)[..., :-1].copy()
+    for where in np.ndindex(total.shape[:-2]):
+        try:
+            factor = np.linalg.cholesky(total[where])
+        except np.linalg.LinAlgError:
+            continue
+        stds = factor.diagonal()[:-1]
+        residuals[where], variances[where] = factor[-1, :-1] * stds, stds * stds
+    return residuals, variances
 
 
 def departure_free_probability(
-    end: EndPoints, prediction: Prediction, members: IntArray, following: IntArray
+    ends: EndPoints, prediction: Prediction, members: BoolArray, following: BoolArray
 ) -> FloatArray:
-    """Return the probability (m,), for each inlier, that the line leaves the ellipse only beyond.
+    """Return the probability (..., k), for each inlier, that the line leaves the ellipse beyond it.
 
     For each inlier the marginal likelihood of a departure that begins there, with normal priors on
-    its angle and curvature, is compared with that of no departure. `members` are the positions of
-    at least one inlier, `following` those of the connected points beyond the last of them.
+    its angle and curvature, is compared with that of no departure. `members` (..., k) are the
+    inliers, at least one, `following` the connected points beyond the last of them. Departures
+    begin at the `WINDOW` outermost inliers or beyond; the probability of inliers before is 1.
     """
-    chosen = np.concatenate([members, following[:POINTS_BEYOND]]) + PREDECESSORS
-    before = max(0, len(members) - WINDOW)
-    count = len(chosen) - before
-    jacobian = end.jacobian[:, chosen]
-    positions = end.positions[np.append(PREDECESSORS - 1, chosen)]
-    # A departure that begins at a point starts from the ellipse at the point before.
-    beyond = np.maximum(positions[1:, None] - positions[before:-1], 0.0)
-    residuals = end.residuals[chosen] - prediction.offset @ jacobian
-    bends = (BEND_STD_RADII / (2 * prediction.radius)) * beyond * beyond
-    factor = _cholesky(
-        jacobian.T @ prediction.covariance @ jacobian,
-        prediction.autocorrelation_time * end.variances[chosen],
-    )
-    rhs = np.column_stack([residuals, TURN_STD * beyond, bends])
-    whitened = dtrtrs(factor, rhs, lower=1)[0]
-    log_ratio = _log_marginal_ratio(whitened[:, 0], whitened[:, 1:-count], whitened[:, -count:])
-    log_ratio += math.log((1 - NO_DEPARTURE_PRIOR) / NO_DEPARTURE_PRIOR / count)
-    log_weights = np.append(log_ratio, 0.0)
-    # Cumulated weights of no departure and of the departures that begin at each point or beyond.
-    free = np.exp(log_weights - log_weights.max())[::-1].cumsum()[::-1]
-    probability = np.ones(len(members))
-    probability[before:] = free[1 : 1 + len(members) - before] / free[0]
+    chosen = members | following
+    begins = chosen & (members[..., ::-1].cumsum(axis=-1)[..., ::-1] <= WINDOW)
+    # The columns of the last points at which a departure may begin, and possibly some before.
+    columns = begins.argsort(axis=-1, kind="stable")[..., -(WINDOW + POINTS_BEYOND) :]
+    begins = np.take_along_axis(begins, columns, axis=-1)
+    jacobian = ends.jacobian[..., PREDECESSORS:] * chosen[..., None, :]
+    positions = ends.positions[..., PREDECESSORS - 1 :]
+    # A departure that begins at a point starts from the ellipse at the chosen point before.
+    origins = np.where(chosen, positions[..., 1:], positions[..., :1])
+    origins = np.maximum.accumulate(origins, axis=-1)
+    origins = np.concatenate([positions[..., :1], origins[..., :-1]], axis=-1)
+    origins = np.take_along_axis(origins, columns, axis=-1)
+    beyond = np.maximum(positions[..., 1:, None] - origins[..., None, :], 0.0) * chosen[..., None]
+    residuals = prediction.innovations(ends.residuals[..., PREDECESSORS:], jacobian) * chosen
+    covariance = prediction.covariances(jacobian)
+    diagonal = np.einsum("...ii->...i", covariance)
+    diagonal += prediction.autocorrelation_time[..., None] * ends.variances[..., PREDECESSORS:]
+    bends = (BEND_STD_RADII / 2 / prediction.radius)[..., None, None] * beyond * beyond
+    log_ratio = _log_marginal_ratio(covariance, residuals, TURN_STD * beyond, bends)
+    log_ratio += math.log((1 - NO_DEPARTURE_PRIOR) / NO_DEPARTURE_PRIOR)
+    log_ratio -= np.log(begins.sum(axis=-1))[..., None]
+    log_ratio[~begins] = -np.inf
+    # Cumulated weights of no departure and of the departures that begin beyond each point.
+    largest = np.maximum(log_ratio.max(axis=-1, keepdims=True), 0.0)
+    none, weights = np.exp(-largest), np.exp(log_ratio - largest)
+    later = np.concatenate([weights[..., ::-1].cumsum(axis=-1)[..., ::-1] + none, none], axis=-1)
+    free = np.where(begins, later[..., 1:] / later[..., :1], 1.0)
+    probability = np.ones(chosen.shape)
+    np.put_along_axis(probability, columns, free, axis=-1)
     return probability
 
 
-def _log_marginal_ratio(u: FloatArray, turn: FloatArray, bend: FloatArray) -> FloatArray:
-    """Return the log likelihood ratio of each departure (unit normal priors) to no departure."""
-    m11, m12, m22 = 1 + (turn * turn).sum(0), (turn * bend).sum(0), 1 + (bend * bend).sum(0)
-    g1, g2 = u @ turn, u @ bend
+def _log_marginal_ratio(
+    covariance: FloatArray, residuals: FloatArray, turn: FloatArray, bend: FloatArray
+) -> FloatArray:
+    """Return the log likelihood ratio (..., j) of each of j departures to no departure.
+
+    `covariance` (..., k, k) is that of the `residuals` (..., k) without a departure; `turn` and
+    `bend` (..., k, j) are displacements of the points with unit normal priors on their factors.
+    """
+    count = turn.shape[-1]
+    displacements = np.concatenate([turn, bend], axis=-1)
+    whitened = np.linalg.solve(covariance, displacements)
+    squares = (displacements * whitened).sum(axis=-2)
+    products = (residuals[..., None, :] @ whitened)[..., 0, :]
+    m11, m22 = 1 + squares[..., :count], 1 + squares[..., count:]
+    m12 = (turn * whitened[..., count:]).sum(axis=-2)
+    g1, g2 = products[..., :count], products[..., count:]
     determinant = m11 * m22 - m12 * m12
     quadratic = (m22 * g1 * g1 - 2 * m12 * g1 * g2 + m11 * g2 * g2) / determinant
     ratio: FloatArray = 0.5 * (quadratic - np.log(determinant))
@@ -179,24 +279,16 @@ def _log_inlier(residuals: FloatArray, variances: FloatArray) -> FloatArray:
     return LOG_INLIER - 0.5 * (residuals * residuals / variances + np.log(variances))
 
 
-def _log_other_line(end: EndPoints, radius: float, log_outlier: float) -> FloatArray:
+def _log_other_line(ends: EndPoints, radius: FloatArray, log_outlier: FloatArray) -> FloatArray:
     """Return the log density of each point on another line, extrapolated from the two before."""
-    e, v = end.residuals, end.variances
+    e, v = ends.residuals, ends.variances
     # Points may share a position on the ellipse.
-    steps = np.maximum(end.positions[1:] - end.positions[:-1], TINY)
-    ratio = steps[1:] / np.maximum(steps[:-1], steps[1:] / MAX_STEP_RATIO)
-    rise, pairs = e[1:] - e[:-1], v[1:] + v[:-1]
-    deviation = rise[1:] - ratio * rise[:-1]
-    bend = steps[1:] * (steps[1:] + steps[:-1]) / (2 * radius)
+    steps = np.maximum(ends.positions[..., 1:] - ends.positions[..., :-1], TINY)
+    step, before = steps[..., 1:], steps[..., :-1]
+    ratio = step / np.maximum(before, step / MAX_STEP_RATIO)
+    rise, pairs = e[..., 1:] - e[..., :-1], v[..., 1:] + v[..., :-1]
+    deviation = rise[..., 1:] - ratio * rise[..., :-1]
+    bend = step * (step + before) / (2 * radius)
     # v2 + (1 + ratio)^2 v1 + ratio^2 v0 + bend^2.
-    variances = pairs[1:] + ratio * (2 * v[1:-1] + ratio * pairs[:-1]) + bend * bend
+    variances = pairs[..., 1:] + ratio * (2 * v[..., 1:-1] + ratio * pairs[..., :-1]) + bend * bend
     return np.logaddexp(_log_inlier(deviation, variances), log_outlier)
-
-
-def _cholesky(covariance: FloatArray, variances: FloatArray) -> FloatArray:
-    """Return the Cholesky factor of a covariance plus variances, or the stds if there is none."""
-    total = np.array(covariance, order="F")
-    total.flat[:: len(total) + 1] += variances
-    stds = np.sqrt(total.diagonal())
-    factor, failed = dpotrf(total, lower=1, clean=1, overwrite_a=1)
-    return np.diag(stds) if failed else factor

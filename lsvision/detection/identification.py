@@ -3,26 +3,36 @@
 The paper slides a window of 10 % of the points over the whole profile and tests whether all r_j
 lie below the sensor error. Here the window starts at a candidate and grows outwards, with a refit
 of the ellipse after each step, until consecutive points exceed the sensor error; single lost
-columns and jumps inside do not end an arc.
+columns and jumps inside do not end an arc. The arcs of many profiles grow together as a stack.
 """
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import compress
+from typing import NamedTuple, Self
 
 import numpy as np
 
 from lsvision.detection.acceptance import AcceptanceSettings, shape_rejection_reason
 from lsvision.detection.arcs import MAX_OVERLAP, MIN_POINTS, IdentifiedArc, Rejection
 from lsvision.detection.candidates import Candidate, seed_ellipse
-from lsvision.ellipse.parameters import ellipse_from_parameters, parameters_from_ellipse
+from lsvision.ellipse.parameters import (
+    PARAMETERS,
+    ellipse_from_parameters,
+    parameters_from_ellipse,
+)
 from lsvision.ellipse.robust_gauss_newton import (
     EllipseResiduals,
     ellipse_residuals,
     gauss_newton_step,
-    refine_ellipse,
+    row_medians,
 )
-from lsvision.geometry import BoolArray, IntArray
+from lsvision.geometry import BoolArray, FloatArray, IntArray
+from lsvision.geometry.arrays import as_column
+from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints
 from lsvision.profile import PreparedProfile
-from lsvision.statistics.robust import MAD_TO_STD, upper_median
+from lsvision.statistics.robust import MAD_TO_STD
 
 SENSOR_ERROR_SIGMAS = 4.0
 """The paper's sensor error, in standard deviations of a point along the normal."""
@@ -37,93 +47,205 @@ MAX_ITERATIONS = 20
 """Largest number of growing steps: from ten points to the ends of a wide pipe it takes over ten."""
 
 
+class Seed(NamedTuple):
+    """Candidate of a profile, and the ascending indices of the points that its arc may contain."""
+
+    profile: PreparedProfile
+    candidate: Candidate
+    free: IntArray
+
+
+class GrownArc(NamedTuple):
+    """Identified arc with the outward unit normals (n,) of its ellipse at the inliers."""
+
+    arc: IdentifiedArc
+    normals: ComplexArray
+
+
+@dataclass(eq=False, slots=True)
+class _Growth:
+    """Arc that grows from the seed of a `number`, whose free points are `points`.
+
+    `inside` are the positions of its inliers among them; `normals` are those of the ellipse at the
+    points from `start` on; `spans` are the first and last inliers so far. `max_scatter` is the
+    largest accepted ratio of the scatter to the noise.
+    """
+
+    number: int
+    seed: Seed
+    points: NoisyPoints
+    max_scatter: float
+    inside: IntArray
+    start: int
+    normals: ComplexArray
+    spans: set[tuple[int, int]]
+
+    @classmethod
+    def of(cls, number: int, seed: Seed) -> Self:
+        """Return the arc that consists of the free points of a candidate."""
+        profile, candidate, free = seed
+        seeded = np.zeros(len(profile.points), dtype=bool)
+        seeded[candidate.indices] = True
+        inside, points = seeded[free].nonzero()[0], profile.noisy_points[free]
+        scatter = profile.max_noise_factor(candidate.radius)
+        return cls(number, seed, points, scatter, inside, 0, points.z, set())
+
+    def next_window(self) -> NoisyPoints:
+        """Return the points around the inliers, extended by half their span at either end."""
+        first, stop = int(self.inside[0]), int(self.inside[-1]) + 1
+        step = (stop - first + 1) // 2
+        self.start = max(0, first - step)
+        return self.points[self.start : stop + step]
+
+    def take(self, run: IntArray, normals: ComplexArray) -> bool:
+        """Take the inliers of a window, and return whether they had the same span before.
+
+        Then the arc has converged, or alternates between two spans.
+        """
+        self.inside, self.normals = self.start + run, normals
+        span = int(self.inside[0]), int(self.inside[-1])
+        known = span in self.spans
+        self.spans.add(span)
+        return known
+
+    def result(self, parameters: FloatArray) -> GrownArc:
+        """Return the arc with its ellipse."""
+        arc = IdentifiedArc.of(self.seed.free[self.inside], ellipse_from_parameters(parameters))
+        return GrownArc(arc, self.normals[self.inside - self.start])
+
+
+class _SearchedProfile:
+    """Candidates of a profile that are left to grow, and the arcs and rejections so far."""
+
+    def __init__(self, profile: PreparedProfile, candidates: Sequence[Candidate]) -> None:
+        self.arcs: list[IdentifiedArc] = []
+        self.rejections: list[Rejection] = []
+        self._profile, self._candidates = profile, iter(candidates)
+        self._free = profile.valid_indices
+        self._explained = np.zeros(len(profile.points), dtype=bool)
+
+    def next_seed(self) -> Seed | None:
+        """Return the next candidate most of whose points are not explained by arcs so far."""
+        for candidate in self._candidates:
+            taken = np.count_nonzero(self._explained[candidate.indices])
+            if taken <= MAX_OVERLAP * len(candidate.indices):
+                return Seed(self._profile, candidate, self._free)
+        return None
+
+    def add(self, arc: IdentifiedArc, reason: str | None) -> None:
+        """Add an arc, or its rejection with the reason."""
+        start, stop = arc.arc.start, arc.arc.stop
+        self._explained[start:stop] = True
+        if reason is None:
+            self.arcs.append(arc)
+            self._free = self._free[(self._free < start) | (self._free >= stop)]
+        else:
+            self.rejections.append(Rejection(arc.arc, reason))
+
+
 def identify_arcs(
-    profile: PreparedProfile,
-    candidates: list[Candidate],
-    radius_range: tuple[float, float],
+    profiles: Sequence[PreparedProfile],
+    candidates: Sequence[Sequence[Candidate]],
+    radius_ranges: Sequence[tuple[float, float]],
     settings: AcceptanceSettings = AcceptanceSettings(),
-) -> tuple[list[IdentifiedArc], list[Rejection]]:
-    """Return the arcs that grow from the candidates, in their order, and those of another shape.
+) -> list[tuple[list[IdentifiedArc], list[Rejection]]]:
+    """Return, for each profile, the arcs that grow from its candidates, and those of another shape.
 
-    Each point belongs to one arc at most. `radius_range` is in mm.
+    Each point belongs to one arc at most. Of each profile one candidate grows at a time, in their
+    order, and those of many profiles together. The `radius_ranges` are in mm.
     """
-    explained = np.zeros(len(profile.points), dtype=bool)
-    arcs: list[IdentifiedArc] = []
-    rejections: list[Rejection] = []
-    free = profile.valid_indices
-    for candidate in candidates:
-        taken = np.count_nonzero(explained[candidate.indices])
-        if taken > MAX_OVERLAP * len(candidate.indices):
-            continue
-        grown = grow_arc(profile, candidate, free)
-        if grown is None:
-            continue
-        arc, compared = grown
-        explained[arc.arc.start : arc.arc.stop] = True
-        reason = shape_rejection_reason(arc.ellipse, compared.normals, radius_range, settings)
-        if reason is not None:
-            rejections.append(Rejection(arc.arc, reason))
-            continue
-        arcs.append(arc)
-        free = free[(free < arc.arc.start) | (free >= arc.arc.stop)]
-    return arcs, rejections
+    searches = [_SearchedProfile(*pair) for pair in zip(profiles, candidates, strict=True)]
+    limits = dict(zip(searches, radius_ranges, strict=True))
+    growing = searches
+    while growing:
+        seeds = {search: search.next_seed() for search in growing}
+        growing = [search for search in growing if seeds[search] is not None]
+        grown = grow_arcs([seed for seed in seeds.values() if seed is not None])
+        for search, found in zip(growing, grown, strict=True):
+            if found is not None:
+                arc, normals = found
+                reason = shape_rejection_reason(arc.ellipse, normals, limits[search], settings)
+                search.add(arc, reason)
+    return [(search.arcs, search.rejections) for search in searches]
 
 
-def grow_arc(
-    profile: PreparedProfile, candidate: Candidate, free: IntArray
-) -> tuple[IdentifiedArc, EllipseResiduals] | None:
-    """Return the whole arc around a candidate with the residuals of its inliers.
-
-    `free` are the ascending indices of the points that may belong to the arc. None if the points
-    around the candidate do not lie on an ellipse.
-    """
-    seeded = np.zeros(len(profile.points), dtype=bool)
-    seeded[candidate.indices] = True
-    inside = seeded[free].nonzero()[0]
-    if len(inside) < MIN_POINTS:
-        return None
-    points = profile.noisy_points[free]
-    max_scatter = profile.max_noise_factor(candidate.radius)
-    parameters = parameters_from_ellipse(seed_ellipse(profile, candidate))
-    parameters = refine_ellipse(points[inside], parameters, 1)
-    seen: set[tuple[int, int]] = set()
+def grow_arcs(seeds: Sequence[Seed]) -> list[GrownArc | None]:
+    """Return the whole arcs around candidates; None where no ellipse fits the points around one."""
+    grown: list[GrownArc | None] = [None] * len(seeds)
+    growths = [_Growth.of(number, seed) for number, seed in enumerate(seeds)]
+    growths = [growth for growth in growths if len(growth.inside) >= MIN_POINTS]
+    growths, parameters = _fit_seeds(growths)
     for _ in range(MAX_ITERATIONS):
-        if math.isnan(parameters[0]):
-            return None
-        low, high = _expand(inside, len(points))
-        compared = ellipse_residuals(points[low:high], parameters)
-        inliers = _within_sensor_error(compared, inside - low, max_scatter)
-        run = connected_inliers(inliers, inside - low)
-        if len(run) < MIN_POINTS:
-            return None
-        inside = low + run
-        ends = (int(inside[0]), int(inside[-1]))
-        # This span was seen before: converged, or alternating between two spans.
-        if ends in seen:
+        if not growths:
             break
-        seen.add(ends)
-        parameters = gauss_newton_step(compared.rows(run), parameters)
-    if math.isnan(parameters[0]):
-        return None
-    indices = free[inside]
-    return IdentifiedArc.of(indices, ellipse_from_parameters(parameters)), compared.rows(run)
+        compared, within = _compare(growths, parameters)
+        members, rows = np.zeros(within.shape, dtype=bool), list[int]()
+        for row, growth in enumerate(growths):
+            run = connected_inliers(within[row], growth.inside - growth.start)
+            if len(run) < MIN_POINTS:
+                continue
+            if growth.take(run, compared.normals[row]):
+                grown[growth.number] = growth.result(parameters[row])
+                continue
+            members[row][run] = True
+            rows.append(row)
+        if len(rows) < len(growths):
+            growths = [growths[row] for row in rows]
+            compared, parameters, members = compared.rows(rows), parameters[rows], members[rows]
+        if growths:
+            stepped = gauss_newton_step(compared, parameters, members)
+            growths, parameters = _without_lost(growths, stepped)
+    for growth, row in zip(growths, parameters, strict=True):
+        grown[growth.number] = growth.result(row)
+    return grown
 
 
-def _expand(inside: IntArray, count: int) -> tuple[int, int]:
-    """Return the span of the points inside, extended by half its length at either end."""
-    start, stop = int(inside[0]), int(inside[-1]) + 1
-    step = (stop - start + 1) // 2
-    return max(0, start - step), min(count, stop + step)
+def _fit_seeds(growths: list[_Growth]) -> tuple[list[_Growth], FloatArray]:
+    """Return the arcs with the ellipses of their candidates, after one step of refinement."""
+    if not growths:
+        return growths, np.empty((0, PARAMETERS))
+    ellipses = [seed_ellipse(growth.seed.profile, growth.seed.candidate) for growth in growths]
+    parameters = np.array([parameters_from_ellipse(ellipse) for ellipse in ellipses])
+    points, valid = NoisyPoints.stack([growth.points[growth.inside] for growth in growths])
+    compared = ellipse_residuals(points, parameters)
+    return _without_lost(growths, gauss_newton_step(compared, parameters, valid))
 
 
-def _within_sensor_error(
-    compared: EllipseResiduals, inside: IntArray, max_scatter: float
-) -> BoolArray:
-    """Return which points face the sensor and lie within the sensor error times the scatter."""
-    squares = compared.residuals * compared.residuals / compared.inflated_variances
-    scatter = MAD_TO_STD * math.sqrt(upper_median(squares[inside]))
-    limit = SENSOR_ERROR_SIGMAS * min(max(scatter, 1.0), max_scatter)
-    within: BoolArray = (compared.normals.imag > MIN_NORMAL_Y) & (squares < limit * limit)
+def _without_lost(
+    growths: list[_Growth], parameters: FloatArray
+) -> tuple[list[_Growth], FloatArray]:
+    """Return the arcs whose parameters are those of an ellipse."""
+    fitted = [not math.isnan(x) for x in parameters[:, 0].tolist()]
+    if all(fitted):
+        return growths, parameters
+    return list(compress(growths, fitted)), parameters[fitted]
+
+
+def _compare(growths: list[_Growth], parameters: FloatArray) -> tuple[EllipseResiduals, BoolArray]:
+    """Compare the points in the next windows of k arcs with their ellipses.
+
+    Returns
+    -------
+    compared : EllipseResiduals
+        Residuals (k, n) of the points of all windows.
+    within : (k, n) bool ndarray
+        Points within the sensor error.
+    """
+    points, valid = NoisyPoints.stack([growth.next_window() for growth in growths])
+    compared = ellipse_residuals(points, parameters)
+    return compared, _within_sensor_error(compared, growths) & valid
+
+
+def _within_sensor_error(compared: EllipseResiduals, growths: list[_Growth]) -> BoolArray:
+    """Return which points (k, n) face the sensor and lie within the sensor error of the arc."""
+    squares = compared.normalised_squares
+    medians = row_medians(squares, [growth.inside - growth.start for growth in growths])
+    limits = [
+        SENSOR_ERROR_SIGMAS * min(max(MAD_TO_STD * math.sqrt(median), 1.0), growth.max_scatter)
+        for median, growth in zip(medians, growths, strict=True)
+    ]
+    within: BoolArray = squares < as_column([limit * limit for limit in limits])
+    within &= compared.normals.imag > MIN_NORMAL_Y
     return within
 
 

@@ -71,7 +71,9 @@ def _explain(
     """Return rejections with reasons: flat, else the given reason, else one from their circle."""
     spans = np.array([(rejection.arc.start, rejection.arc.stop) for rejection in rejections])
     starts, stops = np.searchsorted(connected, spans).T
-    circles = windows.fit_window_circles(profile.points[connected], starts, stops)
+    points = profile.noisy_points.z[None, connected]
+    rows = np.zeros(len(starts), dtype=int)
+    circles = windows.fit_window_circles(points, windows.Windows(rows, starts, stops))
     flat = circles.line_rms < MAX_FLAT_SIGMAS * profile.noise_std
     fits = circles.rms <= candidates.max_circle_rms(circles.radius, profile.noise_std)
     straight = flat | ~(circles.rms < circles.line_rms)

@@ -3,21 +3,21 @@
 As in the paper, an ellipse is fitted to the middle part of the arc and the points at both ends are
 compared with it. Here the comparison is a posterior probability (`lsvision.detection.end_points`),
 and it is repeated with the inliers of the other end in the fit, so that both ends are treated
-alike and reversing the order of the points does not change the result.
+alike and reversing the order of the points does not change the result. Many arcs, of one or more
+profiles, are screened together as a stack: k arcs with up to n points each.
 """
 
-import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from lsvision.detection.arcs import MIN_POINTS, IdentifiedArc
+from lsvision.detection.arc_stack import ArcStack, SplitArc, split_arc
+from lsvision.detection.arcs import IdentifiedArc
 from lsvision.detection.end_condition import connected_beyond
 from lsvision.detection.end_points import (
     POINTS_BEYOND,
     PREDECESSORS,
-    WINDOW,
     EndInliers,
     EndPoints,
     Prediction,
@@ -27,9 +27,8 @@ from lsvision.detection.end_points import (
 from lsvision.ellipse.arc_noise import ArcNoise, estimate_arc_noise, smoothed_noise
 from lsvision.ellipse.parameters import (
     PARAMETERS,
+    are_ellipses,
     ellipse_from_parameters,
-    is_ellipse,
-    parameters_from_ellipse,
 )
 from lsvision.ellipse.robust_gauss_newton import (
     EllipseResiduals,
@@ -37,17 +36,13 @@ from lsvision.ellipse.robust_gauss_newton import (
     add_flattening_prior,
     damped_step,
     ellipse_residuals,
+    gauss_newton_step,
     inverse_information,
-    refine_ellipse,
 )
-from lsvision.geometry import Ellipse, FloatArray, IntArray
+from lsvision.geometry import BoolArray, Ellipse, FloatArray, IntArray
 from lsvision.geometry.noisy_points import NoisyPoints
 from lsvision.profile import PreparedProfile
 
-MIDDLE_FRACTION = 0.7
-"""Fraction of the arc's points in its middle part."""
-MAX_END_POINTS = 100
-"""Largest number of the arc's points at an end: the filter's time grows with its cube."""
 MAX_ITERATIONS = 3
 """Largest number of fits and comparisons; more of them change no relevant inlier."""
 MIN_INCIDENCE_COSINE = 0.05
@@ -76,187 +71,264 @@ class ScreenedArc(NamedTuple):
     variance_factor: float
 
 
-class _Line(NamedTuple):
-    """The middle part of an arc, and the points on both sides of it.
+class _Noises(NamedTuple):
+    """Noise of k arcs: the fields of `ArcNoise` as arrays (k,)."""
 
-    For each side, `ends` holds positions in `indices`: two points of the middle part, then those
-    outwards from it; `members` holds positions among the latter, those of the identified arc.
+    variance_factor: FloatArray
+    autocorrelation_time: FloatArray
+    low_frequency_time: FloatArray
+    smoothed: BoolArray
+
+    @classmethod
+    def of(cls, noises: Sequence[ArcNoise]) -> "_Noises":
+        """Return the noise of arcs as arrays."""
+        return cls(
+            np.array([noise.variance_factor for noise in noises]),
+            np.array([noise.autocorrelation_time for noise in noises]),
+            np.array([noise.low_frequency_time for noise in noises]),
+            np.array([noise.smoothed for noise in noises], dtype=bool),
+        )
+
+    def select(self, arcs: BoolArray) -> "_Noises":
+        """Return the noise of some arcs."""
+        factor, time, low_time, smoothed = self
+        return _Noises(factor[arcs], time[arcs], low_time[arcs], smoothed[arcs])
+
+
+class _MiddleFits(NamedTuple):
+    """Arcs with the ellipses of their middle parts, the residuals of all points, and the noise.
+
+    `numbers` (k,) are the positions of the arcs among those that are screened.
     """
 
-    indices: IntArray
-    points: NoisyPoints
-    middle: slice
-    ends: tuple[IntArray, IntArray]
-    members: tuple[IntArray, ...]
-
-    def end_rows(self, side: int, members: IntArray) -> IntArray:
-        """Return the positions in `indices` of members of an end, outwards."""
-        return self.ends[side][members + PREDECESSORS]
-
-    def indices_with(self, members: Sequence[IntArray]) -> tuple[IntArray, NoisyPoints]:
-        """Return the middle part and the ends' members, ascending, and their points."""
-        middle = np.arange(self.middle.start, self.middle.stop)
-        first, last = (self.end_rows(side, members[side]) for side in (0, 1))
-        rows = np.concatenate([first[::-1], middle, last])
-        return self.indices[rows], self.points[rows]
-
-
-class _MiddleFit(NamedTuple):
-    """Ellipse of the middle part, residuals of all points from it, and the noise of the arc."""
-
-    line: _Line
-    parameters: FloatArray
+    stack: ArcStack
+    numbers: IntArray
     compared: EllipseResiduals
-    noise: ArcNoise
+    noise: _Noises
+
+    def select(self, arcs: BoolArray) -> "_MiddleFits":
+        """Return some arcs."""
+        if all(arcs.tolist()):
+            return self
+        stack, compared, noise = self.stack, self.compared, self.noise
+        return _MiddleFits(
+            stack.select(arcs), self.numbers[arcs], compared.rows(arcs), noise.select(arcs)
+        )
 
 
-class _ComparedEnd(NamedTuple):
-    """Points of an end, the ellipse that predicts them, and their inliers."""
+class _ComparedEnds(NamedTuple):
+    """Points of both ends of k arcs (k, 2), the ellipses that predict them, and their inliers."""
 
     points: EndPoints
     prediction: Prediction
     inliers: EndInliers
 
+    def select(self, arcs: BoolArray) -> "_ComparedEnds":
+        """Return some arcs."""
+        if all(arcs.tolist()):
+            return self
+        points, prediction, inliers = self
+        return _ComparedEnds(points.select(arcs), prediction.select(arcs), inliers.select(arcs))
 
-def screen_arc(profile: PreparedProfile, arc: IdentifiedArc) -> ScreenedArc | None:
-    """Select the inliers at both ends of an arc; None where no ellipse fits its middle part.
 
-    An arc with too few points to be screened is returned unchanged.
+def screen_arcs(
+    profiles: Sequence[PreparedProfile], arcs: Sequence[IdentifiedArc]
+) -> list[ScreenedArc | None]:
+    """Select the inliers at both ends of arcs; None where no ellipse fits the middle part.
+
+    `profiles` are those of the arcs, one for each. An arc with too few points to be screened is
+    returned unchanged.
     """
-    line = _split_arc(profile, arc)
-    if line is None:
-        return ScreenedArc(arc.indices, profile.noisy_points[arc.indices], arc.ellipse, 1.0)
-    fitted = _fit_middle(profile, line, parameters_from_ellipse(arc.ellipse))
-    if fitted is None:
-        return None
-    line, noise = fitted.line, fitted.noise
-    parameters, ends = _compare_ends(fitted)
-    if not is_ellipse(parameters):
-        return None
-    ellipse = ellipse_from_parameters(parameters)
-    indices, _ = line.indices_with([end.inliers.members for end in ends])
+    lines = [split_arc(*pair) for pair in zip(profiles, arcs, strict=True)]
+    screened: list[ScreenedArc | None] = [
+        ScreenedArc(arc.indices, profile.noisy_points[arc.indices], arc.ellipse, 1.0)
+        if line is None
+        else None
+        for profile, arc, line in zip(profiles, arcs, lines, strict=True)
+    ]
+    extended: dict[int, IdentifiedArc] = {}
+    for fits in _fit_middles(lines, arcs):
+        for number, arc in _compare_ends(fits):
+            if isinstance(arc, IdentifiedArc):
+                extended[number] = arc
+            else:
+                screened[number] = arc
     # An arc that reaches the last of the points beyond is screened once more.
-    first, last = int(line.indices[0]), int(line.indices[-1])
-    if first == indices[0] > 0 or last == indices[-1] < len(profile.points) - 1:
-        return screen_arc(profile, IdentifiedArc.of(indices, ellipse))
-    kept = line.indices_with([_keep(line, side, ends[side], noise) for side in (0, 1)])
-    return ScreenedArc(*kept, ellipse, noise.variance_factor)
+    if extended:
+        again = screen_arcs([profiles[number] for number in extended], list(extended.values()))
+        for number, result in zip(extended, again, strict=True):
+            screened[number] = result
+    return screened
 
 
-def _split_arc(profile: PreparedProfile, arc: IdentifiedArc) -> _Line | None:
-    """Return the inliers of the middle part, and all points from there to beyond the ends."""
-    count = len(arc.indices)
-    end_count = min(max(2, round((1 - MIDDLE_FRACTION) / 2 * count)), MAX_END_POINTS)
-    inner = arc.indices[end_count : count - end_count]
-    if len(inner) < MIN_POINTS:
-        return None
-    left = np.arange(max(0, arc.arc.start - WINDOW), inner[0])
-    right = np.arange(inner[-1] + 1, min(arc.arc.stop + WINDOW, len(profile.points)))
-    indices = np.concatenate([left, inner, right])
-    begin, end = len(left), len(left) + len(inner)
-    rows = np.arange(len(indices))
-    identified = np.zeros(len(profile.points), dtype=bool)
-    identified[arc.indices] = True
-    members = tuple(identified[side].nonzero()[0] for side in (left[::-1], right))
-    ends = (rows[: begin + PREDECESSORS][::-1], rows[end - PREDECESSORS :])
-    return _Line(indices, profile.noisy_points[indices], slice(begin, end), ends, members)
+def _fit_middles(
+    lines: Sequence[SplitArc | None], arcs: Sequence[IdentifiedArc]
+) -> Iterator[_MiddleFits]:
+    """Yield stacks of arcs with the ellipses of their middle parts, and the noise of these.
+
+    Arcs whose errors are correlated follow in a stack of their own, with the noise of a sensor that
+    smooths along the line.
+    """
+    numbers = np.array([i for i, line in enumerate(lines) if line is not None], dtype=int)
+    if len(numbers) == 0:
+        return
+    ellipses = [arcs[i].ellipse for i in numbers]
+    stack = ArcStack.of([line for line in lines if line is not None], ellipses)
+    fits = _fit_middle(stack, numbers)
+    smoothed = fits.noise.smoothed
+    if not all(smoothed.tolist()):
+        yield fits.select(~smoothed)
+    if any(smoothed.tolist()):
+        fits = fits.select(smoothed)
+        stds = np.array([[line.profile.noise_std] for line in fits.stack.arcs])
+        points = smoothed_noise(fits.stack.points, fits.compared.normals, stds)
+        yield _fit_middle(fits.stack._replace(points=points), fits.numbers)
 
 
-def _fit_middle(
-    profile: PreparedProfile, line: _Line, parameters: FloatArray, *, smoothed: bool = False
-) -> _MiddleFit | None:
-    """Fit the ellipse of the middle part and estimate the noise from its residuals."""
-    parameters = refine_ellipse(line.points[line.middle], parameters, steps=1)
-    if not is_ellipse(parameters):
-        return None
-    compared = ellipse_residuals(line.points, parameters)
-    noise = estimate_arc_noise(compared.rows(line.middle), profile.min_variance_factor)
-    if smoothed or not noise.smoothed:
-        return _MiddleFit(line, parameters, compared, noise)
-    points = smoothed_noise(line.points, compared.normals, profile.noise_std)
-    return _fit_middle(profile, line._replace(points=points), parameters, smoothed=True)
+def _fit_middle(stack: ArcStack, numbers: IntArray) -> _MiddleFits:
+    """Fit the ellipses of middle parts and estimate the noise; drop arcs without an ellipse."""
+    valid = stack.valid[:, stack.middle]
+    compared = ellipse_residuals(stack.points[..., stack.middle], stack.parameters)
+    stack = stack._replace(parameters=gauss_newton_step(compared, stack.parameters, valid))
+    fitted = ~np.isnan(stack.parameters[:, 0])
+    if not all(fitted.tolist()):
+        stack, numbers, valid = stack.select(fitted), numbers[fitted], valid[fitted]
+    compared = ellipse_residuals(stack.points, stack.parameters)
+    normalised = compared.residuals[:, stack.middle] / np.sqrt(compared.variances[:, stack.middle])
+    noises = [
+        estimate_arc_noise(row[mask], line.profile.min_variance_factor)
+        for row, mask, line in zip(normalised, valid, stack.arcs, strict=True)
+    ]
+    return _MiddleFits(stack, numbers, compared, _Noises.of(noises))
 
 
-def _compare_ends(fitted: _MiddleFit) -> tuple[FloatArray, list[_ComparedEnd]]:
+def _compare_ends(fits: _MiddleFits) -> Iterator[tuple[int, ScreenedArc | IdentifiedArc]]:
     """Compare each end with the ellipse of all other inliers, until no inlier changes.
 
-    The parameters of the ellipse of all inliers are NaN, or no ellipse, where the fit breaks down.
+    Yields the number of each arc with its result: an identified arc, if it reaches the last of the
+    points beyond. Arcs whose fit breaks down are left out.
     """
-    line, parameters, compared, noise = fitted
-    members: Sequence[IntArray] = line.members
-    for _ in range(MAX_ITERATIONS):
-        system = WeightedSystem.of(compared, noise.variance_factor)
-        middle = system.normal_equations(line.middle)
-        add_flattening_prior(middle, parameters)
-        equations = [system.normal_equations(line.end_rows(i, members[i])) for i in (0, 1)]
-        predictions = [_predict(middle + equations[1 - i], noise, parameters) for i in (0, 1)]
-        if any(math.isnan(prediction.covariance[0, 0]) for prediction in predictions):
-            return np.full(PARAMETERS, np.nan), []
-        points = _end_points(line, compared, system.rows, noise)
-        ends = [
-            _ComparedEnd(*pair, find_end_inliers(*pair))
-            for pair in zip(points, predictions, strict=True)
-        ]
-        previous, members = members, [end.inliers.members for end in ends]
-        same = (a.tobytes() == b.tobytes() for a, b in zip(members, previous, strict=True))
-        converged = all(same)
-        if not converged:
-            equations = [system.normal_equations(line.end_rows(i, members[i])) for i in (0, 1)]
-        parameters = parameters + damped_step(middle + equations[0] + equations[1], parameters)
-        if converged or not is_ellipse(parameters):
-            break
-        compared = ellipse_residuals(line.points, parameters)
-    return parameters, ends
+    for remaining in reversed(range(MAX_ITERATIONS)):
+        if len(fits.numbers) == 0:
+            return
+        fits, ends, converged = _compare_once(fits)
+        finished = converged | (remaining == 0)
+        if any(finished.tolist()):
+            yield from _screened_arcs(fits.select(finished), ends.select(finished))
+        if all(finished.tolist()):
+            return
+        fits = fits.select(~finished)
+        compared = ellipse_residuals(fits.stack.points, fits.stack.parameters)
+        fits = fits._replace(compared=compared)
 
 
-def _predict(equations: FloatArray, noise: ArcNoise, parameters: FloatArray) -> Prediction:
+def _compare_once(fits: _MiddleFits) -> tuple[_MiddleFits, _ComparedEnds, BoolArray]:
+    """Return the arcs with the ellipses of their new inliers, and whether no inlier changed."""
+    stack = fits.stack
+    system = WeightedSystem.of(fits.compared, fits.noise.variance_factor[:, None])
+    middle = WeightedSystem(system.rows[..., stack.middle], system.weights[:, stack.middle])
+    equations = middle.normal_equations(stack.valid[:, stack.middle])
+    add_flattening_prior(equations, stack.parameters)
+    rows, weights = stack.ends_of(system.rows), stack.ends_of(system.weights)
+    ends = WeightedSystem(rows[..., PREDECESSORS:], weights[..., PREDECESSORS:])
+    # Each end is predicted from the middle part and the other end.
+    others = equations[:, None] + ends.normal_equations(stack.members)[:, ::-1]
+    prediction, singular = _predict(others, fits)
+    points = _end_points(fits, rows[..., :PARAMETERS, :])
+    inliers = find_end_inliers(points, prediction)
+    converged = (inliers.members == stack.members).reshape(len(stack.arcs), -1).all(axis=1)
+    equations += ends.normal_equations(inliers.members).sum(axis=1)
+    parameters = stack.parameters + damped_step(equations, stack.parameters)
+    valid = are_ellipses(parameters) & ~singular
+    fits = fits._replace(stack=stack._replace(members=inliers.members, parameters=parameters))
+    compared = _ComparedEnds(points, prediction, inliers)
+    return fits.select(valid), compared.select(valid), converged[valid]
+
+
+def _predict(equations: FloatArray, fits: _MiddleFits) -> tuple[Prediction, BoolArray]:
+    """Return the predictions of both ends (k, 2), and which arcs have singular equations (k,)."""
     covariance = inverse_information(equations)
-    return Prediction(
-        covariance @ equations[:, -1],
-        covariance * noise.low_frequency_time,
-        noise.autocorrelation_time,
-        float(parameters[2]),
+    singular = np.isnan(covariance[..., 0, 0])
+    covariance[singular] = 0.0
+    offset = (covariance @ equations[..., PARAMETERS:])[..., 0]
+    prediction = Prediction(
+        offset,
+        covariance * fits.noise.low_frequency_time[:, None, None, None],
+        fits.noise.autocorrelation_time[:, None],
+        fits.stack.parameters[:, 2:3],
     )
+    singular_arcs: BoolArray = np.logical_or.reduce(singular, axis=1)
+    return prediction, singular_arcs
 
 
-def _end_points(
-    line: _Line, compared: EllipseResiduals, system_rows: FloatArray, noise: ArcNoise
-) -> list[EndPoints]:
-    rows = np.concatenate(line.ends)  # both ends at once
-    points, compared, jacobian = line.points[rows], compared.rows(rows), system_rows.take(rows, 1)
-    feet = points.z - compared.residuals * compared.normals
-    positions = np.zeros(len(feet))
-    np.abs(feet[1:] - feet[:-1]).cumsum(out=positions[1:])
-    visible = points.incidence_cosines(compared.normals) > MIN_INCIDENCE_COSINE
-    variances = compared.inflated_variances * noise.variance_factor
-    first = len(line.ends[0])
-    return [
-        EndPoints(
-            compared.residuals[end],
-            variances[end],
-            jacobian[:PARAMETERS, end],
-            visible[end],
-            positions[end] - positions[end.start],
+def _end_points(fits: _MiddleFits, jacobian: FloatArray) -> EndPoints:
+    """Return the points of both ends of k arcs, (k, 2, m + 2)."""
+    stack, compared = fits.stack, fits.compared
+    z, variances, deviator = stack.points.z, stack.points.mean_variance, stack.points.deviator
+    points = NoisyPoints(stack.ends_of(z), stack.ends_of(variances), stack.ends_of(deviator))
+    residuals, normals = stack.ends_of(compared.residuals), stack.ends_of(compared.normals)
+    feet = points.z - residuals * normals
+    positions = np.zeros(residuals.shape)
+    np.abs(feet[..., 1:] - feet[..., :-1]).cumsum(axis=-1, out=positions[..., 1:])
+    visible = points.incidence_cosines(normals) > MIN_INCIDENCE_COSINE
+    visible &= stack.ends_of(stack.valid)
+    variances = stack.ends_of(compared.inflated_variances)
+    variances = variances * fits.noise.variance_factor[:, None, None]
+    return EndPoints(residuals, variances, jacobian, visible, positions)
+
+
+def _screened_arcs(
+    fits: _MiddleFits, ends: _ComparedEnds
+) -> Iterator[tuple[int, ScreenedArc | IdentifiedArc]]:
+    """Yield the number of each arc and its inliers, less those that are not probable enough."""
+    stack = fits.stack
+    selected = _select_probable(fits, ends)
+    for arc, (number, line) in enumerate(zip(fits.numbers.tolist(), stack.arcs, strict=True)):
+        ellipse = ellipse_from_parameters(stack.parameters[arc])
+        if line.reached_limits(stack.members[arc]):
+            indices, _ = stack.inliers_of(arc, stack.members[arc])
+            yield number, IdentifiedArc.of(indices, ellipse)
+        else:
+            variance_factor = float(fits.noise.variance_factor[arc])
+            inliers = stack.inliers_of(arc, selected[arc])
+            yield number, ScreenedArc(*inliers, ellipse, variance_factor)
+
+
+def _select_probable(fits: _MiddleFits, ends: _ComparedEnds) -> BoolArray:
+    """Return the inliers (k, 2, m) that are probable enough for their leverage."""
+    members, log_odds, leverages = ends.inliers
+    following = _following(fits.stack)
+    probability = 1 / (1 + np.exp(-np.where(members, log_odds, 0.0)))
+    contacts: BoolArray = np.logical_or.reduce(following, axis=-1)
+    if contacts.any():
+        probability[contacts] *= departure_free_probability(
+            ends.points.select(contacts),
+            ends.prediction.select(contacts),
+            members[contacts],
+            following[contacts],
         )
-        for end in (slice(0, first), slice(first, len(rows)))
-    ]
-
-
-def _keep(line: _Line, side: int, end: _ComparedEnd, noise: ArcNoise) -> IntArray:
-    """Return the inliers of an end that are probable enough for their leverage."""
-    members, log_odds, leverages = end.inliers
-    if len(members) == 0:
-        return members
-    z = line.points.z[line.ends[side]]
-    inside = np.concatenate([range(PREDECESSORS), members + PREDECESSORS])
-    following = connected_beyond(z[inside], z[inside[-1] + 1 :], POINTS_BEYOND) + members[-1] + 1
-    probability = 1 / (1 + np.exp(-log_odds))
-    if len(following):
-        probability *= departure_free_probability(end.points, end.prediction, members, following)
     # A wrong inlier may shift the ellipse by sqrt(leverage) of the ellipse's standard deviations.
-    kept = members[probability > np.sqrt(leverages) * (1 - probability)]
-    dropped = round(EDGE_POINTS_PER_CORRELATION * (noise.autocorrelation_time - 1))
+    selected = members & (probability > np.sqrt(leverages) * (1 - probability))
+    dropped = np.rint(EDGE_POINTS_PER_CORRELATION * (fits.noise.autocorrelation_time[:, None] - 1))
     # A contact: enough connected points beyond the last inlier, or enough rejected inliers.
-    if max(len(following), len(members) - len(kept)) >= MIN_CONTACT_POINTS:
-        dropped += GUARD_POINTS
-    return kept[: max(0, len(kept) - dropped)]
+    rejected = (members & ~selected).sum(axis=-1)
+    contact = np.maximum(following.sum(axis=-1), rejected) >= MIN_CONTACT_POINTS
+    dropped = dropped + GUARD_POINTS * contact
+    from_outside = selected[..., ::-1].cumsum(axis=-1)[..., ::-1]
+    inner: BoolArray = selected & (from_outside > dropped[..., None])
+    return inner
+
+
+def _following(stack: ArcStack) -> BoolArray:
+    """Return the points (k, 2, m) connected beyond the last inlier of each end."""
+    following = np.zeros(stack.members.shape, dtype=bool)
+    points = stack.ends_of(stack.points.z)
+    for arc, line in enumerate(stack.arcs):
+        for side, end in enumerate(line.ends):
+            inliers = stack.members[arc, side].nonzero()[0] + PREDECESSORS
+            if len(inliers):
+                z, last = points[arc, side, : len(end)], int(inliers[-1])
+                inside = np.concatenate([z[:PREDECESSORS], z[inliers]])
+                chain = connected_beyond(inside, z[last + 1 :], POINTS_BEYOND)
+                following[arc, side, last + 1 - PREDECESSORS + chain] = True
+    return following

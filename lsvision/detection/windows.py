@@ -2,28 +2,44 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
-from lsvision.geometry import BoolArray, FloatArray, IntArray, Points
-from lsvision.geometry.noisy_points import as_complex, as_vectors
+from lsvision.geometry import BoolArray, FloatArray, IntArray
+from lsvision.geometry.noisy_points import ComplexArray
 
 WINDOW_GROWTH = 2
 """Ratio of successive window lengths."""
 SHIFTS_PER_WINDOW = 3
 """Ratio of a window's length to the largest shift between successive windows of that length."""
+MAX_CACHED_SIZES = 512
+"""Number of sizes of components whose windows are kept: 10 MB for sizes of 2000 points."""
+
+
+class Windows(NamedTuple):
+    """Spans [start, stop) of w windows of points, and the row of points in which each lies."""
+
+    rows: IntArray
+    starts: IntArray
+    stops: IntArray
+
+    def select(self, which: IntArray) -> "Windows":
+        """Return some windows."""
+        return Windows(self.rows[which], self.starts[which], self.stops[which])
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class WindowCircles:
-    """Circles of w windows. Units: mm.
+    """Circles of w windows, with complex centres x + iy. Units: mm.
 
     `rms` is the root mean square distance from the circle, to first order, and `line_rms` that from
     the best line. `radius` is infinite for a straight window, and its `rms` then 0 or NaN. A
     `convex` window is curved towards the sensor.
     """
 
-    centre: FloatArray
+    centre: ComplexArray
     radius: FloatArray
     rms: FloatArray
     line_rms: FloatArray
@@ -36,39 +52,49 @@ def multiscale_windows(sizes: Sequence[int], smallest: int) -> tuple[IntArray, I
     `sizes` are the numbers of points of successive components. No window extends over
     two components; the last window of each is the component itself.
     """
-    starts, stops, first = [], [], 0
+    spans, first = [np.zeros((2, 0), dtype=int)], 0
     for size in sizes:
-        length = smallest
-        while length < size:
-            room = size - length
-            # With an odd number of steps rounding has no ties, which would break the symmetry.
-            steps = -(-room // (length // SHIFTS_PER_WINDOW)) | 1
-            row = [first + (2 * k * room + steps) // (2 * steps) for k in range(steps + 1)]
-            starts += row
-            stops += [start + length for start in row]
-            length *= WINDOW_GROWTH
-        starts.append(first)
+        spans.append(first + _component_windows(size, smallest))
         first += size
-        stops.append(first)
-    return np.array(starts), np.array(stops)
+    starts, stops = np.concatenate(spans, axis=1)
+    return starts, stops
 
 
-def fit_window_circles(points: Points, starts: IntArray, stops: IntArray) -> WindowCircles:
-    """Fit Kasa's circle to each window [start, stop): linear least squares in x^2 + y^2.
+@lru_cache(maxsize=MAX_CACHED_SIZES)
+def _component_windows(size: int, smallest: int) -> IntArray:
+    """Return starts and stops (2, w) of the windows of a component."""
+    starts, stops, length = list[int](), list[int](), smallest
+    while length < size:
+        room = size - length
+        # With an odd number of steps rounding has no ties, which would break the symmetry.
+        steps = -(-room // (length // SHIFTS_PER_WINDOW)) | 1
+        row = [(2 * k * room + steps) // (2 * steps) for k in range(steps + 1)]
+        starts += row
+        stops += [start + length for start in row]
+        length *= WINDOW_GROWTH
+    windows = np.array([[*starts, 0], [*stops, size]])
+    windows.setflags(write=False)
+    return windows
 
-    The radius of short noisy arcs is biased to small values: the circles only select windows.
+
+def fit_window_circles(points: ComplexArray, windows: Windows) -> WindowCircles:
+    """Fit Kasa's circle to each window: linear least squares in x^2 + y^2.
+
+    `points` are rows (p, n) of points x + iy in mm, one for each profile. The radius of short noisy
+    arcs is biased to small values: the circles only select windows.
     """
-    z = as_complex(points)
-    origin = (z[0] + z[-1]) / 2  # near the points, so that the squares keep their precision
-    z = z - origin
+    origins = (points[:, :1] + points[:, -1:]) / 2  # near, so that the squares keep their precision
+    z = points - origins
     q = z.real**2 + z.imag**2
-    running = np.zeros((4, len(z) + 1), dtype=complex)
-    products = running[:, 1:]
+    running = np.zeros((4, len(z), z.shape[1] + 1), dtype=complex)
+    products = running[..., 1:]
     products[0], products[1], products[2] = z, z * z, q * z
     products[3].real, products[3].imag = q, q * q
-    products.cumsum(axis=1, out=products)
-    moments = running.take(stops, axis=1)
-    moments -= running.take(starts, axis=1)
+    products.cumsum(axis=-1, out=products)
+    rows, starts, stops = windows
+    running, first = running.reshape(4, -1), rows * running.shape[-1]
+    moments = running.take(first + stops, axis=1)
+    moments -= running.take(first + starts, axis=1)
     moments /= np.maximum(stops - starts, 1)
     mean, zz, qz, qq = moments
     # Second central moments E|z|^2 and E z^2; covariances of q = |z|^2 with z and with q.
@@ -83,14 +109,18 @@ def fit_window_circles(points: Points, starts: IntArray, stops: IntArray) -> Win
         radius[~(radius < np.inf)] = np.inf
         rms = np.sqrt(np.maximum(var_q - 2 * (centre.conj() * cov_qz).real, 0.0)) / (2 * radius)
     line_rms = np.sqrt(np.maximum(variance - modulus, 0.0) / 2)
-    return WindowCircles(as_vectors(centre + origin), radius, rms, line_rms, from_mean.imag < 0)
+    centre += origins.take(rows)
+    return WindowCircles(centre, radius, rms, line_rms, from_mean.imag < 0)
 
 
-def arc_coverage(
-    points: Points, starts: IntArray, stops: IntArray, centres: FloatArray
-) -> FloatArray:
-    """Return the angle that each window's arc covers, across the top of its circle. Units: rad."""
-    z, from_top = as_complex(points), -1j
-    first, last = ((z[i] - as_complex(centres)) * from_top for i in (starts, stops - 1))
-    coverage: FloatArray = np.abs(np.angle(first) - np.angle(last))
+def arc_coverage(points: ComplexArray, windows: Windows, centres: ComplexArray) -> FloatArray:
+    """Return the angle that each window's arc covers, across the top of its circle. Units: rad.
+
+    `points` are rows (p, n) of points, `centres` (w,) those of the circles, x + iy in mm.
+    """
+    rows, starts, stops = windows
+    offsets = rows * points.shape[1]
+    ends = (points.take(offsets + i) - centres for i in (starts, stops - 1))
+    first, last = (np.angle(end * -1j) for end in ends)
+    coverage: FloatArray = np.abs(first - last)
     return coverage

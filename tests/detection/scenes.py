@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from lsvision import Ellipse, PointNoise, Profile
+from lsvision.detection import candidates, identification, screening
 from lsvision.detection.arcs import IdentifiedArc
 from lsvision.detection.profile_preparation import prepare_profile
 
@@ -63,6 +64,24 @@ def circle(radius=20.0, centre=(0.0, -440.0)):
 def identified(start, stop, ellipse):
     """The arc of all points [start, stop)."""
     return IdentifiedArc.of(np.arange(start, stop), ellipse)
+
+
+def find_candidates(profile, components, radius_range, *settings):
+    """Candidates of one profile."""
+    (found,) = candidates.find_candidates([profile], [components], [radius_range], *settings)
+    return found
+
+
+def identify_arcs(profile, seeds, radius_range):
+    """Arcs and rejections of one profile."""
+    (found,) = identification.identify_arcs([profile], [seeds], [radius_range])
+    return found
+
+
+def screen_arc(profile, arc):
+    """One arc of a profile after screening."""
+    (screened,) = screening.screen_arcs([profile], [arc])
+    return screened
 
 
 def with_foot(curvature, *, begins_deg=45.0):

@@ -19,8 +19,8 @@ from lsvision.detection.acceptance import (
 from lsvision.detection.profile_preparation import prepare_profile
 from lsvision.ellipse.fit import FittingSettings
 from lsvision.ellipse.phi_prior import PhiPrior
-from lsvision.ellipse.problem import RadiusPrior
-from lsvision.ellipse.refinement import Priors, refine_arc
+from lsvision.ellipse.problem import Priors, RadiusPrior
+from lsvision.ellipse.refinement import refine_arcs
 from lsvision.ellipse.section import CylinderSection
 from lsvision.profile import Arc
 from tests.detection.scenes import arc_points, circle, exact
@@ -81,7 +81,7 @@ def fitted(profile, start_ellipse, rows=None, *, radius=None, phi=None, settings
     rows = profile.valid_indices if rows is None else np.asarray(rows)
     std = profile.noise_std if profile.noise_is_estimated else None
     points = profile.noisy_points[rows]
-    fit = refine_arc(points, start_ellipse, Priors(radius, phi), settings, std)
+    (fit,) = refine_arcs([points], [start_ellipse], Priors(radius, phi), settings, [std])
     return CylinderSection(fit, Arc(int(rows[0]), int(rows[-1]) + 1), rows)
 
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from lsvision import Profile, ProfileSensor
-from lsvision.detection.candidates import find_candidates
 from lsvision.detection.profile_preparation import prepare_profile
 from lsvision.detection.range_image import build_range_image, connected_components
 from lsvision.simulate import SCENE_KINDS, SectionSettings, random_section
+from tests.detection.scenes import find_candidates
 from tests.other_scenes import other_scene
 
 RADII = (3.0, 150.0)

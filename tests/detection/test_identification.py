@@ -7,8 +7,8 @@ import pytest
 
 from lsvision import Profile
 from lsvision.detection import identification
-from lsvision.detection.candidates import Candidate, find_candidates
-from lsvision.detection.identification import connected_inliers, grow_arc, identify_arcs
+from lsvision.detection.candidates import Candidate
+from lsvision.detection.identification import Seed, connected_inliers, grow_arcs
 from lsvision.detection.profile_preparation import prepare_profile
 from lsvision.detection.range_image import build_range_image, connected_components
 from lsvision.detection.search_range import search_range
@@ -16,7 +16,15 @@ from lsvision.geometry.noisy_points import NoisyPoints, as_complex
 from lsvision.profile import Arc
 from lsvision.simulate import SectionSettings
 from lsvision.simulate.scene_kinds import random_section
-from tests.detection.scenes import arc_points, dome, exact, flat, line
+from tests.detection.scenes import (
+    arc_points,
+    dome,
+    exact,
+    find_candidates,
+    flat,
+    identify_arcs,
+    line,
+)
 from tests.other_scenes import other_scene
 
 RANGE = (5.0, 60.0)
@@ -36,8 +44,8 @@ def seed_at(start, stop, *, radius=20.0, centre=(0.0, -440.0)):
 
 def grown(profile, candidate, free=None):
     free = profile.valid_indices if free is None else free
-    arc, compared = grow_arc(profile, candidate, free)
-    assert len(compared.residuals) == len(arc.indices)
+    ((arc, normals),) = grow_arcs([Seed(profile, candidate, free)])
+    assert len(normals) == len(arc.indices)
     return arc
 
 
@@ -120,7 +128,7 @@ def test_fewer_than_eight_free_points_grow_to_nothing():
     points = arc_points(np.arange(-40, 40, 2.0))
     profile = exact(points)
     for count, fails in ((7, True), (8, False)):
-        found = grow_arc(profile, seed_at(10, 30), np.arange(10, 10 + count))
+        (found,) = grow_arcs([Seed(profile, seed_at(10, 30), np.arange(10, 10 + count))])
         assert (found is None) == fails
 
 
@@ -259,9 +267,9 @@ def test_a_seed_at_one_end_of_ten_thousand_points_reaches_the_other():
 def test_growth_fails_where_the_fit_breaks_down(iterations, monkeypatch):
     """Also in the last iteration."""
     monkeypatch.setattr(identification, "MAX_ITERATIONS", iterations)
-    monkeypatch.setattr(identification, "gauss_newton_step", lambda *_: np.full(5, np.nan))
+    monkeypatch.setattr(identification, "gauss_newton_step", lambda *_: np.full((1, 5), np.nan))
     profile = exact(arc_points(np.linspace(-60, 60, 90)))
-    assert grow_arc(profile, seed_at(20, 70), profile.valid_indices) is None
+    assert grow_arcs([Seed(profile, seed_at(20, 70), profile.valid_indices)]) == [None]
 
 
 def two_pipes():

@@ -6,8 +6,7 @@ import pytest
 from lsvision import Ellipse, Profile, ProfileSensor
 from lsvision.detection.arcs import IdentifiedArc
 from lsvision.detection.profile_preparation import prepare_profile
-from lsvision.detection.screening import screen_arc
-from tests.detection.scenes import STEP, circle, identified, walk, with_foot
+from tests.detection.scenes import STEP, circle, identified, screen_arc, walk, with_foot
 
 STD = 0.02  # mm
 

@@ -4,23 +4,34 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from lsvision.detection.windows import arc_coverage, fit_window_circles, multiscale_windows
+from lsvision.detection.windows import (
+    Windows,
+    arc_coverage,
+    fit_window_circles,
+    multiscale_windows,
+)
+from lsvision.geometry.noisy_points import as_complex, as_vectors
 from tests.detection.scenes import bowl, dome, flat
 
 
+def window(start, stop):
+    """One window of the first row of points."""
+    return Windows(*(np.array([number]) for number in (0, start, stop)))
+
+
 def circle_of(points):
-    return fit_window_circles(points, np.array([0]), np.array([len(points)]))
+    return fit_window_circles(as_complex(points)[None], window(0, len(points)))
 
 
 def coverage_of(points):
-    first, last = np.array([0]), np.array([len(points)])
-    return arc_coverage(points, first, last, circle_of(points).centre)[0]
+    centres = circle_of(points).centre
+    return arc_coverage(as_complex(points)[None], window(0, len(points)), centres)[0]
 
 
 @pytest.mark.parametrize("half_deg", [20.0, 60.0, 80.0])
 def test_a_clean_arc_has_its_circle(half_deg):
     circle = circle_of(dome(12.0, 25.0, half_deg))
-    np.testing.assert_allclose(circle.centre[0], (12, -440), atol=1e-6)
+    np.testing.assert_allclose(circle.centre[0], 12 - 440j, atol=1e-6)
     assert circle.radius[0] == pytest.approx(25, abs=1e-6)
     assert circle.rms[0] < 1e-4
     # One pitch less at the end, where the flank is steep.
@@ -33,8 +44,20 @@ def test_a_clean_arc_has_its_circle(half_deg):
 def test_each_window_has_its_own_circle(rng):
     points = np.concatenate([dome(0, 20), dome(60, 30)]) + 0.01 * rng.normal(size=(1, 2))
     count = len(dome(0, 20))
-    both = fit_window_circles(points, np.array([0, count]), np.array([count, len(points)]))
+    spans = Windows(np.array([0, 0]), np.array([0, count]), np.array([count, len(points)]))
+    both = fit_window_circles(as_complex(points)[None], spans)
     np.testing.assert_allclose(both.radius, (20, 30), atol=1e-6)
+
+
+def test_a_row_of_points_has_the_circles_that_it_has_alone(rng):
+    """However far away the other rows lie."""
+    rows = np.array([dome(0, 20)[:60], 1e4 + dome(0, 25)[:60], dome(0, 30)[:60]])
+    spans = Windows(np.array([2, 0, 2]), np.array([0, 5, 20]), np.array([60, 50, 45]))
+    together = fit_window_circles(as_complex(rows), spans)
+    for i, (row, start, stop) in enumerate(zip(*spans, strict=True)):
+        alone = fit_window_circles(as_complex(rows[row])[None], window(start, stop))
+        for name in ("centre", "radius", "rms", "line_rms", "convex"):
+            assert getattr(together, name)[i] == getattr(alone, name)[0]
 
 
 def test_the_circle_is_kasas(rng):
@@ -46,7 +69,9 @@ def test_the_circle_is_kasas(rng):
 
     x, y, radius = least_squares(algebraic, (10, -430, 20), xtol=1e-14, ftol=1e-14).x
     circle = circle_of(points)
-    np.testing.assert_allclose((*circle.centre[0], circle.radius[0]), (x, y, radius), atol=1e-4)
+    np.testing.assert_allclose(
+        (*as_vectors(circle.centre)[0], circle.radius[0]), (x, y, radius), atol=1e-4
+    )
     rms = np.sqrt(np.mean((np.hypot(*(points - (x, y)).T) - radius) ** 2))
     assert circle.rms[0] == pytest.approx(rms, rel=0.05)
 

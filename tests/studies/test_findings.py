@@ -13,10 +13,10 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from lsvision.ellipse.fit import FittingSettings, fit_ellipse
-from lsvision.ellipse.homogenising import homogenise_arc
+from lsvision.ellipse.homogenising import homogenise_arcs
 from lsvision.ellipse.parameters import ellipse_from_parameters, parameters_from_ellipse
 from lsvision.ellipse.problem import EllipseProblem, RadiusPrior, minimise
-from lsvision.ellipse.smoothing import smooth_arc, smooth_residual
+from lsvision.ellipse.smoothing import smooth_arcs, smooth_residuals
 from lsvision.geometry import Ellipse, orthogonal_residuals
 from lsvision.geometry.noisy_points import NoisyPoints
 from lsvision.measure import measure_cylinders
@@ -85,7 +85,8 @@ def weighted(pipe):
 def equally_weighted(points, start, residual):
     """The paper's Eq. (5): every point counts alike, whatever the residuals look like."""
     problem = EllipseProblem(points, np.ones(len(points)), None, residual)
-    return ellipse_from_parameters(minimise(problem, parameters_from_ellipse(start)).parameters)
+    (solution,) = minimise([problem], parameters_from_ellipse(start)[None])
+    return ellipse_from_parameters(solution.parameters)
 
 
 def evenly(ellipse, start_deg, stop_deg, count=120):
@@ -202,7 +203,9 @@ def smooth_on_residual(points, screened):
     residual = ((points - feet) * normals).sum(axis=1)
     length = np.append(0.0, np.cumsum(np.hypot(*np.diff(feet, axis=0).T)))
     stds = np.full(len(points), PAPER_SENSOR.range_std)
-    smooth, _ = smooth_residual(length, residual, stds, length)
+    relative = length / length[-1]
+    smooth, _ = smooth_residuals(relative[None], residual[None], stds[None], [len(points)], 1001)
+    smooth = np.interp(relative, np.linspace(0.0, 1.0, 1001), smooth[0])
     return feet + smooth[:, None] * normals
 
 
@@ -225,9 +228,9 @@ def test_smoothing_the_residual_along_the_arc_is_unbiased(theta_deg, phi_deg):
 
 def test_homogenised_points_of_a_noise_free_arc_lie_on_it():
     pipe = SeenPipe(19.0, 20, 20, noise_factor=0.0)
-    smoothed = smooth_arc(NoisyPoints.of(pipe.exact, pipe.covariances), pipe.ellipse)
-    even = homogenise_arc(smoothed).points
-    assert np.abs(orthogonal_residuals(even, pipe.ellipse)).max() < 1e-3  # mm
+    smoothed = smooth_arcs([NoisyPoints.of(pipe.exact, pipe.covariances)], [pipe.ellipse])
+    (even,) = homogenise_arcs(smoothed)
+    assert np.abs(orthogonal_residuals(even.points, pipe.ellipse)).max() < 1e-3  # mm
 
 
 def test_rough_identification_alone_fits_huge_ellipses_to_planes():
@@ -277,7 +280,8 @@ def test_a_spline_over_x_breaks_at_a_vertical_flank_and_one_along_the_arc_does_n
         CubicSpline(beyond[:, 0], beyond[:, 1])
     over_x = homogenise_profile_paper(beyond)
     covariances = PAPER_SENSOR.covariances(beyond)
-    along_arc = homogenise_arc(smooth_arc(NoisyPoints.of(beyond, covariances), ellipse)).points
+    smoothed = smooth_arcs([NoisyPoints.of(beyond, covariances)], [ellipse])
+    along_arc = homogenise_arcs(smoothed)[0].points
     assert np.abs(orthogonal_residuals(over_x, ellipse)).max() > 0.05  # mm
     assert np.abs(orthogonal_residuals(along_arc, ellipse)).max() < 1e-4  # mm
     widest = [np.hypot(*np.diff(points, axis=0).T).max() for points in (over_x, along_arc)]

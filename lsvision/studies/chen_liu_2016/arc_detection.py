@@ -15,6 +15,6 @@ MIN_COMPONENT_POINTS = 10
 def detect_arcs(profile: PreparedProfile) -> tuple[list[IdentifiedArc], list[Candidate]]:
     """Return the identified arcs of a profile, and the candidates from which they grew."""
     components = connected_components(build_range_image(profile), MIN_COMPONENT_POINTS)
-    candidates = find_candidates(profile, components, RADIUS_RANGE)
-    arcs, _ = identify_arcs(profile, candidates, RADIUS_RANGE)
+    (candidates,) = find_candidates([profile], [components], [RADIUS_RANGE])
+    ((arcs, _),) = identify_arcs([profile], [candidates], [RADIUS_RANGE])
     return arcs, candidates

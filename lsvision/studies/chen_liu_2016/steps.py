@@ -6,9 +6,9 @@ import numpy as np
 
 from lsvision.detection.arcs import IdentifiedArc
 from lsvision.detection.profile_preparation import prepare_profile
-from lsvision.detection.screening import ScreenedArc, screen_arc
-from lsvision.ellipse.homogenising import HomogenisedArc, homogenise_arc
-from lsvision.ellipse.smoothing import SmoothedArc, smooth_arc
+from lsvision.detection.screening import ScreenedArc, screen_arcs
+from lsvision.ellipse.homogenising import HomogenisedArc, homogenise_arcs
+from lsvision.ellipse.smoothing import SmoothedArc, smooth_arcs
 from lsvision.geometry import FloatArray, Points
 from lsvision.measure import Measurement, measure_cylinders
 from lsvision.profile import PreparedProfile
@@ -85,12 +85,13 @@ def run_steps(*, noise_mm: float) -> StepExample:
     labels = section.truth.labels[profile.sensor_columns]
     pipe_arcs = [arc for arc in arcs if (labels[arc.indices] > 0).mean() > 0.5]
     identified = max(pipe_arcs, key=lambda arc: len(arc.indices), default=None)
-    screened = None if identified is None else screen_arc(profile, identified)
+    screened = None if identified is None else screen_arcs([profile], [identified])[0]
     if identified is None or screened is None:
         raise ValueError(
             f"expected noise at which the example's pipes are found, got {noise_mm} mm"
         )
-    smoothed = smooth_arc(screened.points, screened.ellipse)
+    (smoothed,) = smooth_arcs([screened.points], [screened.ellipse])
+    (homogenised,) = homogenise_arcs([smoothed])
     points = profile.points[screened.indices]
     ordered_points = points[np.argsort(points[:, 0], kind="stable")]
     return StepExample(
@@ -101,7 +102,7 @@ def run_steps(*, noise_mm: float) -> StepExample:
         identified=identified,
         screened=screened,
         smoothed=smoothed,
-        homogenised=homogenise_arc(smoothed),
+        homogenised=homogenised,
         literal=homogenise_profile_paper(smooth_profile_paper(ordered_points)),
     )
 

@@ -9,14 +9,15 @@ import cv2
 import numpy as np
 
 from lsvision.detection.arcs import IdentifiedArc
-from lsvision.detection.screening import ScreenedArc, screen_arc
+from lsvision.detection.screening import ScreenedArc, screen_arcs
 from lsvision.ellipse.fit import EllipseFit, fit_ellipse, fit_noisy_points
-from lsvision.ellipse.homogenising import homogenise_arc
+from lsvision.ellipse.homogenising import homogenise_arcs
+from lsvision.ellipse.outcomes import result_of
 from lsvision.ellipse.parameters import parameters_from_ellipse
-from lsvision.ellipse.problem import least_squares
-from lsvision.ellipse.smoothing import SmoothedArc, smooth_arc
+from lsvision.ellipse.problem import minimise
+from lsvision.ellipse.smoothing import SmoothedArc, smooth_arcs
 from lsvision.errors import FitFailed
-from lsvision.geometry import Ellipse, FloatArray, Points, radial_residuals
+from lsvision.geometry import Ellipse, Points, radial_residuals
 from lsvision.geometry.noisy_points import NoisyPoints, as_vectors
 from lsvision.measure import Settings
 from lsvision.profile import PreparedProfile
@@ -74,7 +75,7 @@ class AblationArc:
     @cached_property
     def smoothed(self) -> SmoothedArc:
         """The screened arc after smoothing."""
-        return smooth_arc(self.screened.points, self.screened.ellipse)
+        return _smooth(self.screened)
 
     @property
     def inliers(self) -> NoisyPoints:
@@ -84,11 +85,11 @@ class AblationArc:
     @property
     def initial_guess(self) -> Ellipse:
         """Ellipse after homogenising, at which the fit starts."""
-        return homogenise_arc(self.smoothed).ellipse
+        return _homogenise(self.smoothed)
 
     def screen(self, arc: IdentifiedArc) -> ScreenedArc:
         """Return the screened arc; raises FitFailed if its middle part has no ellipse."""
-        screened = screen_arc(self.profile, arc)
+        (screened,) = screen_arcs([self.profile], [arc])
         if screened is None:
             raise FitFailed("no ellipse fits the middle part of the arc")
         return screened
@@ -129,30 +130,34 @@ class Variant:
 
 def _fit_screened(screened: ScreenedArc) -> VariantFit:
     """Return the fit of a screened arc: smoothed, homogenised and fitted."""
-    smoothed = smooth_arc(screened.points, screened.ellipse)
-    return _fit(screened.points[smoothed.inliers], homogenise_arc(smoothed).ellipse)
+    smoothed = _smooth(screened)
+    return _fit(screened.points[smoothed.inliers], _homogenise(smoothed))
+
+
+def _smooth(screened: ScreenedArc) -> SmoothedArc:
+    (smoothed,) = smooth_arcs([screened.points], [screened.ellipse])
+    return smoothed
+
+
+def _homogenise(smoothed: SmoothedArc) -> Ellipse:
+    """Return the ellipse of the homogenised arc, at which the fit starts."""
+    (homogenised,) = homogenise_arcs([smoothed])
+    return homogenised.ellipse
 
 
 def _fit(points: NoisyPoints, initial_guess: Ellipse) -> VariantFit:
     """Return the ellipse fitted by weighted orthogonal residuals."""
-    fit = fit_noisy_points(points, initial_guess, settings=FITTING)
-    return _with_evaluations(fit, initial_guess)
+    (outcome,) = fit_noisy_points([(points, initial_guess)], settings=FITTING)
+    return _with_evaluations(result_of(outcome), initial_guess)
 
 
 def _with_evaluations(fit: EllipseFit, initial_guess: Ellipse) -> VariantFit:
     """Return a fit with the number of its evaluations; raises FitFailed if not converged."""
     if not fit.converged:
         raise FitFailed("the ellipse fit did not converge")
-    evaluations = 0
-
-    def evaluate(parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
-        nonlocal evaluations
-        evaluations += 1
-        return fit.problem.evaluate(parameters)
-
-    start = parameters_from_ellipse(initial_guess)
-    least_squares(evaluate, start, FITTING.max_evaluations, FITTING.tolerance)
-    return VariantFit(fit.ellipse, evaluations)
+    start = parameters_from_ellipse(initial_guess)[None]
+    (outcome,) = minimise([fit.problem], start, FITTING.max_evaluations, FITTING.tolerance)
+    return VariantFit(fit.ellipse, result_of(outcome).evaluations)
 
 
 def _without_smoothing(arc: AblationArc) -> VariantFit:

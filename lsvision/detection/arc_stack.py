@@ -1,0 +1,156 @@
+"""Identified arcs as a stack: both ends and the middle part of each, padded to arrays.
+
+The middle part determines an ellipse with which accurate screening compares the points at the ends
+(paper section 3.2.2).
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from lsvision.detection.arcs import MIN_POINTS, IdentifiedArc
+from lsvision.detection.end_points import PREDECESSORS, WINDOW
+from lsvision.ellipse.parameters import parameters_from_ellipse
+from lsvision.geometry import BoolArray, Ellipse, FloatArray, IntArray
+from lsvision.geometry.arrays import padded_rows, stack_padded
+from lsvision.geometry.noisy_points import NoisyPoints
+from lsvision.profile import PreparedProfile
+
+Number = TypeVar("Number", bound=np.generic)
+
+MIDDLE_FRACTION = 0.7
+"""Fraction of the arc's points in its middle part."""
+MAX_END_POINTS = 100
+"""Largest number of the arc's points at an end: the filter's time grows with its cube."""
+
+
+class SplitArc(NamedTuple):
+    """Indices of the middle part of an arc, and of the points on both sides of it.
+
+    `middle` ascends; each of the `ends` leads outwards, from two points of the middle part on;
+    `members` are the masks of those beyond the two that belong to the identified arc.
+    """
+
+    profile: PreparedProfile
+    middle: IntArray
+    ends: tuple[IntArray, IntArray]
+    members: tuple[BoolArray, BoolArray]
+
+    def reached_limits(self, members: BoolArray) -> bool:
+        """Return whether the outermost point of an end is a member, and the profile continues."""
+        last = len(self.profile.points) - 1
+        return any(
+            count > 0 and end[-1] not in (0, last) and bool(mask[count - 1])
+            for end, mask, count in zip(self.ends, members, map(len, self.members), strict=True)
+        )
+
+
+class ArcStack(NamedTuple):
+    """Points of k arcs as columns: those of both ends, outwards, then those of the middle part.
+
+    Parameters
+    ----------
+    arcs : list of SplitArc
+        The arcs.
+    indices : (k, n) int ndarray
+        Indices of the points in the profile of the arc.
+    points : NoisyPoints
+        Points (k, n), with the last of an end or middle part repeated.
+    valid : (k, n) bool ndarray
+        False for repeated points.
+    members : (k, 2, m) bool ndarray
+        Inliers of both ends so far, among the m points beyond the two of the middle part.
+    parameters : (k, 5) ndarray
+        Ellipses of the arcs. Units: mm.
+    end_size : int
+        Number of columns of an end, m + 2.
+    """
+
+    arcs: list[SplitArc]
+    indices: IntArray
+    points: NoisyPoints
+    valid: BoolArray
+    members: BoolArray
+    parameters: FloatArray
+    end_size: int
+
+    @classmethod
+    def of(cls, arcs: list[SplitArc], ellipses: Sequence[Ellipse]) -> "ArcStack":
+        """Return the stack of at least one arc."""
+        count = len(arcs)
+        ends, end_valid = _stacked([end for arc in arcs for end in arc.ends])
+        middles, middle_valid = _stacked([arc.middle for arc in arcs])
+        end_size = ends.shape[1]
+        members = np.zeros((2 * count, end_size - PREDECESSORS), dtype=bool)
+        for row, mask in zip(members, (m for arc in arcs for m in arc.members), strict=True):
+            row[: len(mask)] = mask
+        indices = np.concatenate([ends.reshape(count, -1), middles], axis=1)
+        valid = np.concatenate([end_valid.reshape(count, -1), middle_valid], axis=1)
+        pairs = zip(arcs, indices, strict=True)
+        points, _ = NoisyPoints.stack([arc.profile.noisy_points[row] for arc, row in pairs])
+        parameters = np.array([parameters_from_ellipse(ellipse) for ellipse in ellipses])
+        members = members.reshape(count, 2, -1)
+        return cls(arcs, indices, points, valid, members, parameters, end_size)
+
+    @property
+    def middle(self) -> slice:
+        """Columns of the middle part."""
+        return slice(2 * self.end_size, None)
+
+    def ends_of(self, columns: npt.NDArray[Number]) -> npt.NDArray[Number]:
+        """Return the ends of (k, n) or (k, j, n) values, as (k, 2, m + 2) or (k, 2, j, m + 2)."""
+        size = self.end_size
+        ends = columns[..., : 2 * size]
+        if columns.ndim == 2:
+            return ends.reshape(-1, 2, size)
+        return ends.reshape(*columns.shape[:2], 2, size).swapaxes(1, 2)
+
+    def select(self, arcs: BoolArray) -> "ArcStack":
+        """Return the stack of some arcs."""
+        if all(arcs.tolist()):
+            return self
+        kept = [self.arcs[i] for i in arcs.nonzero()[0]]
+        return ArcStack(
+            kept,
+            self.indices[arcs],
+            self.points[arcs],
+            self.valid[arcs],
+            self.members[arcs],
+            self.parameters[arcs],
+            self.end_size,
+        )
+
+    def inliers_of(self, arc: int, members: BoolArray) -> tuple[IntArray, NoisyPoints]:
+        """Return the middle part of an arc and the members (2, m) of its ends, ascending."""
+        first, second = (mask.nonzero()[0] + PREDECESSORS for mask in members)
+        middle = self.middle.start + np.arange(len(self.arcs[arc].middle))
+        columns = np.concatenate([first[::-1], middle, second + self.end_size])
+        return self.indices[arc][columns], self.points[arc][columns]
+
+
+def _stacked(indices: Sequence[IntArray]) -> tuple[IntArray, BoolArray]:
+    """Return indices as rows of equal length, and the mask of those that are not repeated."""
+    rows, valid = padded_rows([len(row) for row in indices])
+    return stack_padded(indices, rows), valid
+
+
+def split_arc(profile: PreparedProfile, arc: IdentifiedArc) -> SplitArc | None:
+    """Return the middle part of an arc, and all points from there to beyond the ends."""
+    count = len(arc.indices)
+    size = min(max(2, round((1 - MIDDLE_FRACTION) / 2 * count)), MAX_END_POINTS)
+    middle = arc.indices[size : count - size]
+    if len(middle) < MIN_POINTS:
+        return None
+    first, last = int(middle[0]), int(middle[-1])
+    begin, stop = max(0, arc.arc.start - WINDOW), min(arc.arc.stop + WINDOW, len(profile.points))
+    left, right = np.arange(first - 1, begin - 1, -1), np.arange(last + 1, stop)
+    members = np.zeros(len(left), dtype=bool), np.zeros(len(right), dtype=bool)
+    members[0][first - 1 - arc.indices[:size]] = True
+    members[1][arc.indices[count - size :] - (last + 1)] = True
+    ends = (
+        np.concatenate([middle[:PREDECESSORS][::-1], left]),
+        np.concatenate([middle[-PREDECESSORS:], right]),
+    )
+    return SplitArc(profile, middle, ends, members)
