@@ -8,7 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from lsvision.io.profiles.settings import ReadOptions
-from lsvision.measure import Measurement, measure_cylinders
+from lsvision.measure import Measurement, measure_profiles
 
 if TYPE_CHECKING:
     from lsvision.inspection.job import Job
@@ -21,7 +21,7 @@ class BatchJob:
     Parameters
     ----------
     measure : functools.partial
-        Function that measures a profile: `measure_cylinders` with its keyword arguments.
+        Function that measures profiles: `measure_profiles` with its keyword arguments.
     reading : ReadOptions
         Options of reading.
     inspection : Job, optional
@@ -30,11 +30,11 @@ class BatchJob:
     Examples
     --------
     >>> from functools import partial
-    >>> BatchJob(partial(measure_cylinders, radius=19.0)).settings["radius"]
+    >>> BatchJob(partial(measure_profiles, radius=19.0)).settings["radius"]
     19.0
     """
 
-    measure: partial[Measurement] = field(default_factory=lambda: partial(measure_cylinders))
+    measure: partial[list[Measurement]] = field(default_factory=lambda: partial(measure_profiles))
     reading: ReadOptions = field(default_factory=ReadOptions)
     inspection: "Job | None" = None
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lsvision.batch.job import BatchJob
+from lsvision.batch.measure_group import measure_group
 from lsvision.batch.result_table import result_table
 from lsvision.ellipse.section import compute_intervals
 from lsvision.errors import LsvisionError, UnreadableFile, UnwritableFile
@@ -161,21 +162,20 @@ def _notes(file: ProfileFile) -> Iterator[str]:
 
 
 def _measure_part(task: FileTask, part: ProfilePart) -> "list[Measurement | None]":
-    """Measure the profiles of a part, and compute the intervals of all."""
-    measured = [_measure_profile(task, part, k) for k in range(len(part.file.profiles))]
+    """Measure the profiles of a part, and compute the intervals of all; None without points."""
+    profiles = part.file.profiles
+    valid = [k for k, profile in enumerate(profiles) if profile.lost < len(profile)]
+    measured: list[Measurement | None] = [None] * len(profiles)
+    for k, result in zip(
+        valid, measure_group(task.job.measure, [profiles[k] for k in valid]), strict=True
+    ):
+        if isinstance(result, LsvisionError):
+            raise LsvisionError(f"{task.source}, profile {part.first + k}: {result}") from result
+        if isinstance(result, Exception):
+            raise result
+        measured[k] = result
     compute_intervals(c for each in measured if each is not None for c in each.cylinders)
     return measured
-
-
-def _measure_profile(task: FileTask, part: ProfilePart, index: int) -> "Measurement | None":
-    profile = part.file.profiles[index]
-    if profile.lost == len(profile):
-        return None
-    try:
-        return task.job.measure(profile)
-    except LsvisionError as error:
-        number = part.first + index
-        raise LsvisionError(f"{task.source}, profile {number}: {error}") from error
 
 
 def _open(path: Path, schema: "pa.Schema") -> "pa.parquet.ParquetWriter":

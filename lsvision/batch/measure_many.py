@@ -7,14 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 from lsvision.batch.process_pool import EndedProcess, default_jobs, run_tasks
 from lsvision.errors import LsvisionError
-from lsvision.measure import Measurement, measure_cylinders
+from lsvision.measure import PROFILES_AT_ONCE, Measurement, measure_profiles
 from lsvision.profile import Profile, as_profile, require_several
 
 if TYPE_CHECKING:
     import numpy.typing as npt
-
-PROFILES_PER_TASK = 16
-"""Profiles sent to a process at once: some 50 ms of work, far longer than the transfer."""
 
 
 def measure_many(
@@ -79,9 +76,9 @@ def _measure_many(
 
 
 def _measure_group(options: dict[str, Any], profiles: list[Profile]) -> list[Measurement]:
-    return [measure_cylinders(profile, **options) for profile in profiles]
+    return measure_profiles(profiles, **options)
 
 
 def _groups(profiles: Iterator[Profile]) -> Iterator[list[Profile]]:
-    while group := list(islice(profiles, PROFILES_PER_TASK)):
+    while group := list(islice(profiles, PROFILES_AT_ONCE)):
         yield group

@@ -14,18 +14,17 @@ def find_repeated(contents: Iterable[bytes]) -> dict[int, int]:
     Returns
     -------
     dict of int to int
-        Index of each repeated content: index of the first that equals it; empty if all contents
-        differ. Sorted by index.
+        In ascending order; empty if all contents differ.
 
     Examples
     --------
     >>> find_repeated([b"a", b"b", b"a", b"a"])
     {2: 0, 3: 0}
     """
-    first_index: dict[bytes, int] = {}
+    first: dict[bytes, int] = {}
     repeated = {}
     for index, content in enumerate(contents):
-        earlier = first_index.setdefault(content, index)
+        earlier = first.setdefault(content, index)
         if earlier != index:
             repeated[index] = earlier
     return repeated

@@ -125,7 +125,7 @@ def batch(
 
 
 def _batch_job(
-    measuring: "partial[Measurement]", options: "ReadOptions", path: Path | None
+    measuring: "partial[list[Measurement]]", options: "ReadOptions", path: Path | None
 ) -> "BatchJob":
     """Return the settings of the batch, from the options or from a job file."""
     from lsvision.batch.job import BatchJob
@@ -135,14 +135,14 @@ def _batch_job(
     if any(value is not None for value in measuring.keywords.values()):
         raise typer.BadParameter("expected --job or options of the measurement, got both")
     from lsvision.inspection.job import Job
-    from lsvision.inspection.measuring import measure_profile
+    from lsvision.inspection.measuring import measure_profiles_of_job
 
     job = Job.load(path)
     if job.scan is not None or job.rig.light_section is not None:
         raise LsvisionError(
             f"{path}: a job of scans or images: batch judges profiles, see lsvision inspect"
         )
-    return BatchJob(partial(measure_profile, job=job), options, job)
+    return BatchJob(partial(measure_profiles_of_job, job=job), options, job)
 
 
 def _root(sources: Sequence[Path]) -> Path:

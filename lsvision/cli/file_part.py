@@ -6,7 +6,7 @@ import traceback
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from lsvision.cli.image_sources import (
     ImageFile,
@@ -25,6 +25,7 @@ from lsvision.files.limited_reading import STDIN
 from lsvision.files.printable import printable, printable_name
 
 if TYPE_CHECKING:
+    from lsvision.batch.measure_group import MeasureFunction
     from lsvision.cylinder.robot_frame import PlacedCylinder
     from lsvision.geometry import Pose
     from lsvision.io.profiles import ProfileFile, ReadOptions
@@ -32,18 +33,6 @@ if TYPE_CHECKING:
     from lsvision.profile import Profile
     from lsvision.results.quantities import Record
     from lsvision.sensors.profile_sensor import ProfileSensor
-
-MAX_FLIP_CHECK_POINTS = 20_000
-"""Largest number of points of a profile that is measured upside down as a check; longer profiles
-are subsampled."""
-
-
-class Measure(Protocol):
-    """Function that measures a profile."""
-
-    def __call__(self, profile: "Profile", /) -> "Measurement":
-        """Measure a profile."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +42,7 @@ class PartOptions:
     Parameters
     ----------
     measuring : callable
-        Function that measures a profile.
+        Function that measures profiles.
     sensor : ProfileSensor, optional
         Sensor whose noise `measuring` uses.
     reading : ReadOptions
@@ -66,7 +55,7 @@ class PartOptions:
         Whether to list the rejected arcs, too; whether to print tracebacks.
     """
 
-    measuring: Measure
+    measuring: "MeasureFunction"
     sensor: "ProfileSensor | None" = None
     reading: "ReadOptions" = field(default_factory=dict)  # type: ignore[assignment] # all optional
     imaging: ImagingOptions | None = None
@@ -205,16 +194,22 @@ def measure_parts(options: PartOptions, parts: Sequence[FilePart]) -> list[PartR
     options : PartOptions
         Reading and measuring of the profiles.
     parts : sequence of FilePart
-        Parts with the profiles; the intervals of all their cylinders are computed together.
+        Parts with the profiles; all of them are measured at once, as are the intervals.
 
     Returns
     -------
     list of PartResult
         Result of each part; it has only the error if one of its profiles cannot be measured.
     """
+    from lsvision.batch.measure_group import measure_group
     from lsvision.ellipse.section import compute_intervals
 
-    measured = [_measure_part(options, part) for part in parts]
+    profiles = [profile for part in parts for _, profile in _valid_profiles(part)]
+    results = iter(measure_group(options.measuring, profiles))
+    measured = [
+        _complete_part(options, part, [next(results) for _ in _valid_profiles(part)])
+        for part in parts
+    ]
     measurements = [section.measurement for sections, _ in measured for section in sections]
     with contextlib.suppress(Exception):  # raised again in the part that causes it
         compute_intervals(cylinder for m in measurements for cylinder in m.cylinders)
@@ -224,15 +219,19 @@ def measure_parts(options: PartOptions, parts: Sequence[FilePart]) -> list[PartR
     ]
 
 
-def _measure_part(
-    options: PartOptions, part: FilePart
+def _valid_profiles(part: FilePart) -> "list[tuple[int, Profile]]":
+    """Return the profiles with points, and their indices in the part."""
+    return [pair for pair in enumerate(part.file.profiles) if pair[1].lost < len(pair[1])]
+
+
+def _complete_part(
+    options: PartOptions, part: FilePart, results: "Sequence[Measurement | Exception]"
 ) -> "tuple[list[_Section], PartResult | None]":
     """Return the measured profiles of a part, and a result with the error if there is one."""
     try:
         sections = [
-            _measure_section(options, part, number)
-            for number, profile in enumerate(part.file.profiles)
-            if profile.lost < len(profile)
+            _complete_section(options, part, index, result)
+            for (index, _), result in zip(_valid_profiles(part), results, strict=True)
         ]
     except Exception as error:  # noqa: BLE001 - a bug in one file must not stop the run
         return [], PartResult(errors=[error_text(part.file.path, error, options)])
@@ -282,32 +281,31 @@ class _Section:
     placed: "list[tuple[PlacedCylinder, PlacedCylinder]] | None"
 
 
-def _measure_section(options: PartOptions, part: FilePart, index: int) -> _Section:
+def _complete_section(
+    options: PartOptions, part: FilePart, index: int, measurement: "Measurement | Exception"
+) -> _Section:
+    """Return a measured profile with its cylinders in the robot's frame.
+
+    Raises
+    ------
+    Exception
+        If the profile could not be measured.
+    """
+    from lsvision.batch.measure_group import holds_cylinders_upside_down
+
     profile = part.file.profiles[index]
-    try:
-        measurement = options.measuring(profile)
-    except LsvisionError as error:
+    if isinstance(measurement, LsvisionError):
         number = part.first + index
-        raise LsvisionError(f"{part.file.path}, profile {number}: {error}") from error
+        raise LsvisionError(f"{part.file.path}, profile {number}: {measurement}") from measurement
+    if isinstance(measurement, Exception):
+        raise measurement
     empty = not measurement.cylinders and not isinstance(part.file, ImageFile)
-    upside_down = empty and _holds_cylinders_upside_down(options.measuring, profile)
+    upside_down = empty and holds_cylinders_upside_down(options.measuring, profile)
     placed = None
     if options.placing is not None:
         flange = None if part.flanges is None else part.flanges[index]
         placed = options.placing.place(measurement.cylinders, flange)
     return _Section(index, profile, measurement, upside_down, placed)
-
-
-def _holds_cylinders_upside_down(measuring: Measure, profile: "Profile") -> bool:
-    """Return whether cylinders are found in a profile whose heights are negated."""
-    from lsvision.profile import Profile
-
-    step = 1 + len(profile) // MAX_FLIP_CHECK_POINTS
-    mirrored = Profile(profile.points[::step] * (1.0, -1.0), lost=())
-    try:
-        return bool(measuring(mirrored).cylinders)
-    except LsvisionError:
-        return False
 
 
 def _header(options: PartOptions, file: "ProfileFile | ImageFile", first: int = 0) -> list[str]:

@@ -129,7 +129,7 @@ class _Run:
         self, name: str, sources: Sequence[Path]
     ) -> "Iterator[tuple[str, int, Measurement | ScanMeasurement]]":
         """Yield name, number and measurement of each profile, or of the scan of all profiles."""
-        from lsvision.inspection.measuring import measure_profile, measure_sections
+        from lsvision.inspection.measuring import measure_profiles_of_job, measure_scan_of_job
 
         files = [
             read_image_source(source, self.imaging, JOB)
@@ -139,12 +139,13 @@ class _Run:
         ]
         if self.job.scan is None:
             for file in files:
-                for number, profile in enumerate(file.profiles):
-                    yield str(file.path), number, measure_profile(profile, self.job)
+                measurements = measure_profiles_of_job(file.profiles, self.job)
+                for number, measurement in enumerate(measurements):
+                    yield str(file.path), number, measurement
             return
         profiles = [profile for file in files for profile in file.profiles]
         poses, calibration = self._poses(len(profiles))
-        yield name, 0, measure_sections(profiles, poses, self.job, calibration)
+        yield name, 0, measure_scan_of_job(profiles, poses, self.job, calibration)
 
     def _poses(self, count: int) -> "tuple[list[Pose], Any]":
         from lsvision.cli.robot_poses import RobotOptions

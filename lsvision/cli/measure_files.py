@@ -29,10 +29,10 @@ if TYPE_CHECKING:
 MAX_SMALL_FILE_BYTES = 5 * 10**4
 """Largest file that is measured in one task together with others. Larger ones are read by the main
 process and divided into tasks, so that all processes work on one file. Units: bytes."""
-TASK_SIZE = 16
-"""Number of small files, or of profiles of a larger file, in a task: the intervals of all their
-cylinders are computed together. It does not depend on the number of processes, so that the results
-do not, either."""
+TASK_SIZE = 32
+"""Number of small files, or of profiles of a larger file, in a task, all of which are measured at
+once (`lsvision.measure.PROFILES_AT_ONCE`). It does not depend on the number of processes, so that
+the results do not, either."""
 MIN_SIZE_FOR_PROCESSES = 2 * 10**6
 """Smallest total size of the files (about 250 profiles of 400 points) for which several processes,
 which take a second to start, save time. Units: bytes."""

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import typer
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from lsvision.measure import Measurement
     from lsvision.profile import Profile
     from lsvision.sensors.profile_sensor import ProfileSensor
@@ -22,8 +24,8 @@ def build_measure_function(
     sensor: "ProfileSensor | None",
     *,
     paper: bool,
-) -> "partial[Measurement]":
-    """Return `measure_cylinders`, or `measure_cylinders_paper`, with the options as arguments.
+) -> "partial[list[Measurement]]":
+    """Return `measure_profiles`, or the paper's pipeline for profiles, with the options.
 
     Parameters
     ----------
@@ -47,18 +49,30 @@ def build_measure_function(
     search_range, known = parse_search_range(radius), parse_known_radius(known_radius)
     known_phi = parse_known_phi(known_phi_deg)
     if paper:
-        from lsvision.studies.chen_liu_2016 import measure_cylinders_paper
-
-        return partial(measure_cylinders_paper, radius=search_range, known_radius=known)
-    from lsvision.measure import measure_cylinders
+        return partial(_measure_profiles_paper, radius=search_range, known_radius=known)
+    from lsvision.measure import measure_profiles
 
     return partial(
-        measure_cylinders,
+        measure_profiles,
         radius=search_range,
         known_radius=known,
         known_phi=known_phi,
         sensor=sensor,
     )
+
+
+def _measure_profiles_paper(
+    profiles: "Sequence[Profile]",
+    radius: float | tuple[float, float] | None,
+    known_radius: float | tuple[float, float] | None,
+) -> "list[Measurement]":
+    """Measure profiles by the paper's pipeline, one by one."""
+    from lsvision.studies.chen_liu_2016 import measure_cylinders_paper
+
+    return [
+        measure_cylinders_paper(profile, radius=radius, known_radius=known_radius)
+        for profile in profiles
+    ]
 
 
 def range_warning(profile: "Profile", sensor: "ProfileSensor | None") -> str | None:

@@ -184,13 +184,17 @@ def _measure_all(
     known_radius: float | tuple[float, float] | None,
     sensor: "ProfileSensor | None",
 ) -> "list[Measurement]":
-    from lsvision.scan import measure_section
+    from lsvision.measure import PROFILES_AT_ONCE
+    from lsvision.scan import measure_sections
 
     progress, measurements = Progress(len(profiles)), []
-    for done, profile in enumerate(profiles):
+    for done in range(0, len(profiles), PROFILES_AT_ONCE):
         progress.show(done, names[done])
-        measurements.append(
-            measure_section(profile, radius=radius, known_radius=known_radius, sensor=sensor)
+        measurements += measure_sections(
+            profiles[done : done + PROFILES_AT_ONCE],
+            radius=radius,
+            known_radius=known_radius,
+            sensor=sensor,
         )
     progress.clear()
     return measurements

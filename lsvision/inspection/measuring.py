@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from lsvision.geometry import Pose
 from lsvision.inspection.job import Job
 from lsvision.inspection.job_tables import Scan
-from lsvision.measure import Measurement, measure_cylinders
+from lsvision.measure import Measurement, measure_profiles
 from lsvision.profile import NoiseModel, Profile
 from lsvision.scan import ScanMeasurement, measure_scan
 from lsvision.sensors.profile_sensor import ProfileSensor, find_sensor
@@ -28,14 +28,14 @@ def noise_model_from_job(job: Job) -> NoiseModel | None:
     return ProfileSensor(range_std=measure.range_std_mm, reference_range=measure.reference_range_mm)
 
 
-def measure_profile(profile: Profile, job: Job) -> Measurement:
-    """Measure a profile with the settings of ``[measure]``; see `measure_cylinders`."""
+def measure_profiles_of_job(profiles: Sequence[Profile], job: Job) -> list[Measurement]:
+    """Measure profiles with the settings of ``[measure]``; see `measure_profiles`."""
     known = job.measure.known_phi_deg
     phi: Any = None
     if known is not None:
         phi = tuple(map(math.radians, known)) if isinstance(known, tuple) else math.radians(known)
-    return measure_cylinders(
-        profile,
+    return measure_profiles(
+        profiles,
         radius=job.measure.radius_mm,
         known_radius=job.measure.known_radius_mm,
         known_phi=phi,
@@ -43,7 +43,7 @@ def measure_profile(profile: Profile, job: Job) -> Measurement:
     )
 
 
-def measure_sections(
+def measure_scan_of_job(
     profiles: Sequence[Profile],
     base_from_sections: Sequence[Pose],
     job: Job,

@@ -5,7 +5,7 @@ from lsvision.scan.scan_pipeline import (
     ScanSettings,
     fit_sections_jointly,
     measure_scan,
-    measure_section,
+    measure_sections,
 )
 from lsvision.scan.scan_result import ScanMeasurement, ScannedCylinder, ScanRejection
 from lsvision.scan.shape import measure_shape
@@ -20,6 +20,6 @@ __all__ = [
     "TubeShape",
     "fit_sections_jointly",
     "measure_scan",
-    "measure_section",
+    "measure_sections",
     "measure_shape",
 ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import compress
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +17,7 @@ from lsvision.geometry.arguments import as_number_or_pair
 from lsvision.geometry.arrays import require_coordinates
 from lsvision.geometry.pose import as_poses
 from lsvision.geometry.settings_repr import ShowsChanges
-from lsvision.measure import Measurement, Settings, measure_cylinders
+from lsvision.measure import Measurement, Settings, measure_profiles
 from lsvision.profile import NoiseModel, Profile, as_profile, require_several
 from lsvision.scan.cloud import build_cloud, require_noncoplanar_sections
 from lsvision.scan.joint_fit import JointFit, JointFitSettings, fit_tracks
@@ -152,16 +153,13 @@ def measure_scan(  # noqa: PLR0913 - the options of `measure_cylinders`, the pos
     checked_profiles, noise = [as_profile(profile) for profile in profiles], as_noise_model(sensor)
     poses = validate_poses(checked_profiles, base_from_sections)
     radius_prior = as_number_or_pair(known_radius, "known_radius", "mm", "(radius, std)")
-    measurements = [
-        measure_section(
-            profile,
-            radius=radius,
-            known_radius=radius_prior,
-            sensor=noise,
-            settings=settings.section,
-        )
-        for profile in checked_profiles
-    ]
+    measurements = measure_sections(
+        checked_profiles,
+        radius=radius,
+        known_radius=radius_prior,
+        sensor=noise,
+        settings=settings.section,
+    )
     return fit_sections_jointly(
         checked_profiles,
         poses,
@@ -173,27 +171,28 @@ def measure_scan(  # noqa: PLR0913 - the options of `measure_cylinders`, the pos
     )
 
 
-def measure_section(
-    profile: Profile,
+def measure_sections(
+    profiles: Sequence[Profile],
     *,
     radius: float | Sequence[float] | None = None,
     known_radius: float | Sequence[float] | None = None,
     sensor: NoiseModel | None = None,
     settings: Settings | None = None,
-) -> Measurement:
-    """Measure one profile of a scan; without enough points, return an empty measurement.
+) -> list[Measurement]:
+    """Measure the profiles of a scan; one without enough points has an empty measurement.
 
-    Parameters are those of `measure_cylinders`.
+    Parameters are those of `measure_profiles`.
     """
-    if len(profile) - profile.lost < MIN_POINTS:
-        return Measurement((), ())
-    return measure_cylinders(
-        profile,
+    has_points = [len(profile) - profile.lost >= MIN_POINTS for profile in profiles]
+    measured = measure_profiles(
+        list(compress(profiles, has_points)),
         radius=radius,
         known_radius=known_radius,
         sensor=sensor,
         settings=settings or Settings(),
     )
+    remaining = iter(measured)
+    return [next(remaining) if valid else Measurement((), ()) for valid in has_points]
 
 
 def fit_sections_jointly(  # noqa: PLR0913 - the measurements and the options of `measure_scan`
@@ -213,7 +212,7 @@ def fit_sections_jointly(  # noqa: PLR0913 - the measurements and the options of
     profiles, base_from_sections, known_radius, sensor, settings
         As in `measure_scan`.
     measurements : sequence of Measurement
-        Result of `measure_section` for each profile.
+        Result of `measure_sections`.
     pose_errors : PoseErrors
         Uncertainty of the poses.
 

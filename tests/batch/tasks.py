@@ -37,12 +37,12 @@ class Killer:
     def __init__(self, folder, length, times):
         self.folder, self.length, self.times = folder, length, times
 
-    def __call__(self, profile):
-        if len(profile) == self.length:
+    def __call__(self, profiles):
+        if self.length in map(len, profiles):
             calls = len(list(self.folder.glob("call*")))
             if calls < self.times:
                 (self.folder / f"call{calls}").touch()
                 os._exit(9)
-        from lsvision.measure import measure_cylinders
+        from lsvision.measure import measure_profiles
 
-        return measure_cylinders(profile)
+        return measure_profiles(profiles)

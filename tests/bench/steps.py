@@ -20,8 +20,8 @@ from tests.bench.goals import Number
 
 STEPS = (
     "prepare_profile", "search_range", "build_range_image", "connected_components",
-    "find_candidates", "identify_arcs", "screen_arc", "tangential_end_reason", "smooth_arc",
-    "homogenise_arc", "refine_arc", "rejection_reason", "suppress_overlapping",
+    "find_candidates", "identify_arcs", "screen_arc", "tangential_end_reason", "smooth_arcs",
+    "homogenise_arcs", "refine_arcs", "rejection_reason", "suppress_overlapping",
     "complete_rejections", "measurement_in_sensor_columns",
 )  # fmt: skip
 """The functions that `lsvision.measure` calls, in order."""

@@ -165,11 +165,11 @@ def test_paper_measures_by_the_chain_of_the_paper(run, written, pipe, monkeypatc
         calls.append(options)
         return measure_module.Measurement((), ())
 
-    def fail(profile, **_):
-        raise AssertionError("expected measure_cylinders_paper, got measure_cylinders")
+    def fail(profiles, **_):
+        raise AssertionError("expected measure_cylinders_paper, got measure_profiles")
 
     monkeypatch.setattr(chen_liu_2016, "measure_cylinders_paper", measure)
-    monkeypatch.setattr(measure_module, "measure_cylinders", fail)
+    monkeypatch.setattr(measure_module, "measure_profiles", fail)
     assert run("measure", written(pipe), "--paper", "--radius", "10:40").exit_code == 0
     assert calls
     assert all(c == {"radius": (10.0, 40.0), "known_radius": None} for c in calls)

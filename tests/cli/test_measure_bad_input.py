@@ -88,12 +88,12 @@ def test_other_files_are_measured_and_the_failures_counted_at_the_end(run, writt
 
 
 def test_bug_met_by_one_file_does_not_cost_the_others(run, written, pipe, monkeypatch):
-    def measure(profile, **_):
-        if len(profile) == 30:
+    def measure(profiles, **_):
+        if 30 in map(len, profiles):
             raise ZeroDivisionError("thirty")
-        return measure_module.Measurement((), ())
+        return [measure_module.Measurement((), ()) for _ in profiles]
 
-    monkeypatch.setattr(measure_module, "measure_cylinders", measure)
+    monkeypatch.setattr(measure_module, "measure_profiles", measure)
     words = written(pipe[:30], "a.csv"), written(pipe, "b.csv")
     result = run("measure", *words)
     assert result.exit_code == FAILED

@@ -147,15 +147,15 @@ def test_an_interrupted_file_keeps_its_measured_profiles(run, pipe, tmp_path, mo
         monkeypatch.setattr(f"lsvision.cli.measure_files.{name}", value)
     np.save(tmp_path / "three.npy", np.stack([pipe, pipe, np.full_like(pipe, np.nan), pipe]))
     calls = []
-    real = measure_module.measure_cylinders
+    real = measure_module.measure_profiles
 
-    def measure(profile, **options):
-        calls.append(profile)
+    def measure(profiles, **options):
+        calls.append(profiles)
         if len(calls) == 3:
             raise KeyboardInterrupt
-        return real(profile, **options)
+        return real(profiles, **options)
 
-    monkeypatch.setattr(measure_module, "measure_cylinders", measure)
+    monkeypatch.setattr(measure_module, "measure_profiles", measure)
     result = run("measure", tmp_path / "three.npy", "--csv", tmp_path / "o.csv")
     assert result.exit_code == INTERRUPTED
     rows = rows_of((tmp_path / "o.csv").read_text())

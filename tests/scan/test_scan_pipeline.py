@@ -10,7 +10,7 @@ from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import Pose
 from lsvision.measure import Measurement
 from lsvision.profile import Profile
-from lsvision.scan import ScannedCylinder, fit_sections_jointly, measure_scan, measure_section
+from lsvision.scan import ScannedCylinder, fit_sections_jointly, measure_scan, measure_sections
 from lsvision.sensors.profile_sensor import ProfileSensor
 from lsvision.simulate import SCENE_SENSOR, Scene, Tube
 from lsvision.simulate.clutter import bar, ground
@@ -203,7 +203,7 @@ def test_an_arc_in_one_section_only_is_rejected_with_the_reason(pipe: Tube) -> N
 
 def test_a_cylinder_detected_in_few_sections_is_rejected(pipe: Tube) -> None:
     profiles, poses = profiles_of(Scene((pipe,)), feed(6, 4.0)), feed(6, 4.0)
-    measurements = [measure_section(profile) for profile in profiles]
+    measurements = measure_sections(profiles)
     unseen = [m if k < 2 else Measurement((), ()) for k, m in enumerate(measurements)]
     scan = fit_sections_jointly(profiles, poses, unseen)
     assert not scan.cylinders
@@ -213,7 +213,7 @@ def test_a_cylinder_detected_in_few_sections_is_rejected(pipe: Tube) -> None:
 def test_a_cylinder_with_large_residuals_is_rejected_with_their_rms(pipe: Tube) -> None:
     profiles, poses = profiles_of(Scene((pipe,)), feed(4, 4.0), noise=0.3), feed(4, 4.0)
     overconfident = [Profile(p.points, ProfileSensor(range_std=0.01)) for p in profiles]
-    measurements = [measure_section(profile) for profile in profiles]
+    measurements = measure_sections(profiles)
     scan = fit_sections_jointly(overconfident, poses, measurements)
     assert not scan.cylinders
     assert "times the noise, limit 4.0" in scan.rejections[0].reason
