@@ -9,7 +9,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from lsvision.cli.app import app
 from tests.printed import differing
 
 ROOT = Path(__file__).parents[1]
@@ -22,19 +24,18 @@ PYTHON, PYTHON_OUTPUT = re.search(
 MEASURED = re.search(r"```text\n(.*?)```", README, re.DOTALL)[1]
 
 
-def run_lsvision(command, folder):
-    words = [
+def words_of(command):
+    return [
         f"{ROOT}/{word}" if word.startswith(("fixtures/", "calibration/")) else word
         for word in shlex.split(command)[1:]
     ]
-    return subprocess.run(
-        [sys.executable, "-m", "lsvision", *words],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=False,
-        env={"PYTHONPATH": str(ROOT), "PATH": "/usr/bin:/bin", "OMP_NUM_THREADS": "1"},
-    )
+
+
+@pytest.fixture
+def run_lsvision(tmp_path, monkeypatch):
+    """Runs a command line of the README in this process, in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+    return lambda command: CliRunner().invoke(app, words_of(command), prog_name="lsvision")
 
 
 def test_the_first_two_shell_blocks_are_the_whole_set_up():
@@ -43,8 +44,15 @@ def test_the_first_two_shell_blocks_are_the_whole_set_up():
 
 
 def test_the_first_command_prints_the_table_and_draws_the_picture(tmp_path):
-    command = COMMANDS[0].split("&&")[1]
-    done = run_lsvision(command, tmp_path)
+    command = COMMANDS[0].split("&&")[1].strip()
+    done = subprocess.run(
+        [sys.executable, "-m", "lsvision", *words_of(command)],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+        env={"PYTHONPATH": str(ROOT), "PATH": "/usr/bin:/bin", "OMP_NUM_THREADS": "1"},
+    )
     assert done.returncode == 0, done.stderr
     shown = [line.rstrip() for line in MEASURED.splitlines()][1:]
     printed = [line.rstrip() for line in done.stdout.splitlines()][1:]
@@ -52,43 +60,43 @@ def test_the_first_command_prints_the_table_and_draws_the_picture(tmp_path):
     assert (tmp_path / "welded.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_the_scan_prints_what_it_shows(tmp_path):
+def test_the_scan_prints_what_it_shows(run_lsvision, tmp_path):
     (command,) = (c for c in COMMANDS if c.startswith("lsvision scan"))
-    done = run_lsvision(command, tmp_path)
-    assert done.returncode == 0, done.stderr
+    done = run_lsvision(command)
+    assert done.exit_code == 0, done.stderr
     assert differing(done.stdout.split(), SCANNED.split()) == []
     assert (tmp_path / "pair.png").exists()
 
 
-def test_the_inspection_prints_what_it_shows_and_ends_with_the_code_of_ng(tmp_path):
+def test_the_inspection_prints_what_it_shows_and_ends_with_the_code_of_ng(run_lsvision, tmp_path):
     (command,) = (c for c in COMMANDS if c.startswith("lsvision inspect"))
     shown = README.split(command, 1)[1].split("```text\n", 1)[1].split("```")[0]
-    done = run_lsvision(command, tmp_path)
-    assert done.returncode == 3, done.stderr
+    done = run_lsvision(command)
+    assert done.exit_code == 3, done.stderr
     assert differing(done.stdout.replace(f"{ROOT}/", "").split(), shown.split()) == []
     assert "<svg" in (tmp_path / "pair.html").read_text(encoding="utf-8")
 
 
-def test_the_images_print_what_they_show(tmp_path):
+def test_the_images_print_what_they_show(run_lsvision, tmp_path):
     (commands,) = (c for c in COMMANDS if c.startswith("lsvision line"))
     shown = README.split(commands, 1)[1].split("```text\n", 1)[1].split("```")[0]
     printed = []
     for command in commands.strip().splitlines():
-        done = run_lsvision(command, tmp_path)
-        assert done.returncode == 0, done.stderr
+        done = run_lsvision(command)
+        assert done.exit_code == 0, done.stderr
         printed += done.stdout.replace(f"{ROOT}/", "").split()
     assert differing(printed, shown.split()) == []
     assert (tmp_path / "line.png").exists()
     assert (tmp_path / "found.png").exists()
 
 
-def test_the_robot_prints_what_it_shows(tmp_path):
+def test_the_robot_prints_what_it_shows(run_lsvision):
     (commands,) = (c for c in COMMANDS if c.startswith("lsvision calibrate hand-eye"))
     shown = README.split(commands, 1)[1].split("```text\n", 1)[1].split("```")[0]
     printed = []
     for command in commands.strip().splitlines():
-        done = run_lsvision(command, tmp_path)
-        assert done.returncode == 0, done.stderr
+        done = run_lsvision(command)
+        assert done.exit_code == 0, done.stderr
         printed += done.stdout.replace(f"{ROOT}/", "").split()
     for part in shown.split("...\n")[:-1]:  # of six tables the first
         words = part.split()
@@ -97,16 +105,16 @@ def test_the_robot_prints_what_it_shows(tmp_path):
 
 
 @pytest.mark.parametrize("command", [c for c in COMMANDS if c.startswith("lsvision plan")])
-def test_every_other_command_runs(command, tmp_path):
+def test_every_other_command_runs(command, run_lsvision):
     for line in command.strip().splitlines():
-        done = run_lsvision(line, tmp_path)
-        assert done.returncode == 0, done.stderr
+        done = run_lsvision(line)
+        assert done.exit_code == 0, done.stderr
 
 
-def test_the_batch_is_done_and_tells_its_status(tmp_path):
+def test_the_batch_is_done_and_tells_its_status(run_lsvision, tmp_path):
     (commands,) = (c for c in COMMANDS if c.startswith("lsvision batch"))
-    first, second = (run_lsvision(line, tmp_path) for line in commands.strip().splitlines())
-    assert (first.returncode, second.returncode) == (0, 0), first.stderr + second.stderr
+    first, second = map(run_lsvision, commands.strip().splitlines())
+    assert (first.exit_code, second.exit_code) == (0, 0), first.stderr + second.stderr
     assert first.stdout == second.stdout
     assert first.stdout.startswith("20 of 20 files done, 0 failed, 0 left: 20 profiles")
     assert len(list((tmp_path / "cylinders").glob("*.parquet"))) == 20

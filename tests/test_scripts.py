@@ -29,16 +29,32 @@ def script(name, *words):
     )  # fmt: skip
 
 
+ONE_AFTER_THE_OTHER = """
+import runpy, sys
+folder, *names = sys.argv[1:]
+for name in names:
+    print(f"== {name}")
+    sys.argv = [f"{name}.py", "--results", folder]
+    try:
+        runpy.run_path(sys.argv[0], run_name="__main__")
+    except SystemExit as ended:
+        assert not ended.code, name
+"""
+"""Scripts in one process: each would import for longer than some of them calculate."""
+
+
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
     """Results of all three steps on the example, and what they print."""
     folder = tmp_path_factory.mktemp("results")
-    printed = {}
-    for name in ("camera", "laser_plane", "sensor_to_robot"):
-        done = script(name, "--results", folder)
-        assert (done.returncode, done.stderr) == (0, ""), name
-        printed[name] = done.stdout
-    return folder, printed
+    names = ("camera", "laser_plane", "sensor_to_robot")
+    done = subprocess.run(
+        [sys.executable, "-c", ONE_AFTER_THE_OTHER, folder, *names],
+        capture_output=True, text=True, timeout=300, check=False, cwd=CALIBRATION,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, ""), done.stdout
+    texts = re.split(r"^== \w+\n", done.stdout, flags=re.MULTILINE)
+    return folder, dict(zip(names, texts[1:], strict=True))
 
 
 def test_camera_of_the_example_is_found_within_its_sigmas(results):
