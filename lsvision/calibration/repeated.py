@@ -14,17 +14,18 @@ def find_repeated(contents: Iterable[bytes]) -> dict[int, int]:
     Returns
     -------
     dict of int to int
-        In ascending order; empty if all contents differ.
+        Index of each repeated content: index of the first that equals it; empty if all contents
+        differ. Sorted by index.
 
     Examples
     --------
     >>> find_repeated([b"a", b"b", b"a", b"a"])
     {2: 0, 3: 0}
     """
-    first: dict[bytes, int] = {}
+    first_index: dict[bytes, int] = {}
     repeated = {}
     for index, content in enumerate(contents):
-        earlier = first.setdefault(content, index)
+        earlier = first_index.setdefault(content, index)
         if earlier != index:
             repeated[index] = earlier
     return repeated

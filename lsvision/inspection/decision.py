@@ -48,10 +48,10 @@ def decide(interval: tuple[float, float], limits: tuple[float, float]) -> Decisi
     ['OK', 'undecided', 'NG']
     """
     low, high = interval
-    least, most = limits
-    if least <= low and high <= most:
+    lower, upper = limits
+    if lower <= low and high <= upper:
         return Decision.OK
-    return Decision.NG if high < least or low > most else Decision.UNDECIDED
+    return Decision.NG if high < lower or low > upper else Decision.UNDECIDED
 
 
 def widen_interval(

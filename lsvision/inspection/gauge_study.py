@@ -25,7 +25,7 @@ SIGMAS = 6.0
 
 @dataclass(frozen=True)
 class AnovaRow:
-    """A line of the analysis of variance; F and p are NaN where there is none."""
+    """A row of the table of the analysis of variance; F and p are NaN without an F test."""
 
     source: str
     degrees_of_freedom: int
@@ -48,7 +48,7 @@ class Component:
     name : str
         Name of the component, as ``repeatability``.
     variance : float
-        At least 0.
+        Its variance; an estimate below 0 is set to 0.
     interval : (float, float)
         Confidence interval of the standard deviation.
     """
@@ -70,7 +70,7 @@ class GaugeStudy(Result):
     Parameters
     ----------
     rows : tuple of AnovaRow
-        Parts, operators, interaction, repeatability; the full model.
+        Parts, operators, interaction, repeatability; of the full model, without pooling.
     components : tuple of Component
         Repeatability, reproducibility, gauge (the sum of both), parts, total.
     pooled : bool
@@ -176,7 +176,7 @@ class GaugeStudy(Result):
             + (f", F {row.f:.4g}, p {row.p:.3f}" if math.isfinite(row.f) else "")
             for row in self.rows
         ]
-        pooled = "taken as repeatability" if self.pooled else "kept"
+        pooled = "pooled with repeatability" if self.pooled else "not pooled"
         return [
             *lines,
             f"interaction {pooled} (limit p = {POOLING_ALPHA:g}); ndc {self.distinct_categories}",
@@ -212,13 +212,13 @@ def study_gauge(
     for factor, count in zip(("parts", "operators", "trials"), table.shape, strict=True):
         if count < 2:
             raise TooFewPoints(f"a gauge study by {factor}", count, 2, f"measure more {factor}")
-    rows = _anova(table)
+    rows = _analyse_variance(table)
     pooled = rows[2].p > POOLING_ALPHA
-    components = _components(rows, table.shape, pooled=pooled, level=level)
+    components = _estimate_components(rows, table.shape, pooled=pooled, level=level)
     return GaugeStudy(rows, components, pooled, tolerance, level)
 
 
-def _anova(table: FloatArray) -> tuple[AnovaRow, ...]:
+def _analyse_variance(table: FloatArray) -> tuple[AnovaRow, ...]:
     from scipy.stats import f
 
     p, o, r = table.shape
@@ -238,7 +238,7 @@ def _anova(table: FloatArray) -> tuple[AnovaRow, ...]:
     return tuple(rows)
 
 
-def _components(
+def _estimate_components(
     rows: Sequence[AnovaRow], shape: tuple[int, ...], *, pooled: bool, level: float
 ) -> tuple[Component, ...]:
     p, o, r = shape

@@ -18,12 +18,12 @@ def history_path(job_path: Path) -> Path:
 
 
 def record_revision(job: Job, job_path: Path, now: datetime.datetime) -> bool:
-    """Record a revision in the history of its job; False if it is there already.
+    """Record a revision in the history of its job; return False if it is already recorded.
 
     Raises
     ------
     LsvisionError
-        If its number is recorded with another content, or a newer one is recorded.
+        If its number is recorded with another content, or a higher number is recorded.
     """
     path = history_path(job_path)
     for entry in read_records(path):

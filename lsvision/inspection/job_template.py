@@ -125,10 +125,10 @@ def find_needed_tolerance(job: Job, cylinders: Sequence[CylinderSection]) -> flo
     needed, tolerances = [], []
     for part, cylinder in zip(job.parts, cylinders, strict=True):
         low, high = cylinder.interval("radius", job.decision.level)
-        least, most = part.limits["radius_mm"].ends
-        nominal = (least + most) / 2
+        lower, upper = part.limits["radius_mm"].ends
+        nominal = (lower + upper) / 2
         needed.append(max(nominal - low, high - nominal))
-        tolerances.append((most - least) / 2)
+        tolerances.append((upper - lower) / 2)
     if all(map(operator.lt, needed, tolerances)):
         return None
     digit = 10.0 ** (math.floor(math.log10(max(needed))) - 1)

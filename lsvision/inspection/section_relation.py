@@ -81,8 +81,8 @@ class AngleOfSections:
         """
         pairs = [section.interval("phi", (1 + level) / 2) for section in (self.first, self.second)]
         (low_1, high_1), (low_2, high_2) = pairs
-        least = max(0.0, low_1 - high_2, low_2 - high_1)
-        return least, min(high_1 + high_2, math.pi / 2)
+        min_angle = max(0.0, low_1 - high_2, low_2 - high_1)
+        return min_angle, min(high_1 + high_2, math.pi / 2)
 
 
 def _support(section: CylinderSection, direction: FloatArray) -> tuple[float, FloatArray]:

@@ -16,7 +16,7 @@ def describe_unused_keys(job: Job) -> str | None:
     Parameters
     ----------
     job : Job
-        A valid job.
+        Job, already validated.
 
     Returns
     -------

@@ -172,13 +172,14 @@ def _rotation(values: FloatArray, convention: str, rad_per_unit: float) -> Float
 
 def _pose_from_matrix(matrix: FloatArray, mm_per_unit: float) -> Pose:
     rotation = matrix[:3, :3]
-    defect = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
-    if defect > MAX_ORTHONORMALITY_ERROR or not np.allclose(
+    deviation = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
+    if deviation > MAX_ORTHONORMALITY_ERROR or not np.allclose(
         matrix[3], (0, 0, 0, 1), rtol=0, atol=MAX_ORTHONORMALITY_ERROR
     ):
         raise ValueError(
-            f"expected a 4x4 of a rotation with last row 0 0 0 1, got R'R off by {defect:.3g} and "
-            f"last row {_format_value(matrix[3])}: is it written column by column?"
+            "expected a 4x4 matrix of a rotation, with last row 0 0 0 1, got R'R off by "
+            f"{deviation:.3g} and last row {_format_value(matrix[3])}: if it is written column by "
+            "column, transpose it"
         )
     u, _, vh = np.linalg.svd(rotation)
     if np.linalg.det(rotation) < 0:

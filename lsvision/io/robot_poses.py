@@ -215,17 +215,17 @@ def _length_unit_remedy(unit: LengthUnit) -> str:
 def _find_motion_problem(poses: Iterable[Pose], stated: LengthUnit | None) -> str | None:
     origins = np.array([pose.translation for pose in poses])
     rotations = np.array([pose.rotation for pose in poses])
-    reach = float(np.linalg.norm(origins, axis=1).max())
+    max_distance = float(np.linalg.norm(origins, axis=1).max())
     spread = float(np.linalg.norm(np.ptp(origins, axis=0)))
-    if reach > MAX_REACH_MM or spread > MAX_SPREAD_MM:
+    if max_distance > MAX_REACH_MM or spread > MAX_SPREAD_MM:
         return (
-            f"the poses reach {reach / 1000:.4g} m from the origin and spread over "
+            f"the poses reach {max_distance / 1000:.4g} m from the origin and spread over "
             f"{spread / 1000:.4g} m: millimetres read as metres? {_length_unit_remedy('mm')}"
         )
-    if stated is None and reach < MIN_POSITION_MM:
+    if stated is None and max_distance < MIN_POSITION_MM:
         return (
-            f"no pose is more than {reach:.4g} mm from the origin: metres read as millimetres? "
-            f"{_length_unit_remedy('m')}, or mm if it is really so"
+            f"no pose is more than {max_distance:.4g} mm from the origin: metres read as "
+            f"millimetres? {_length_unit_remedy('m')}, or mm if it is really so"
         )
     rotation_change = float(np.abs(rotations - rotations[0]).max())
     if len(origins) > 1 and spread < SAME_POSE_MM and rotation_change < SAME_POSE_RAD:

@@ -19,7 +19,7 @@ from lsvision.results.summaries import counted, cylinder_summary, rejection_note
 from lsvision.scan.scan_table import format_ranges, tube_cells, twin_notes
 
 RING_POINTS = 49
-"""Points of the circle at each end of a drawn cylinder; more do not look rounder."""
+"""Points of the circle at each end of a drawn cylinder; enough that its polygon looks round."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -29,11 +29,11 @@ class ScannedCylinder(WithCylinder, Result):
     Parameters
     ----------
     fit : CylinderFit
-        The joint fit in the base frame. Its point is the axis point nearest to the first
-        section's origin, its direction is positive along the feed (from the first profile's
-        origin to the last's; if the feed is zero or perpendicular to the axis, along the first
-        section's Z). Its covariance includes the errors of the poses and of the hand-eye
-        calibration, if given.
+        Fit to the points of all `sections`, in the base frame. Its point is the axis point
+        nearest to the origin of the first section. Its direction is positive along the feed
+        (from the first profile's origin to the last's; if the feed is zero or perpendicular to
+        the axis, along the first section's Z). Its covariance includes the errors of the poses
+        and of the hand-eye calibration, if given.
     sections : tuple of int
         Indices of the profiles with points of the cylinder.
     points : (n, 3) ndarray
@@ -112,7 +112,7 @@ class ScannedCylinder(WithCylinder, Result):
         Parameters
         ----------
         quantity : {"radius", "point_x", ..., "point_z", "direction_x", ..., "direction_z"}
-            Units: mm, or components of the unit vector.
+            Radius or point coordinate (mm), or component of the unit direction vector.
         level : float
             Level of confidence, between 0 and 1.
 
@@ -215,8 +215,8 @@ class ScanRejection(Result):
 
         Examples
         --------
-        >>> ScanRejection((3, 4), "seen in two sections").to_dict()
-        {'sections': [3, 4], 'reason': 'seen in two sections'}
+        >>> ScanRejection((3, 4), "measured in two sections").to_dict()
+        {'sections': [3, 4], 'reason': 'measured in two sections'}
         """
         return {"sections": list(self.sections), "reason": self.reason}
 
@@ -240,7 +240,7 @@ class ScanMeasurement(Result):
     Parameters
     ----------
     cylinders : tuple of ScannedCylinder
-        In the order of the first section that shows them, then by ascending x in it.
+        Ordered by the first section with their points, then by ascending x in it.
     rejections : tuple of ScanRejection
         Arcs that were detected in a profile and rejected by the joint fit.
     measurements : tuple of Measurement

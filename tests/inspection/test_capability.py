@@ -75,7 +75,7 @@ def test_percent_of_tolerance_is_six_sigmas_over_it():
     assert math.isnan(study_gauge(TABLE).fraction_of_tolerance("gauge"))
     text = str(study)
     assert "ISO 22514-7 is not claimed" in text
-    assert "taken as repeatability" in text
+    assert "pooled with repeatability" in text
 
 
 def test_the_interval_of_one_mean_square_is_that_of_chi_squared():

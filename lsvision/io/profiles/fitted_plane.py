@@ -16,6 +16,7 @@ MIN_EXTENT = 0.01
 """Smallest rms extent normal to the line relative to that along it, below which the points are on a
 line."""
 MIN_POINTS = 5
+"""Fewest valid points to which a plane is fitted."""
 MAX_COORDINATE_MM = 1e9
 """Larger coordinates are markers of lost points; their squares could overflow. Units: mm."""
 
@@ -27,7 +28,7 @@ class FittedSections:
     Parameters
     ----------
     sections : tuple of (n, 2) ndarray
-        Section frame, NaN where lost. Units: mm.
+        Points (x, y) in the section frame, NaN where lost. Units: mm.
     file_from_section : Pose
         The section frame in the frame of the points; its Z is the plane's normal. Units: mm.
     note : str
@@ -40,7 +41,7 @@ class FittedSections:
 
 
 def fit_section_plane(clouds: Sequence[FloatArray]) -> FittedSections:
-    """Fit one plane to the points of all profiles and return them in its section frame.
+    """Fit one plane to the points of all profiles; return the points in its section frame.
 
     The frame is that of `section_pose`: Y opposite to the z axis of the points' frame, as of a
     camera that looks along z. Where the points have negative z (heights below the sensor), Y is
@@ -54,7 +55,7 @@ def fit_section_plane(clouds: Sequence[FloatArray]) -> FittedSections:
     Returns
     -------
     FittedSections
-        The points in the plane, the pose of their frame, and a note.
+        Points in the section frame, the pose of this frame, and a note.
 
     Raises
     ------
