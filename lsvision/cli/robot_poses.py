@@ -32,7 +32,7 @@ class RobotOptions:
         Path | None,
         typer.Option(
             metavar="F",
-            help="Hand-eye file, with its errors propagated; else the poses are the section's own.",
+            help="Hand-eye file, its errors propagated; without it, --poses are of the section.",
         ),
     ] = None
 

@@ -205,8 +205,10 @@ def place_section(
     Returns
     -------
     tuple of PlacedCylinder
-        In the order of ``section.axis_twins``: cos(phi) n +/- sin(phi) m. One of them is the
-        real cylinder; a second section, or knowledge of the scene, determines which.
+        In the order of ``section.axis_candidates``: directions cos(phi) n + sin(phi) m and
+        cos(phi) n - sin(phi) m, with n the laser plane's normal and m the ellipse's major axis.
+        One of them is the real cylinder; a second section, or knowledge of the scene,
+        determines which.
 
     Raises
     ------
@@ -265,7 +267,8 @@ def twin_jacobian(section: CylinderSection, sign: float) -> FloatArray:
     section : CylinderSection
         The measured section.
     sign : {1.0, -1.0}
-        Selects the cylinder of direction cos(phi) n + sign sin(phi) m (section frame).
+        Selects the cylinder of direction cos(phi) n + sign sin(phi) m in the section frame, with n
+        the laser plane's normal and m the ellipse's major axis.
 
     Returns
     -------
@@ -324,6 +327,6 @@ def robot_covariance(calibration: SectionMount) -> FloatArray:
 
 
 def _scale_to_limit(limit: float, gradient: FloatArray, covariance: FloatArray) -> float:
-    """Return the factor, at most 1, on a gradient that limits the propagated std."""
+    """Return the factor, at most 1, that scales a gradient so that its std is within a limit."""
     linear = math.sqrt(max(float(gradient @ covariance @ gradient), 0.0))
     return min(1.0, limit / linear) if linear > 0 else 1.0

@@ -154,7 +154,7 @@ def _find_numbers(text: str, keys: Iterable[str], quantity: str) -> list[float]:
             return [
                 float(number_text)
                 for number_text in re.findall(rf"(?:^|(?<=[\[,\s])){number_pattern}", match[1])
-                if number_text != "-"
+                if number_text != "-"  # mark of a YAML list item
             ]
     raise ValueError(f"expected {quantity} under one of {', '.join(keys)}; got none")
 

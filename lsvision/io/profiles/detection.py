@@ -1,4 +1,4 @@
-"""Format of a file: by its magic bytes, then its first lines, then its suffix."""
+"""Detection of a file's format: by its magic bytes, then its first lines, then its suffix."""
 
 import io
 import re
@@ -86,7 +86,7 @@ _FIRST_LINES = (
     (re.compile(r"[^\n]*\bx0\s*,\s*z0\b", re.IGNORECASE), "gocator-points"),
 )
 _KEYENCE_ROW = re.compile(r"\s*[-+]?[0-9.]+\t[-+]?[0-9.]+\s*[\r\n]")
-"""First line of the exporter's UTF-16 files."""
+"""First line of a UTF-16 file that Keyence's software exports."""
 _RESULT_LOG = re.compile(r"micro-epsilon|scanCONTROL", re.IGNORECASE)
 _KEYENCE_WIDTHS = frozenset([800, 1600, 3200, 6400])  # columns of an LJ-V and LJ-X profile
 

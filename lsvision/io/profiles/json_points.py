@@ -14,7 +14,7 @@ from lsvision.geometry import FloatArray
 from lsvision.io.profiles.column_roles import column_role, is_known_role
 from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.laser_scan import is_laser_scan, profiles_from_scans
-from lsvision.io.profiles.matrix import profiles_from_matrix, rises
+from lsvision.io.profiles.matrix import is_monotonic, profiles_from_matrix
 from lsvision.io.profiles.named_columns import profiles_from_named
 from lsvision.io.profiles.number_rows import POINT_NUMBER, is_missing
 from lsvision.io.profiles.opencv_matrix import TRIPLES, matrix_of_node, table_of_points
@@ -186,11 +186,11 @@ def _from_list(document: list[Any], settings: ReadSettings, depth: int) -> RawPr
 
 
 def _are_x_and_height(document: list[Any]) -> bool:
-    """Return whether two lists of numbers have equal length, and the first rises or falls."""
+    """Return whether two lists of numbers have equal length, and the first is monotonic."""
     first, second = document
     if not isinstance(first, list) or len(first) != len(second) or len(first) <= MIN_PAIRS:
         return False
-    return rises(_floats(first))
+    return is_monotonic(_floats(first))
 
 
 def _from_objects(
@@ -274,7 +274,7 @@ def flat_width(key: str, values: FloatArray) -> int | None:
         if values.size % width == 0 and values.size >= 3 * width:
             rows = values.reshape(-1, width)
             flat = width == 2 or len(np.unique(rows[np.isfinite(rows[:, 1]), 1])) <= 1
-            if flat and rises(rows[:, 0]):
+            if flat and is_monotonic(rows[:, 0]):
                 return width
     return None
 

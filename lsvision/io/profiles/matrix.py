@@ -40,10 +40,10 @@ def profiles_from_matrix(table: TextTable, settings: ReadSettings) -> RawProfile
         return RawProfiles(
             sections=[np.column_stack([heights[0], row]) for row in heights[1:]],
             units=(height_unit(table, settings),) * 2,
-            notes=(*table.notes, "the first row of heights rises evenly: read as x"),
+            notes=(*table.notes, "the first row is evenly spaced: read as x"),
             lost=table.lost,
         )
-    if settings.dx is None and len(heights) == 2 and rises(heights[0]):
+    if settings.dx is None and len(heights) == 2 and is_monotonic(heights[0]):
         return RawProfiles(
             sections=[heights.T],
             units=(height_unit(table, settings),) * 2,
@@ -85,6 +85,7 @@ def column_positions(
 def height_unit(table: TextTable, settings: ReadSettings) -> str | None:
     """Return the unit of the heights that the file states; None if the user states one."""
     if settings.z_unit is not None:
+        # z_unit is in 0.01 um.
         return f"{float(settings.z_unit) / 100:.12g} um"
     if settings.units is not None:
         return None
@@ -104,10 +105,10 @@ def _is_x_row(heights: FloatArray) -> bool:
     with np.errstate(over="ignore", invalid="ignore"):
         steps = np.diff(heights[0])
     is_even = bool(np.all(np.abs(steps - steps.mean()) < MAX_UNEVENNESS * abs(steps.mean())))
-    return is_even and 2 * sum(map(rises, heights[1:])) < len(heights) - 1
+    return is_even and 2 * sum(map(is_monotonic, heights[1:])) < len(heights) - 1
 
 
-def rises(row: FloatArray) -> bool:
+def is_monotonic(row: FloatArray) -> bool:
     """Return whether the numbers that are not lost increase or decrease strictly."""
     finite = row[np.isfinite(row)]
     return len(finite) > 1 and bool(
