@@ -302,9 +302,9 @@ def _plan_next_poses(hand_eye: "HandEye", flanges: "Sequence[Pose]", count: int)
     )
     if isinstance(hand_eye.target, Plane):
         targets = [(pose @ mount).apply_one(hand_eye.working_point) for pose in used]
-        middle = sum(targets) / len(targets)
+        mean_target = sum(targets) / len(targets)
         return planning.plan_hand_eye_poses_plane(
-            mount, hand_eye.target, middle, measured=used, settings=settings
+            mount, hand_eye.target, mean_target, measured=used, settings=settings
         )
     sphere = hand_eye.sphere
     return planning.plan_hand_eye_poses(

@@ -13,12 +13,12 @@ LAST_SUPPORTED_CHARACTER = "\u058f"
 """Matplotlib's own font has no glyphs for most scripts beyond Armenian."""
 
 
-def printable(title: str) -> str:
+def printable_title(title: str) -> str:
     """Return a title with ``?`` for glyphs that the font lacks, and only its end if it is long.
 
     Examples
     --------
-    >>> printable("管.csv"), len(printable("folder/" * 40))
+    >>> printable_title("管.csv"), len(printable_title("folder/" * 40))
     ('?.csv', 98)
     """
     text = "".join(c if c.isprintable() and c <= LAST_SUPPORTED_CHARACTER else "?" for c in title)
@@ -36,7 +36,7 @@ def summary_title(cylinders: int, rejected: int, title: str) -> str:
     summary = f"{cylinders or 'no'} cylinder{'' if cylinders in {0, 1} else 's'}"
     if rejected:
         summary += f", {counted(rejected, 'arc')} rejected"
-    text = printable(title)
+    text = printable_title(title)
     return f"{text}: {summary}" if text else summary
 
 
@@ -62,4 +62,4 @@ def figure_of(ax: "Axes") -> "Figure":
 def set_title(ax: "Axes", title: str) -> None:
     """Set the title of axes, ``?`` for glyphs that the font lacks; an empty one is ignored."""
     if title:
-        ax.set_title(printable(title), loc="left", parse_math=False, pad=24)
+        ax.set_title(printable_title(title), loc="left", parse_math=False, pad=24)

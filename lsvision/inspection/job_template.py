@@ -75,7 +75,9 @@ def build_job_text(name: str, cylinders: Sequence[CylinderSection], tolerance: f
     # A string in JSON is also one in TOML.
     parts = [
         HEAD.format(
-            name=json.dumps(name), low=_scaled(0.6, min(radii)), high=_scaled(1.5, max(radii))
+            name=json.dumps(name),
+            low=_rounded_multiple(0.6, min(radii)),
+            high=_rounded_multiple(1.5, max(radii)),
         )
     ]
     step = 10 ** math.floor(math.log10(tolerance / 10))
@@ -108,7 +110,7 @@ def build_job_text(name: str, cylinders: Sequence[CylinderSection], tolerance: f
 
 
 def find_needed_tolerance(job: Job, cylinders: Sequence[CylinderSection]) -> float | None:
-    """Return the smallest tolerance by which the radii of a new job are OK; None if they are.
+    """Return the smallest tolerance with which all radii of a job are OK; None if they are OK.
 
     Parameters
     ----------
@@ -148,6 +150,6 @@ def _x_windows(cylinders: Sequence[CylinderSection]) -> list[tuple[float, float]
     return list(itertools.pairwise(ends))
 
 
-def _scaled(factor: float, radius: float) -> float:
+def _rounded_multiple(factor: float, radius: float) -> float:
     """Return a limit of the searched radii: a multiple of a radius, rounded to two digits."""
     return float(f"{factor * radius:.2g}")

@@ -49,9 +49,9 @@ class LightSection(ComparedByValue):
 
     Section frame: origin at the point of the laser plane nearest to the camera's centre;
     Y in the plane, opposite to the optical axis; X = the direction of the laser line on a
-    surface that faces the camera, growing with image u (with v where the line runs nearer to
-    v); Z = X x Y. Where the plane faces the camera (within 11 deg), the optical axis does not
-    determine Y: then X follows image u and Y points up in the image.
+    surface that faces the camera, increasing with image u (with v if the line is closer to the
+    image's v axis than to u); Z = X x Y. Where the plane faces the camera (within 11 deg), the
+    optical axis does not determine Y: then X follows image u and Y points up in the image.
 
     Parameters
     ----------

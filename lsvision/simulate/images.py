@@ -171,7 +171,7 @@ def _render_sheet(scene: Scene, rig: ImagingRig, sheet_sigma: float) -> tuple[Fl
     in_sheet = hit & (np.abs(heights) < SHEET_CUTOFF_SIGMAS * sheet_sigma)
     light = np.zeros(len(u))
     light[in_sheet] = _irradiance(scene, rig, points[in_sheet], hits.normals[in_sheet])
-    truth = _crossings(u, v, np.where(light > 0, heights, np.nan), depth, labels)
+    truth = _find_crossings(u, v, np.where(light > 0, heights, np.nan), depth, labels)
     light *= np.exp(-0.5 * (heights / sheet_sigma) ** 2)
     width, height = rig.size
     image = np.zeros((height, width))
@@ -195,10 +195,10 @@ def _illuminated_pixels(scene: Scene, rig: ImagingRig, sheet_sigma: float) -> Bo
     hit = np.isfinite(distances)
     heights = origin_z + np.where(hit, distances, 0.0) * direction_z
     neighbourhood = np.ones((3, 3), np.uint8)
-    top = cv2.dilate(np.where(hit, heights, -np.inf), neighbourhood)
-    bottom = cv2.erode(np.where(hit, heights, np.inf), neighbourhood)
-    cells = (top > -SHEET_CUTOFF_SIGMAS * sheet_sigma) & (
-        bottom < SHEET_CUTOFF_SIGMAS * sheet_sigma
+    max_heights = cv2.dilate(np.where(hit, heights, -np.inf), neighbourhood)
+    min_heights = cv2.erode(np.where(hit, heights, np.inf), neighbourhood)
+    cells = (max_heights > -SHEET_CUTOFF_SIGMAS * sheet_sigma) & (
+        min_heights < SHEET_CUTOFF_SIGMAS * sheet_sigma
     )
     pixels: BoolArray = cells.repeat(CELL_PX, axis=0).repeat(CELL_PX, axis=1)[:height, :width]
     return pixels
@@ -214,7 +214,7 @@ def _irradiance(scene: Scene, rig: ImagingRig, points: Points, normals: FloatArr
     return np.where(distances > 1 - SHADOW_BIAS, np.maximum(cosine, 0.0), 0.0)
 
 
-def _crossings(
+def _find_crossings(
     u: IntArray, v: FloatArray, heights: FloatArray, depth: FloatArray, labels: IntArray
 ) -> FloatArray:
     """Return u, v (k, 2) where adjacent samples of a surface lie on both sides of the sheet."""
