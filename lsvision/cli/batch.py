@@ -136,8 +136,11 @@ def _batch_job(
         raise typer.BadParameter("expected --job or options of the measurement, got both")
     from lsvision.inspection.job import Job
     from lsvision.inspection.measuring import measure_profiles_of_job
+    from lsvision.inspection.unused_keys import describe_unused_keys
 
     job = Job.load(path)
+    if (unused := describe_unused_keys(job)) is not None:
+        print_error(f"{path}: note: {unused}")
     if job.scan is not None or job.rig.light_section is not None:
         raise LsvisionError(
             f"{path}: a job of scans or images: batch judges profiles, see lsvision inspect"

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.detection.arcs import MAX_OVERLAP
+from lsvision.ellipse.prior_check import contradicting_radius
 from lsvision.ellipse.section import CylinderSection
 from lsvision.geometry import Ellipse
 from lsvision.geometry.noisy_points import ComplexArray
@@ -89,7 +90,18 @@ def rejection_reason(
     if not fit.converged and fit.problem.known_radius is None:
         tilt = f"the fit stopped at {math.degrees(fit.ellipse.phi):.0f} deg"
         return f"no best ellipse: the fit improves as it becomes flatter ({tilt})"
-    return undeterminable_radius_reason(section)
+    return undeterminable_radius_reason(section) or contradicted_radius_reason(section)
+
+
+def contradicted_radius_reason(section: CylinderSection) -> str | None:
+    """Return why the points contradict a known radius; None if not, or if it is not known."""
+    points, known = contradicting_radius(section.fit), section.fit.problem.known_radius
+    if points is None or known is None:
+        return None
+    return (
+        f"the known radius of {known.radius:.4g} mm contradicts the points: "
+        f"they give {points.radius:.4g} +/- {points.std:.2g} mm"
+    )
 
 
 def undeterminable_radius_reason(section: CylinderSection) -> str | None:

@@ -11,6 +11,7 @@ import numpy as np
 from lsvision.detection.acceptance import UNDETERMINABLE
 from lsvision.detection.arcs import Rejection
 from lsvision.ellipse.fit import with_known_radius
+from lsvision.ellipse.prior_check import contradicting_radius
 from lsvision.ellipse.section import CylinderSection
 from lsvision.inspection.decision import Decision, widen_interval
 from lsvision.inspection.job import Job
@@ -117,6 +118,7 @@ def judge(
         notes=(
             *_describe_additional(matching, measurement.cylinders),
             *_find_exchanged_parts(parts, cylinders, job),
+            *_describe_contradicted_radii(matching, measurement, cylinders, job),
         ),
         provenance=_provenance(job, calibration or {}),
         additional_is_ng=job.decision.additional == "ng",
@@ -132,7 +134,7 @@ def _provenance(job: Job, calibration: Mapping[str, Mapping[str, str | None]]) -
 
 
 def _apply_known_radius(cylinder: CylinderOfJob, part: Part) -> CylinderOfJob:
-    """Return the cylinder with the part's known radius as a prior, if it has one."""
+    """Return the cylinder with a part's known radius as a prior, unless its points contradict it."""
     if part.known_radius_mm is None:
         return cylinder
     if not isinstance(cylinder, CylinderSection):
@@ -143,7 +145,23 @@ def _apply_known_radius(cylinder: CylinderOfJob, part: Part) -> CylinderOfJob:
     prior = radius_prior_from_value(part.known_radius_mm)
     if prior is None:
         return cylinder
-    return replace(cylinder, fit=with_known_radius(cylinder.fit, prior))
+    fit = with_known_radius(cylinder.fit, prior)
+    return replace(cylinder, fit=fit) if contradicting_radius(fit) is None else cylinder
+
+
+def _describe_contradicted_radii(
+    matching: Matching,
+    measurement: Measurement | ScanMeasurement,
+    cylinders: Mapping[str, CylinderOfJob],
+    job: Job,
+) -> list[str]:
+    """Return a note on each part whose known radius is not used."""
+    return [
+        f"{name}: known_radius_mm is not used: the points contradict it"
+        for name, index in matching.cylinders.items()
+        if job.part(name).known_radius_mm is not None
+        and cylinders[name] is measurement.cylinders[index]
+    ]
 
 
 def _judge_part(cylinder: CylinderOfJob, part: Part, job: Job, index: int) -> ItemVerdict:

@@ -105,6 +105,8 @@ def test_a_job_judges_each_profile(run, folder):
 name = "tube"
 [measure]
 range_std_mm = 0.03
+[output]
+results = "results"
 [[part]]
 name = "left"
 x_mm = [-5, 5]
@@ -119,6 +121,7 @@ radius_mm = { nominal = 19, upper = 3, lower = -3 }
         pq.read_table(out / f"{name}.csv.parquet").to_pylist() for name in ("a", "b")
     )
     assert (left["decision"], right["decision"]) == ("OK", "NG")  # the other one lies at 30 mm
+    assert "job.toml: note: not used: [output] (" in run(*words).stderr
     (folder / "job.toml").write_text((folder / "job.toml").read_text().replace("= 3", "= 2"))
     assert "results of another job (job_hash" in run(*words).stderr
     both = run(*words, "--radius", 19)

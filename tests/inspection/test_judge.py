@@ -155,6 +155,16 @@ def test_a_known_radius_sharpens_the_part_that_has_it(pair):
     assert low < 25 < high
 
 
+def test_a_known_radius_that_the_points_contradict_is_not_used_and_reported(pair):
+    part = ("left", f"order = 1\nknown_radius_mm = 18\n{limits(18)}")
+    verdict = lsv.judge(pair, job(part))
+    assert verdict.decision == "NG"
+    assert verdict.parts[0].quantities[0].estimate.value == pair.cylinders[0].radius
+    assert "left: known_radius_mm is not used: the points contradict it" in verdict.notes
+    near = ("left", f"order = 1\nknown_radius_mm = 19.9\n{limits(20)}")
+    assert not any("known_radius_mm" in note for note in lsv.judge(pair, job(near)).notes)
+
+
 def direction(value, low, high, ends):
     estimate = Estimate(quantity_from_key("theta_deg"), value, 1.0, (low, high))
     return _judge_periodic_angle(estimate, ends, 0.95)
