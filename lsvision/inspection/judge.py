@@ -134,7 +134,7 @@ def _provenance(job: Job, calibration: Mapping[str, Mapping[str, str | None]]) -
 
 
 def _apply_known_radius(cylinder: CylinderOfJob, part: Part) -> CylinderOfJob:
-    """Return the cylinder with a part's known radius as a prior, unless its points contradict it."""
+    """Return the cylinder with a part's known radius as a prior, unless the points contradict."""
     if part.known_radius_mm is None:
         return cylinder
     if not isinstance(cylinder, CylinderSection):
