@@ -15,14 +15,14 @@ import tarfile
 import tempfile
 import time
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from lsvision.cli.measure_files import TASK_SIZE
 from lsvision.ellipse.section import compute_intervals
-from lsvision.measure import measure_cylinders
+from lsvision.measure import measure_profiles
 from lsvision.profile import Profile
 from lsvision.simulate import random_section
 from tests.bench.goals import Number, print_numbers
@@ -158,23 +158,29 @@ def batch(_base, effort, folder):
 
 
 def intervals(_base, effort, _folder):
-    """Of the cylinders of one profile, as in a live cell; of 16 profiles, as in files."""
+    """Of the cylinders of one profile, as in a live cell; of many profiles, as in files."""
     for kind in ("single", "welded_pair"):
         profiles = [Profile(points) for points in points_of(effort.sections, kind)]
-        measuring, alone, together = [], [], []
-        for start in range(0, len(profiles), TASK_SIZE):
-            found = []
-            for profile in profiles[start : start + TASK_SIZE]:
-                measured, seconds = _timed(lambda p=profile: measure_cylinders(p))
-                measuring.append(seconds)
-                alone.append(_timed(lambda m=measured: compute_intervals(m.cylinders))[1])
-                found += [replace(each, fit=replace(each.fit)) for each in measured.cylinders]
-            _, seconds = _timed(lambda f=found: compute_intervals(f))
-            together += [seconds / len(profiles[start : start + TASK_SIZE])]
-        for how, times in (("", alone), (f", {TASK_SIZE} profiles at once", together)):
-            what = f"intervals of a profile{how} / its measurement, {kind}"
-            note = f"{1e3 * np.median(times):.2f} and {1e3 * np.median(measuring):.2f} ms"
-            yield Number(what, np.median(times) / np.median(measuring), high=1.0, note=note)
+        one_by_one = [_measure_and_bound([profile]) for profile in profiles]
+        groups = [profiles[k : k + TASK_SIZE] for k in range(0, len(profiles), TASK_SIZE)]
+        together = [_measure_and_bound(group) for group in groups if len(group) == TASK_SIZE]
+        medians = [np.median(times, axis=0) for times in (one_by_one, together)]
+        for how, (measuring, bounding) in zip(
+            ("", f", {TASK_SIZE} profiles at once"), medians, strict=True
+        ):
+            what = f"intervals of a profile / its measurement, {kind}{how}"
+            note = f"{1e3 * bounding:.2f} and {1e3 * measuring:.2f} ms"
+            yield Number(what, bounding / measuring, high=1.0, note=note)
+        ratio = medians[1].sum() / medians[0].sum()
+        yield Number(f"{TASK_SIZE} profiles at once / one by one, {kind}, with intervals", ratio)
+
+
+def _measure_and_bound(profiles):
+    """Processor time, for each profile, of their measurement and of all intervals."""
+    measurements, measuring = _timed(lambda: measure_profiles(profiles))
+    cylinders = [cylinder for each in measurements for cylinder in each.cylinders]
+    _, bounding = _timed(lambda: compute_intervals(cylinders))
+    return measuring / len(profiles), bounding / len(profiles)
 
 
 def _timed(function):
