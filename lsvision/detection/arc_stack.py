@@ -14,7 +14,7 @@ from lsvision.detection.arcs import MIN_POINTS, IdentifiedArc
 from lsvision.detection.end_points import PREDECESSORS, WINDOW
 from lsvision.ellipse.parameters import parameters_from_ellipse
 from lsvision.geometry import BoolArray, Ellipse, FloatArray, IntArray
-from lsvision.geometry.arrays import padded_rows, stack_padded
+from lsvision.geometry.arrays import stack_with_mask
 from lsvision.geometry.noisy_points import NoisyPoints
 from lsvision.profile import PreparedProfile
 
@@ -80,8 +80,8 @@ class ArcStack(NamedTuple):
     def of(cls, arcs: list[SplitArc], ellipses: Sequence[Ellipse]) -> "ArcStack":
         """Return the stack of at least one arc."""
         count = len(arcs)
-        ends, end_valid = _stacked([end for arc in arcs for end in arc.ends])
-        middles, middle_valid = _stacked([arc.middle for arc in arcs])
+        ends, end_valid = stack_with_mask([end for arc in arcs for end in arc.ends])
+        middles, middle_valid = stack_with_mask([arc.middle for arc in arcs])
         end_size = ends.shape[1]
         members = np.zeros((2 * count, end_size - PREDECESSORS), dtype=bool)
         for row, mask in zip(members, (m for arc in arcs for m in arc.members), strict=True):
@@ -127,13 +127,9 @@ class ArcStack(NamedTuple):
         first, second = (mask.nonzero()[0] + PREDECESSORS for mask in members)
         middle = self.middle.start + np.arange(len(self.arcs[arc].middle))
         columns = np.concatenate([first[::-1], middle, second + self.end_size])
-        return self.indices[arc][columns], self.points[arc][columns]
-
-
-def _stacked(indices: Sequence[IntArray]) -> tuple[IntArray, BoolArray]:
-    """Return indices as rows of equal length, and the mask of those that are not repeated."""
-    rows, valid = padded_rows([len(row) for row in indices])
-    return stack_padded(indices, rows), valid
+        z, variances, deviators = self.points.z, self.points.mean_variance, self.points.deviator
+        points = NoisyPoints(z[arc][columns], variances[arc][columns], deviators[arc][columns])
+        return self.indices[arc][columns], points
 
 
 def split_arc(profile: PreparedProfile, arc: IdentifiedArc) -> SplitArc | None:

@@ -16,7 +16,7 @@ import numpy as np
 from lsvision.detection import windows
 from lsvision.detection.arcs import MAX_OVERLAP
 from lsvision.geometry import BoolArray, Ellipse, FloatArray, IntArray, Points
-from lsvision.geometry.arrays import padded_rows, stack_padded
+from lsvision.geometry.arrays import stack_with_mask
 from lsvision.profile import MAX_RELATIVE_SCATTER, Arc, PreparedProfile
 from lsvision.statistics.robust import SIGNIFICANT_SIGMAS
 
@@ -67,7 +67,7 @@ def find_candidates(
         return found
     sequences = [np.concatenate(components[i]) for i in searched]
     arrays = [profiles[i].noisy_points.z[row] for i, row in zip(searched, sequences, strict=True)]
-    points = stack_padded(arrays, padded_rows([len(array) for array in arrays])[0])
+    points, _ = stack_with_mask(arrays)
     all_windows = _windows_of([components[i] for i in searched], settings.min_span_points)
     circles = windows.fit_window_circles(points, all_windows)
     limits = np.array([(*radius_ranges[i], profiles[i].noise_std) for i in searched])

@@ -15,6 +15,7 @@ import numpy as np
 
 from lsvision.geometry import BoolArray, FloatArray
 from lsvision.geometry.arrays import TINY
+from lsvision.statistics.compiled_routines import dposv, dpotrf
 
 OUTLIER_FRACTION = 0.05
 """Prior probability that a point is an outlier, from stray light or a jump."""
@@ -86,8 +87,8 @@ class Prediction(NamedTuple):
     def select(self, ends: BoolArray) -> "Prediction":
         """Return the predictions of some ends of a stack."""
         offset, covariance, time, radius = self
-        shape = offset.shape[:-1]
-        time, radius = (np.broadcast_to(field, shape)[ends] for field in (time, radius))
+        zeros = np.zeros(offset.shape[:-1])
+        time, radius = (time + zeros)[ends], (radius + zeros)[ends]
         return Prediction(offset[ends], covariance[ends], time, radius)
 
     def innovations(self, residuals: FloatArray, jacobian: FloatArray) -> FloatArray:
@@ -184,90 +185,84 @@ def _predict_sequentially(
     total[..., :-1, :-1] = covariance
     diagonal = total.reshape(*residuals.shape[:-1], -1)[..., :: count + 2]
     diagonal[..., :-1] += variances
+    point_variances = diagonal[..., :-1].copy()
     # With the residuals as one more row, that of the factor has the normalised innovations. Its
     # last element exceeds their sum of squares.
     total[..., -1, :-1] = residuals
     diagonal[..., -1] = 1 + (residuals * residuals / variances).sum(axis=-1)
-    try:
-        factor = np.linalg.cholesky(total)
-    except np.linalg.LinAlgError:
-        return _predict_each_sequentially(total)
-    stds = factor.diagonal(axis1=-2, axis2=-1)[..., :-1]
-    return factor[..., -1, :-1] * stds, stds * stds
-
-
-def _predict_each_sequentially(total: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the same by each matrix alone; not predicted where it is not positive definite."""
-    residuals = total[..., -1, :-1].copy()
-    variances = total.diagonal(axis1=-2, axis2=-1)[..., :-1].copy()
-    for where in np.ndindex(total.shape[:-2]):
-        try:
-            factor = np.linalg.cholesky(total[where])
-        except np.linalg.LinAlgError:
-            continue
-        stds = factor.diagonal()[:-1]
-        residuals[where], variances[where] = factor[-1, :-1] * stds, stds * stds
-    return residuals, variances
+    failed = []
+    for matrix in total.reshape(-1, count + 1, count + 1):
+        # LAPACK takes the transpose, in Fortran's order, and writes the factor into its place.
+        _, singular = dpotrf(matrix.T, lower=0, clean=0, overwrite_a=1)
+        failed.append(singular > 0)
+    stds = total.diagonal(axis1=-2, axis2=-1)[..., :-1]
+    predicted, predicted_variances = total[..., -1, :-1] * stds, stds * stds
+    if any(failed):  # not predicted where rounding has made a matrix indefinite
+        lost = np.array(failed).reshape(residuals.shape[:-1])
+        predicted[lost] = residuals[lost]
+        predicted_variances[lost] = point_variances[lost]
+    return predicted, predicted_variances
 
 
 def departure_free_probability(
     ends: EndPoints, prediction: Prediction, members: BoolArray, following: BoolArray
 ) -> FloatArray:
-    """Return the probability (..., k), for each inlier, that the line leaves the ellipse beyond it.
+    """Return the probability (n, k), for each inlier, that the line leaves the ellipse beyond it.
 
     For each inlier the marginal likelihood of a departure that begins there, with normal priors on
-    its angle and curvature, is compared with that of no departure. `members` (..., k) are the
-    inliers, at least one, `following` the connected points beyond the last of them. Departures
-    begin at the `WINDOW` outermost inliers or beyond; the probability of inliers before is 1.
+    its angle and curvature, is compared with that of no departure. `members` (n, k) are the inliers
+    of n ends, at least one each, `following` the connected points beyond the last of them.
+    Departures begin at the `WINDOW` outermost inliers or beyond; the probability of inliers before
+    is 1.
     """
     chosen = members | following
-    begins = chosen & (members[..., ::-1].cumsum(axis=-1)[..., ::-1] <= WINDOW)
+    begins = chosen & (members[:, ::-1].cumsum(axis=1)[:, ::-1] <= WINDOW)
     # The columns of the last points at which a departure may begin, and possibly some before.
-    columns = begins.argsort(axis=-1, kind="stable")[..., -(WINDOW + POINTS_BEYOND) :]
-    begins = np.take_along_axis(begins, columns, axis=-1)
-    jacobian = ends.jacobian[..., PREDECESSORS:] * chosen[..., None, :]
-    positions = ends.positions[..., PREDECESSORS - 1 :]
+    columns = begins.argsort(axis=1, kind="stable")[:, -(WINDOW + POINTS_BEYOND) :]
+    cells = columns + chosen.shape[1] * np.arange(len(chosen))[:, None]
+    begins = begins.take(cells)
+    jacobian = ends.jacobian[..., PREDECESSORS:] * chosen[:, None]
+    positions = ends.positions[:, PREDECESSORS - 1 :]
     # A departure that begins at a point starts from the ellipse at the chosen point before.
-    origins = np.where(chosen, positions[..., 1:], positions[..., :1])
-    origins = np.maximum.accumulate(origins, axis=-1)
-    origins = np.concatenate([positions[..., :1], origins[..., :-1]], axis=-1)
-    origins = np.take_along_axis(origins, columns, axis=-1)
-    beyond = np.maximum(positions[..., 1:, None] - origins[..., None, :], 0.0) * chosen[..., None]
-    residuals = prediction.innovations(ends.residuals[..., PREDECESSORS:], jacobian) * chosen
+    before = np.where(chosen, positions[:, 1:], positions[:, :1])
+    before = np.concatenate([positions[:, :1], before[:, :-1]], axis=1)
+    origins = np.maximum.accumulate(before, axis=1).take(cells)
+    beyond = np.maximum(positions[:, None, 1:] - origins[..., None], 0.0) * chosen[:, None]
+    residuals = prediction.innovations(ends.residuals[:, PREDECESSORS:], jacobian) * chosen
     covariance = prediction.covariances(jacobian)
-    diagonal = np.einsum("...ii->...i", covariance)
-    diagonal += prediction.autocorrelation_time[..., None] * ends.variances[..., PREDECESSORS:]
-    bends = (BEND_STD_RADII / 2 / prediction.radius)[..., None, None] * beyond * beyond
+    diagonal = covariance.reshape(len(covariance), -1)[:, :: covariance.shape[1] + 1]
+    diagonal += prediction.autocorrelation_time[:, None] * ends.variances[:, PREDECESSORS:]
+    bends = (BEND_STD_RADII / 2 / prediction.radius)[:, None, None] * beyond * beyond
     log_ratio = _log_marginal_ratio(covariance, residuals, TURN_STD * beyond, bends)
     log_ratio += math.log((1 - NO_DEPARTURE_PRIOR) / NO_DEPARTURE_PRIOR)
-    log_ratio -= np.log(begins.sum(axis=-1))[..., None]
+    log_ratio -= np.log(begins.sum(axis=1))[:, None]
     log_ratio[~begins] = -np.inf
     # Cumulated weights of no departure and of the departures that begin beyond each point.
-    largest = np.maximum(log_ratio.max(axis=-1, keepdims=True), 0.0)
+    largest = np.maximum(log_ratio.max(axis=1, keepdims=True), 0.0)
     none, weights = np.exp(-largest), np.exp(log_ratio - largest)
-    later = np.concatenate([weights[..., ::-1].cumsum(axis=-1)[..., ::-1] + none, none], axis=-1)
-    free = np.where(begins, later[..., 1:] / later[..., :1], 1.0)
+    later = np.concatenate([weights[:, ::-1].cumsum(axis=1)[:, ::-1] + none, none], axis=1)
     probability = np.ones(chosen.shape)
-    np.put_along_axis(probability, columns, free, axis=-1)
+    probability.put(cells, np.where(begins, later[:, 1:] / later[:, :1], 1.0))
     return probability
 
 
 def _log_marginal_ratio(
     covariance: FloatArray, residuals: FloatArray, turn: FloatArray, bend: FloatArray
 ) -> FloatArray:
-    """Return the log likelihood ratio (..., j) of each of j departures to no departure.
+    """Return the log likelihood ratio (n, j) of each of j departures to no departure.
 
-    `covariance` (..., k, k) is that of the `residuals` (..., k) without a departure; `turn` and
-    `bend` (..., k, j) are displacements of the points with unit normal priors on their factors.
+    `covariance` (n, k, k) is that of the `residuals` (n, k) without a departure; `turn` and `bend`
+    (n, j, k) are displacements of the points with unit normal priors on their factors.
     """
-    count = turn.shape[-1]
-    displacements = np.concatenate([turn, bend], axis=-1)
-    whitened = np.linalg.solve(covariance, displacements)
-    squares = (displacements * whitened).sum(axis=-2)
-    products = (residuals[..., None, :] @ whitened)[..., 0, :]
-    m11, m22 = 1 + squares[..., :count], 1 + squares[..., count:]
-    m12 = (turn * whitened[..., count:]).sum(axis=-2)
-    g1, g2 = products[..., :count], products[..., count:]
+    count = turn.shape[1]
+    displacements = np.concatenate([turn, bend], axis=1)
+    pairs = zip(covariance, displacements, strict=True)
+    weighted = np.array([dposv(matrix, rows.T)[1].T for matrix, rows in pairs])
+    squares = (displacements * weighted).sum(axis=2)
+    products = (weighted @ residuals[..., None])[..., 0]
+    m11, m22 = 1 + squares[:, :count], 1 + squares[:, count:]
+    m12 = (turn * weighted[:, count:]).sum(axis=2)
+    g1, g2 = products[:, :count], products[:, count:]
     determinant = m11 * m22 - m12 * m12
     quadratic = (m22 * g1 * g1 - 2 * m12 * g1 * g2 + m11 * g2 * g2) / determinant
     ratio: FloatArray = 0.5 * (quadratic - np.log(determinant))

@@ -189,12 +189,13 @@ def grow_arcs(seeds: Sequence[Seed]) -> list[GrownArc | None]:
                 continue
             members[row][run] = True
             rows.append(row)
+        if not rows:
+            return grown
         if len(rows) < len(growths):
             growths = [growths[row] for row in rows]
             compared, parameters, members = compared.rows(rows), parameters[rows], members[rows]
-        if growths:
-            stepped = gauss_newton_step(compared, parameters, members)
-            growths, parameters = _without_lost(growths, stepped)
+        stepped = gauss_newton_step(compared, parameters, members)
+        growths, parameters = _without_lost(growths, stepped)
     for growth, row in zip(growths, parameters, strict=True):
         grown[growth.number] = growth.result(row)
     return grown

@@ -20,8 +20,7 @@ from lsvision.ellipse.parameters import (
 )
 from lsvision.ellipse.robust_gauss_newton import (
     WeightedSystem,
-    add_flattening_prior,
-    damped_step,
+    regularised_step,
 )
 from lsvision.ellipse.smoothing import SmoothedArc
 from lsvision.geometry import Ellipse, Points
@@ -56,8 +55,7 @@ def homogenise_arcs(smoothed: Sequence[SmoothedArc]) -> list[HomogenisedArc]:
     # The residual is linear in small changes of the parameters: one Gauss-Newton step is enough.
     parameter_jacobian(normals, w, out=rows[:, :PARAMETERS])
     equations = WeightedSystem(rows, 1 / (stds * stds)).normal_equations()
-    add_flattening_prior(equations, parameters)
-    fitted = parameters + damped_step(equations, parameters)
+    fitted = parameters + regularised_step(equations, parameters)
     return [
         HomogenisedArc(
             as_vectors(points), ellipse_from_parameters(found if is_ellipse(found) else screened)

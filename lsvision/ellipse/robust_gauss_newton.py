@@ -10,7 +10,7 @@ The functions take one arc, or a stack of k arcs as arrays with a leading axis: 
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -35,6 +35,10 @@ MAX_RELATIVE_STEP = 0.1
 """Damping: a step of this fraction of m costs as much as a residual of one sigma."""
 DAMPING = IDENTITY / MAX_RELATIVE_STEP**2
 """Information that damps a step, for m = 1 mm. Units: 1/mm^2."""
+PRIOR_WEIGHTS = np.array([0.0, 0.0, 0.0, 1.0, 1.0]) / FLATTENING_PRIOR_STD**2
+"""Information of the prior on the flattening, for m = 1 mm. Units: 1/mm^2."""
+DAMPED_PRIOR = DAMPING + np.diag(PRIOR_WEIGHTS)
+"""Sum of both. Units: 1/mm^2."""
 VARIANCE_FLOOR_FRACTION = 0.05
 """Fraction of the total variance added along any normal: as for a normal that is 13 deg wrong."""
 
@@ -165,10 +169,25 @@ def add_flattening_prior(equations: FloatArray, parameters: FloatArray) -> None:
 
 def damped_step(equations: FloatArray, parameters: FloatArray) -> FloatArray:
     """Return the step (..., 5) to the minimum, damped in units of m; NaN if singular."""
-    one = parameters.size == PARAMETERS
-    m = float(parameters[..., 2].item()) if one else parameters[..., 2:3, None]
+    m = _mean_semi_axes(parameters)
     damped = equations[..., :PARAMETERS] + DAMPING / (m * m)
     return solve_positive_definite(damped, equations[..., PARAMETERS])
+
+
+def regularised_step(equations: FloatArray, parameters: FloatArray) -> FloatArray:
+    """Return the `damped_step` (..., 5) of equations to which the flattening prior is added."""
+    m = _mean_semi_axes(parameters)
+    inverse = 1 / (m * m)
+    information = equations[..., :PARAMETERS] + inverse * DAMPED_PRIOR
+    weights = PRIOR_WEIGHTS * (inverse if isinstance(inverse, float) else inverse[..., 0])
+    return solve_positive_definite(information, equations[..., PARAMETERS] - weights * parameters)
+
+
+def _mean_semi_axes(parameters: FloatArray) -> Any:
+    """Return m of ellipses (..., 5) as (..., 1, 1); that of a single ellipse is a number."""
+    if parameters.size == PARAMETERS:
+        return parameters.ravel().tolist()[2]
+    return parameters[..., 2:3, None]
 
 
 def inverse_information(equations: FloatArray) -> FloatArray:
@@ -214,8 +233,7 @@ def gauss_newton_step(
     medians = row_medians(compared.normalised_squares, members)
     factor = as_column([max(median * MAD_TO_STD**2, 1.0) for median in medians])
     equations = WeightedSystem.of(compared, factor).normal_equations(members)
-    add_flattening_prior(equations, parameters)
-    refined = parameters + damped_step(equations, parameters)
+    refined = parameters + regularised_step(equations, parameters)
     for row in refined.reshape(-1, PARAMETERS):
         if not is_ellipse(row):
             row.fill(np.nan)
@@ -242,6 +260,8 @@ def solve_positive_definite(matrix: FloatArray, rhs: FloatArray) -> FloatArray:
     """
     if matrix.ndim == 2:
         return _solve(matrix, rhs)
+    if len(matrix) == 1:
+        return _solve(matrix[0], rhs[0])[None]
     return np.array([_solve(*pair) for pair in zip(matrix, rhs, strict=True)])
 
 

@@ -57,10 +57,23 @@ def stack_padded(arrays: Sequence[npt.NDArray[Any]], indices: IntArray) -> npt.N
     >>> stack_padded(arrays, padded_rows([3, 1])[0]).tolist()
     [[1, 2, 3], [4, 4, 4]]
     """
-    if len(arrays) == 1:
-        return arrays[0][None]
     stacked: npt.NDArray[Any] = np.concatenate(arrays).take(indices)
     return stacked
+
+
+def stack_with_mask(arrays: Sequence[npt.NDArray[Any]]) -> tuple[npt.NDArray[Any], BoolArray]:
+    """Stack k arrays of up to n elements as (k, n), and return the mask of their own elements.
+
+    Examples
+    --------
+    >>> stacked, valid = stack_with_mask([np.array([1, 2, 3]), np.array([4])])
+    >>> stacked.tolist(), valid.sum(axis=1).tolist()
+    ([[1, 2, 3], [4, 4, 4]], [3, 1])
+    """
+    if len(arrays) == 1:
+        return arrays[0][None], np.ones((1, len(arrays[0])), dtype=bool)
+    indices, valid = padded_rows([len(array) for array in arrays])
+    return stack_padded(arrays, indices), valid
 
 
 def apply_in_groups(

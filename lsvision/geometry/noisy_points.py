@@ -104,12 +104,15 @@ class NoisyPoints:
         of rays within 30 deg of +Y is returned.
         """
         rays = np.sqrt(self.deviator.conj())  # The square root halves the angle of the deviator.
-        rays /= np.copysign(np.maximum(np.abs(rays), TINY), rays.imag)
+        cosines: FloatArray = (normals * rays.conj()).real
+        cosines /= np.copysign(np.maximum(np.abs(rays), TINY), rays.imag)
+        ray_is_known = -self.deviator.real > MIN_RANGE_ANISOTROPY * self.mean_variance
+        if ray_is_known.all():
+            return cosines
         in_fan = FAN_EDGE_DIRECTION.imag * normals.imag + FAN_EDGE_DIRECTION.real * np.abs(
             normals.real
         )
-        ray_is_known = -self.deviator.real > MIN_RANGE_ANISOTROPY * self.mean_variance
-        return np.where(ray_is_known, (normals * rays.conj()).real, in_fan)
+        return np.where(ray_is_known, cosines, in_fan)
 
 
 def as_complex(vectors: FloatArray) -> ComplexArray:
