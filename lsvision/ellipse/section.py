@@ -26,7 +26,7 @@ from lsvision.results.picture import draw_svg
 from lsvision.results.quantities import LEVEL, Estimate, Record, finite_or_none, json_numbers
 from lsvision.results.result import Result
 
-SECTIONS_AT_ONCE = 64
+SECTIONS_AT_ONCE = 32
 """Number of sections whose intervals are computed together: more need more memory and are no
 faster."""
 THETA_UNKNOWN_STD = math.pi / math.sqrt(12)
