@@ -86,7 +86,8 @@ STEPS = {
     "connected_beyond": (connected_beyond, np.arange(9) + 0j, np.arange(9, 12) + 0j, 3),
     "smooth_arcs": (smooth_arcs, [SCREENED.points], [SCREENED.ellipse]),
     "smooth_residuals": (
-        smooth_residuals, LENGTH[None] / 50, np.sin(LENGTH)[None], np.ones((1, 70)), [70],
+        smooth_residuals, LENGTH[None], np.sin(LENGTH)[None], np.ones((1, 70)), LENGTH[None, ::7],
+        np.ones((1, 70), dtype=bool),
     ),
     "homogenise_arcs": (homogenise_arcs, smooth_arcs([SCREENED.points], [SCREENED.ellipse])),
     "refine_arcs": (refine_arcs, *TO_REFINE),

@@ -203,10 +203,9 @@ def smooth_on_residual(points, screened):
     residual = ((points - feet) * normals).sum(axis=1)
     length = np.append(0.0, np.cumsum(np.hypot(*np.diff(feet, axis=0).T)))
     stds = np.full(len(points), PAPER_SENSOR.range_std)
-    relative = length / length[-1]
-    smooth, _ = smooth_residuals(relative[None], residual[None], stds[None], [len(points)], 1001)
-    smooth = np.interp(relative, np.linspace(0.0, 1.0, 1001), smooth[0])
-    return feet + smooth[:, None] * normals
+    valid = np.ones((1, len(points)), dtype=bool)
+    smooth, _ = smooth_residuals(length[None], residual[None], stds[None], length[None], valid)
+    return feet + smooth[0][:, None] * normals
 
 
 def moved_off(ellipse, by):
