@@ -20,7 +20,7 @@ from lsvision.detection.arcs import IdentifiedArc, Rejection
 from lsvision.detection.candidates import CandidateSettings, find_candidates
 from lsvision.detection.end_condition import tangential_end_reason
 from lsvision.detection.identification import identify_arcs
-from lsvision.detection.measurement import Measurement
+from lsvision.detection.measurement import Measurement, build_measurement
 from lsvision.detection.profile_preparation import prepare_profile
 from lsvision.detection.range_image import (
     RangeImageSettings,
@@ -32,14 +32,13 @@ from lsvision.detection.screening import ScreenedArc, screen_arcs
 from lsvision.detection.search_range import search_range
 from lsvision.ellipse.fit import EllipseFit, FittingSettings
 from lsvision.ellipse.homogenising import homogenise_arcs
-from lsvision.ellipse.phi_prior import PhiPrior
-from lsvision.ellipse.problem import Priors, RadiusPrior
+from lsvision.ellipse.problem import Priors
 from lsvision.ellipse.refinement import refine_arcs
 from lsvision.ellipse.section import CylinderSection
 from lsvision.ellipse.smoothing import smooth_arcs
 from lsvision.errors import LsvisionError
 from lsvision.geometry import IntArray
-from lsvision.geometry.arguments import as_known_phi, as_number_or_pair
+from lsvision.geometry.arguments import as_number_or_pair
 from lsvision.geometry.arrays import apply_in_groups
 from lsvision.geometry.settings_repr import ShowsChanges
 from lsvision.profile import (
@@ -58,12 +57,12 @@ if TYPE_CHECKING:
 __all__ = ["Measurement", "Settings", "measure_cylinders", "measure_profiles"]
 
 POINTS_AT_ONCE = 20_000
-"""Largest number of points that each step handles together: 53 profiles of 376 points. More need
-more memory and are hardly faster."""
+"""Largest number of points that each step handles together: 53 profiles of 376 points. Larger
+groups need more memory and are hardly faster."""
 PROFILES_AT_ONCE = 32
-"""Number of profiles in a task of a process: twice as many are hardly faster."""
+"""Number of profiles in each task of a parallel process; twice as many are hardly faster."""
 _Number = float | Sequence[float] | None
-"""A number, or a pair, such as (mean, std)."""
+"""A number, a pair such as (mean, std), or nothing."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -89,8 +88,9 @@ class Settings(ShowsChanges):
     candidates: CandidateSettings = CandidateSettings()
     acceptance: AcceptanceSettings = AcceptanceSettings()
     # The initial guess from the homogenised arc is so near that reweighting changes nothing, and
-    # each step is a hundredth of the one before: after a relative decrease of chi^2 of 1e-3, a step
-    # of 0.2 sigma, 0.002 sigma remain. Pipes take 2 to 14 evaluations; more means divergence.
+    # that each step is a hundredth of the one before. A relative decrease of chi^2 of 1e-3 is a
+    # step of 0.2 sigma, so that the error after it is 0.002 sigma. Pipes take 2 to 14 evaluations;
+    # a fit that needs more than 20 diverges.
     fitting: FittingSettings = FittingSettings(reweightings=0, max_evaluations=20, tolerance=1e-3)
 
 
@@ -208,7 +208,7 @@ def measure_profiles(
     measured = list(map(as_profile, profiles))
     options = (radius, known_radius, known_phi), as_noise_model(sensor), settings
     sizes = list(map(len, measured))
-    return apply_in_groups(lambda some: _measure(some, *options), measured, sizes, POINTS_AT_ONCE)
+    return apply_in_groups(lambda group: _measure(group, *options), measured, sizes, POINTS_AT_ONCE)
 
 
 def _measure(
@@ -219,14 +219,17 @@ def _measure(
 ) -> list[Measurement]:
     """Measure profiles with the values of `radius`, `known_radius` and `known_phi`."""
     radius, known_radius, known_phi = radii_and_tilt
-    priors = Priors(radius_prior_from_value(known_radius), _phi_prior_from_value(known_phi))
+    priors = Priors.from_values(known_radius, known_phi)
     search = as_number_or_pair(radius, "radius", "mm", "(min, max)")
-    found = _find_cylinders(profiles, search, priors, sensor, settings)
-    return [replace(one, profile=profile) for one, profile in zip(found, profiles, strict=True)]
+    measurements = _find_cylinders(profiles, search, priors, sensor, settings)
+    return [
+        replace(measurement, profile=profile)
+        for measurement, profile in zip(measurements, profiles, strict=True)
+    ]
 
 
 class _Search(NamedTuple):
-    """A prepared profile with the radii that are searched, in mm, and its connected components."""
+    """A prepared profile with the range of radii to search, in mm, and its connected components."""
 
     profile: PreparedProfile
     radius_range: tuple[float, float]
@@ -240,7 +243,8 @@ def _find_cylinders(
     sensor: NoiseModel | None,
     settings: Settings,
 ) -> list[Measurement]:
-    """Run the steps of the paper's Figure 4 on several profiles at once."""
+    """Run the steps of the paper's Figure 4 on several profiles together."""
+    # Range image and candidates, which precede the steps of the paper.
     prepared = [prepare_profile(profile, sensor or profile.noise) for profile in profiles]
     ranges = [search_range(radius, priors.radius, profile) for profile in prepared]
     images = [build_range_image(profile, settings.range_image) for profile in prepared]
@@ -249,18 +253,19 @@ def _find_cylinders(
     candidates = find_candidates(prepared, components, ranges, settings.candidates)
     # Rough identification, section 3.2.1.
     identified = identify_arcs(prepared, candidates, ranges, settings.acceptance)
-    searches = [_Search(*search) for search in zip(prepared, ranges, components, strict=True)]
-    found = list(zip(searches, identified, strict=True))
-    arcs = [(search, arc) for search, (arcs, _) in found for arc in arcs]
+    # The following steps take arcs of similar size together, whichever profiles they belong to.
+    searches = [_Search(*fields) for fields in zip(prepared, ranges, components, strict=True)]
+    by_profile = list(zip(searches, identified, strict=True))
+    arcs = [(search, arc) for search, (profile_arcs, _) in by_profile for arc in profile_arcs]
     sizes = [len(arc.indices) for _, arc in arcs]
     results = iter(
         apply_in_groups(
-            lambda some: _measure_arcs(some, priors, settings), arcs, sizes, POINTS_AT_ONCE
+            lambda group: _measure_arcs(group, priors, settings), arcs, sizes, POINTS_AT_ONCE
         )
     )
     return [
-        _complete(search, [next(results) for _ in arcs], rejections, settings)
-        for search, (arcs, rejections) in found
+        _complete(search, [*rejections, *(next(results) for _ in profile_arcs)], settings)
+        for search, (profile_arcs, rejections) in by_profile
     ]
 
 
@@ -268,36 +273,22 @@ def _measure_arcs(
     arcs: Sequence[tuple[_Search, IdentifiedArc]], priors: Priors, settings: Settings
 ) -> list[CylinderSection | Rejection]:
     """Return the cylinder of each identified arc, or the rejection with its reason."""
-    results, kept = dict[int, CylinderSection | Rejection](), dict[int, ScreenedArc]()
     # Accurate screening, section 3.2.2.
     screened = screen_arcs([search.profile for search, _ in arcs], [arc for _, arc in arcs])
-    for i, (arc, inliers) in enumerate(zip(arcs, screened, strict=True)):
-        checked = _check_screened(*arc, inliers)
-        if isinstance(checked, Rejection):
-            results[i] = checked
-        else:
-            kept[i] = checked
-    # Smoothing and homogenising, section 3.3.
-    points = [arc.points for arc in kept.values()]
-    smoothed = smooth_arcs(points, [arc.ellipse for arc in kept.values()])
-    homogenised = homogenise_arcs(smoothed)
-    # Ellipse fitting, section 2.3.
-    fits = refine_arcs(
-        [some[smooth.inliers] for some, smooth in zip(points, smoothed, strict=True)],
-        [arc.ellipse for arc in homogenised],
-        priors,
-        settings.fitting,
-        [arcs[i][0].profile.estimated_std for i in kept],
-    )
-    for (i, screened_arc), smooth, fit in zip(kept.items(), smoothed, fits, strict=True):
-        results[i] = _accept(*arcs[i], screened_arc.indices[smooth.inliers], fit, settings)
-    return [results[i] for i in range(len(arcs))]
+    checked = [_check_screened(*pair, arc) for pair, arc in zip(arcs, screened, strict=True)]
+    passed = [
+        (search, identified.arc, arc)
+        for (search, identified), arc in zip(arcs, checked, strict=True)
+        if isinstance(arc, ScreenedArc)
+    ]
+    sections = iter(_fit_sections(passed, priors, settings))
+    return [arc if isinstance(arc, Rejection) else next(sections) for arc in checked]
 
 
 def _check_screened(
     search: _Search, arc: IdentifiedArc, screened: ScreenedArc | None
 ) -> ScreenedArc | Rejection:
-    """Return a screened arc, or its rejection."""
+    """Return the screened arc if its line ends or turns away at both ends, else its rejection."""
     if screened is None:
         return Rejection(arc.arc, "no ellipse fits the middle part of the arc")
     noise_std = search.profile.noise_std * screened.variance_factor**0.5
@@ -305,81 +296,50 @@ def _check_screened(
     return screened if reason is None else Rejection(arc.arc, reason)
 
 
-def _accept(
-    search: _Search,
-    arc: IdentifiedArc,
-    indices: IntArray,
-    fit: EllipseFit | LsvisionError,
-    settings: Settings,
+def _fit_sections(
+    arcs: Sequence[tuple[_Search, Arc, ScreenedArc]], priors: Priors, settings: Settings
+) -> list[CylinderSection | Rejection]:
+    """Return the cylinder of each screened arc, or the rejection of its identified span."""
+    # Smoothing, which also detects jumps, and homogenising, section 3.3.
+    points = [arc.points for _, _, arc in arcs]
+    smoothed = smooth_arcs(points, [arc.ellipse for _, _, arc in arcs])
+    homogenised = homogenise_arcs(smoothed)
+    # Ellipse fitting, section 2.3.
+    fits = refine_arcs(
+        [noisy[smooth.inliers] for noisy, smooth in zip(points, smoothed, strict=True)],
+        [arc.ellipse for arc in homogenised],
+        priors,
+        settings.fitting,
+        [search.profile.estimated_std for search, _, _ in arcs],
+    )
+    return [
+        Rejection(span, str(fit))
+        if isinstance(fit, LsvisionError)
+        else _check_section(search, arc.indices[smooth.inliers], fit, settings)
+        for (search, span, arc), smooth, fit in zip(arcs, smoothed, fits, strict=True)
+    ]
+
+
+def _check_section(
+    search: _Search, indices: IntArray, fit: EllipseFit, settings: Settings
 ) -> CylinderSection | Rejection:
-    """Return the cylinder of an arc, fitted to the points at `indices`, or the rejection."""
-    if isinstance(fit, LsvisionError):
-        return Rejection(arc.arc, str(fit))
+    """Return the cylinder fitted to the points at `indices` if it is accepted, else a rejection."""
     section = CylinderSection(fit, Arc(int(indices[0]), int(indices[-1]) + 1), indices)
     reason = rejection_reason(search.profile, section, search.radius_range, settings.acceptance)
     return section if reason is None else Rejection(section.arc, reason)
 
 
 def _complete(
-    search: _Search,
-    results: Sequence[CylinderSection | Rejection],
-    rejections: list[Rejection],
-    settings: Settings,
+    search: _Search, results: Sequence[CylinderSection | Rejection], settings: Settings
 ) -> Measurement:
-    """Return the result of a profile: its cylinders, and a reason for each other segment."""
+    """Return the measurement of a profile: its cylinders, and a reason for each other segment."""
     cylinders = suppress_overlapping([r for r in results if isinstance(r, CylinderSection)])
     rejections = complete_rejections(
         search.profile,
         search.components,
         cylinders,
-        rejections + [result for result in results if isinstance(result, Rejection)],
+        [result for result in results if isinstance(result, Rejection)],
         search.radius_range,
         settings.candidates.min_span_points,
     )
-    return measurement_in_sensor_columns(cylinders, rejections, search.profile)
-
-
-def measurement_in_sensor_columns(
-    cylinders: list[CylinderSection], rejections: list[Rejection], profile: PreparedProfile
-) -> Measurement:
-    """Return the result with the indices of the original profile, cylinders from left to right.
-
-    Parameters
-    ----------
-    cylinders, rejections : list
-        Results with indices and arcs that refer to the points of `profile`.
-    profile : PreparedProfile
-        Prepared profile, with the sensor column of each point.
-    """
-
-    def arc_of(indices: IntArray) -> Arc:
-        return Arc(int(indices.min()), int(indices.max()) + 1)
-
-    columns = profile.sensor_columns
-    sections = [
-        CylinderSection(cylinder.fit, arc_of(columns[cylinder.indices]), columns[cylinder.indices])
-        for cylinder in cylinders
-    ]
-    rejected = [
-        replace(rejection, arc=arc_of(columns[rejection.arc.start : rejection.arc.stop]))
-        for rejection in rejections
-    ]
-    return Measurement(
-        tuple(sorted(sections, key=lambda section: section.centre[0])), tuple(rejected)
-    )
-
-
-def radius_prior_from_value(known_radius: float | Sequence[float] | None) -> RadiusPrior | None:
-    """Return the prior of a known radius or (radius, std), None for None. Units: mm."""
-    known = as_number_or_pair(known_radius, "known_radius", "mm", "(radius, std)")
-    if known is None:
-        return None
-    return RadiusPrior(*known) if isinstance(known, tuple) else RadiusPrior(known)
-
-
-def _phi_prior_from_value(known_phi: float | Sequence[float] | None) -> PhiPrior | None:
-    """Return the prior of a known tilt or (tilt, std), None for None. Units: rad."""
-    known = as_known_phi(known_phi)
-    if known is None:
-        return None
-    return PhiPrior(*known) if isinstance(known, tuple) else PhiPrior(known)
+    return build_measurement(cylinders, rejections, search.profile)

@@ -1,13 +1,15 @@
-"""Result of the measurement of one profile."""
+"""Measurement of one profile: its cylinders and rejected arcs."""
 
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from lsvision.detection.arcs import Rejection
 from lsvision.ellipse.section import CylinderSection, compute_intervals
 from lsvision.ellipse.section_table import section_cells
-from lsvision.profile import Profile
+from lsvision.geometry import IntArray
+from lsvision.profile import Arc, PreparedProfile, Profile
 from lsvision.results.picture import draw_svg
 from lsvision.results.quantities import Record
 from lsvision.results.result import Result
@@ -102,3 +104,38 @@ class Measurement(Result):
         ellipses = [cylinder.ellipse for cylinder in self.cylinders]
         sections = list(zip(arcs, ellipses, strict=True))
         return draw_svg(points, sections, f"a profile with {counted(len(sections), 'cylinder')}")
+
+
+def build_measurement(
+    cylinders: Iterable[CylinderSection], rejections: Iterable[Rejection], profile: PreparedProfile
+) -> Measurement:
+    """Return the measurement of a profile, with the indices of the sensor's columns.
+
+    Parameters
+    ----------
+    cylinders, rejections : iterable
+        Results with indices and arcs that refer to the points of `profile`.
+    profile : PreparedProfile
+        Prepared profile, with the sensor column of each point.
+
+    Returns
+    -------
+    Measurement
+        With the cylinders from left to right.
+    """
+
+    def span_of(indices: IntArray) -> Arc:
+        return Arc(int(indices.min()), int(indices.max()) + 1)
+
+    columns = profile.sensor_columns
+    sections = [
+        CylinderSection(cylinder.fit, span_of(columns[cylinder.indices]), columns[cylinder.indices])
+        for cylinder in cylinders
+    ]
+    rejected = [
+        replace(rejection, arc=span_of(columns[rejection.arc.start : rejection.arc.stop]))
+        for rejection in rejections
+    ]
+    return Measurement(
+        tuple(sorted(sections, key=lambda section: section.centre[0])), tuple(rejected)
+    )

@@ -21,10 +21,12 @@ from lsvision.ellipse.parameters import (
 from lsvision.ellipse.phi_prior import EXACT_STD, PhiPrior
 from lsvision.errors import FitFailed, LsvisionError, TooFewPoints
 from lsvision.geometry import FloatArray, Points
+from lsvision.geometry.arguments import as_known_phi, as_number_or_pair
 from lsvision.geometry.arrays import TINY, padded_rows, stack_padded
 from lsvision.geometry.noisy_points import ComplexArray, as_complex
 
 MAX_EVALUATIONS = 100
+"""Largest number of evaluations of the residuals, by default."""
 DEFAULT_TOLERANCE = 1e-10
 """Relative decrease of chi^2 in a step, below which the iteration has converged."""
 
@@ -55,10 +57,33 @@ class RadiusPrior:
 
 
 class Priors(NamedTuple):
-    """Priors on radius and tilt of a cylinder."""
+    """Priors on radius and tilt of a cylinder; None for what is not known."""
 
     radius: RadiusPrior | None
     phi: PhiPrior | None
+
+    @classmethod
+    def from_values(
+        cls, known_radius: float | Sequence[float] | None, known_phi: float | Sequence[float] | None
+    ) -> Self:
+        """Return the priors of numbers in mm and rad, or of pairs of number and std.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If a value is neither a number nor a pair, or out of its range.
+
+        Examples
+        --------
+        >>> Priors.from_values((20.0, 0.5), None)
+        Priors(radius=RadiusPrior(radius=20.0, std=0.5), phi=None)
+        """
+        radius = as_number_or_pair(known_radius, "known_radius", "mm", "(radius, std)")
+        phi = as_known_phi(known_phi)
+        return cls(
+            None if radius is None else RadiusPrior(*np.atleast_1d(radius).tolist()),
+            None if phi is None else PhiPrior(*np.atleast_1d(phi).tolist()),
+        )
 
 
 NO_PRIORS = Priors(None, None)
@@ -156,12 +181,12 @@ class ProblemStack:
         z, stds = [as_complex(problem.points) for problem in problems], [p.stds for p in problems]
         if len(problems) == 1:
             return cls(problems, z[0][None], (1 / stds[0])[None, None])
-        indices, valid = padded_rows([len(each) for each in z])
+        indices, valid = padded_rows([len(points) for points in z])
         return cls(
             problems, stack_padded(z, indices), (valid / stack_padded(stds, indices))[:, None]
         )
 
-    def part(self, which: list[int]) -> "ProblemStack":
+    def select(self, which: list[int]) -> "ProblemStack":
         """Return the stack of some of the problems."""
         problems = [self.problems[i] for i in which]
         return ProblemStack(problems, self.z[which], self.inverse_stds[which])
@@ -266,9 +291,9 @@ def minimise(
         for problem, guess, count in zip(problems, guesses, counts, strict=True)
     ]
 
-    def solve(some: list[tuple[EllipseProblem, FloatArray]]) -> list[Solution | LsvisionError]:
-        searches = [LevenbergMarquardt(guess, max_evaluations, tolerance) for _, guess in some]
-        return _solve(ProblemStack.of([problem for problem, _ in some]), searches)
+    def solve(arcs: list[tuple[EllipseProblem, FloatArray]]) -> list[Solution | LsvisionError]:
+        searches = [LevenbergMarquardt(guess, max_evaluations, tolerance) for _, guess in arcs]
+        return _solve(ProblemStack.of([problem for problem, _ in arcs]), searches)
 
     return apply_to_successes(solve, starts)
 
@@ -277,36 +302,46 @@ def _solve(
     stack: ProblemStack, searches: list[LevenbergMarquardt]
 ) -> list[Solution | LsvisionError]:
     """Run the searches of a stack together; those that have finished are left out."""
-    nothing = np.empty((PARAMETERS + 1, 0)), np.empty(0, dtype=complex)
-    best, active, part = [nothing] * len(searches), list(range(len(searches))), stack
+    no_rows = np.empty((PARAMETERS + 1, 0)), np.empty(0, dtype=complex)
+    rows_at_best, active, active_stack = (
+        [no_rows] * len(searches),
+        list(range(len(searches))),
+        stack,
+    )
     with np.errstate(all="ignore"):
         while active:
             trials = np.array([searches[i].trial for i in active])
-            rows, normals = part.evaluate(trials)
-            equations = part.normal_equations(rows, trials)
+            rows, normals = active_stack.evaluate(trials)
+            equations = active_stack.normal_equations(rows, trials)
             running = []
             for i, matrix, row, normal in zip(active, equations, rows, normals, strict=True):
                 search = searches[i]
                 if search.take(matrix):
-                    best[i] = row, normal
+                    rows_at_best[i] = row, normal
                 if not search.finished:
                     running.append(i)
             if 0 < len(running) < len(active):
-                part = stack.part(running)
+                active_stack = stack.select(running)
             active = running
-    return [_solution(*each) for each in zip(stack.problems, searches, best, strict=True)]
+    return [
+        _build_solution(*fields)
+        for fields in zip(stack.problems, searches, rows_at_best, strict=True)
+    ]
 
 
-def _solution(
-    problem: EllipseProblem, search: LevenbergMarquardt, best: tuple[FloatArray, ComplexArray]
+def _build_solution(
+    problem: EllipseProblem,
+    search: LevenbergMarquardt,
+    rows_at_best: tuple[FloatArray, ComplexArray],
 ) -> Solution | LsvisionError:
-    """Return the result of a search, with the rows and normals at the best parameters."""
+    """Return the result of a search, with the rows and normals at its best parameters."""
     if not search.is_finite:
         return FitFailed("the ellipse fit overflowed: the points do not lie on an ellipse")
-    rows, normals = best[0][:, : len(problem.points)], best[1][: len(problem.points)]
+    (rows, normals), count = rows_at_best, len(problem.points)
+    rows, normals = rows[:, :count], normals[:count]
     residuals = rows[PARAMETERS]
     if search.last_step is None:
-        residuals = residuals.copy()
+        residuals = residuals.copy()  # a view would keep the rows of the whole stack in memory
     else:
         residuals = residuals - search.last_step @ rows[:PARAMETERS]
     information = search.equations[:PARAMETERS, :PARAMETERS]

@@ -12,6 +12,7 @@ from lsvision.detection.acceptance import UNDETERMINABLE
 from lsvision.detection.arcs import Rejection
 from lsvision.ellipse.fit import with_known_radius
 from lsvision.ellipse.prior_check import contradicting_radius
+from lsvision.ellipse.problem import Priors
 from lsvision.ellipse.section import CylinderSection
 from lsvision.inspection.decision import Decision, widen_interval
 from lsvision.inspection.job import Job
@@ -27,7 +28,7 @@ from lsvision.inspection.verdict import (
     Verdict,
     judge_quantity,
 )
-from lsvision.measure import Measurement, radius_prior_from_value
+from lsvision.measure import Measurement
 from lsvision.results.quantities import Estimate
 from lsvision.scan.scan_result import ScanMeasurement, ScanRejection
 
@@ -142,7 +143,7 @@ def _apply_known_radius(cylinder: CylinderOfJob, part: Part) -> CylinderOfJob:
             f"known_radius_mm of part {part.name!r} is for profiles: for a scan write it under "
             "[measure]"
         )
-    prior = radius_prior_from_value(part.known_radius_mm)
+    prior = Priors.from_values(part.known_radius_mm, None).radius
     if prior is None:
         return cylinder
     fit = with_known_radius(cylinder.fit, prior)

@@ -20,9 +20,9 @@ from tests.bench.goals import Number
 
 STEPS = (
     "prepare_profile", "search_range", "build_range_image", "connected_components",
-    "find_candidates", "identify_arcs", "screen_arc", "tangential_end_reason", "smooth_arcs",
+    "find_candidates", "identify_arcs", "screen_arcs", "tangential_end_reason", "smooth_arcs",
     "homogenise_arcs", "refine_arcs", "rejection_reason", "suppress_overlapping",
-    "complete_rejections", "measurement_in_sensor_columns",
+    "complete_rejections", "build_measurement",
 )  # fmt: skip
 """The functions that `lsvision.measure` calls, in order."""
 FIRST_SEED = 40_000

@@ -14,14 +14,15 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.detection.arcs import Rejection
+from lsvision.detection.measurement import Measurement, build_measurement
 from lsvision.detection.profile_preparation import prepare_profile
 from lsvision.detection.search_range import search_range
 from lsvision.ellipse.fit import FittingSettings, fit_ellipse
+from lsvision.ellipse.problem import Priors
 from lsvision.ellipse.section import CylinderSection
 from lsvision.errors import FitFailed, LsvisionError
 from lsvision.geometry import Ellipse, IntArray, Points, radial_residuals
 from lsvision.geometry.arguments import as_number_or_pair
-from lsvision.measure import Measurement, measurement_in_sensor_columns, radius_prior_from_value
 from lsvision.profile import Arc, Profile, as_profile
 
 RADIAL_FITTING = FittingSettings(residual="radial")
@@ -100,7 +101,7 @@ def measure_cylinders_paper(
     profile = as_profile(profile)
     prepared = prepare_profile(profile, profile.noise)
     search = as_number_or_pair(radius, "radius", "mm", "(min, max)")
-    low, high = search_range(search, radius_prior_from_value(known_radius), prepared)
+    low, high = search_range(search, Priors.from_values(known_radius, None).radius, prepared)
     initial_radius = min(math.sqrt(low * high), MAX_INITIAL_RADIUS_MM)
     points = prepared.points[prepared.valid_indices]
     cylinders: list[CylinderSection] = []
@@ -119,7 +120,7 @@ def measure_cylinders_paper(
             rejections.append(Rejection(arc, str(failure)))
             continue
         cylinders.append(CylinderSection(fit, arc, screened))
-    return replace(measurement_in_sensor_columns(cylinders, rejections, prepared), profile=profile)
+    return replace(build_measurement(cylinders, rejections, prepared), profile=profile)
 
 
 def initial_ellipse(points: Points, radius: float) -> Ellipse:
