@@ -17,9 +17,9 @@ MAX_RADIUS_RATIO = 2.0
 """Largest ratio of an end of the radius' 95 % interval to the radius, or its inverse; beyond it the
 radius is not determinable."""
 MIN_RADIUS_SIGMAS, CERTAIN_RADIUS_SIGMAS = 3.5, 6.0
-"""Ratio of radius to standard uncertainty below which its interval exceeds `MAX_RADIUS_RATIO`, as
-of all 15 such sections in 3909 profiles, and ratio above which it does not: the interval, which
-takes 20 to 200 ms, is computed in between."""
+"""Ratio of radius to standard uncertainty below which its interval exceeds `MAX_RADIUS_RATIO` (true
+of all 15 such sections in 3909 simulated profiles), and ratio above which it does not. Only in
+between is the interval computed, which takes 20 to 200 ms."""
 UNDETERMINABLE = "radius not determinable"
 """First words of the reason for the rejection of a cylinder whose radius is not bounded."""
 
@@ -49,7 +49,10 @@ def shape_rejection_reason(
     radius_range: tuple[float, float],
     settings: AcceptanceSettings = AcceptanceSettings(),
 ) -> str | None:
-    """Return why an ellipse, with normals at the points, is not a cylinder; None if it may be."""
+    """Return why an ellipse is not the section of a cylinder; None if it may be.
+
+    `normals` (n,) are its outward unit normals at the points; `radius_range` is in mm.
+    """
     low, high = radius_range
     if len(normals) < settings.min_points:
         return f"only {len(normals)} points on an ellipse, needs {settings.min_points}"
@@ -74,7 +77,10 @@ def rejection_reason(
     radius_range: tuple[float, float],
     settings: AcceptanceSettings = AcceptanceSettings(),
 ) -> str | None:
-    """Return why a section (indices of the prepared profile) is not accepted, or None if it is."""
+    """Return why the section of a cylinder is not accepted; None if it is.
+
+    The section has the indices of the prepared `profile`; `radius_range` is in mm.
+    """
     fit = section.fit
     reason = shape_rejection_reason(fit.ellipse, fit.normals, radius_range, settings)
     if reason is not None:
@@ -105,7 +111,7 @@ def contradicted_radius_reason(section: CylinderSection) -> str | None:
 
 
 def undeterminable_radius_reason(section: CylinderSection) -> str | None:
-    """Return why the 95 % interval of a radius exceeds a factor of 2; None if not, or known."""
+    """Return why a radius is not determinable from the points; None if it is, or if it is known."""
     problem = section.fit.problem
     if problem.known_radius is not None or problem.known_phi is not None:
         return None
@@ -128,10 +134,10 @@ def undeterminable_radius_reason(section: CylinderSection) -> str | None:
 def suppress_overlapping(cylinders: Sequence[CylinderSection]) -> list[CylinderSection]:
     """Return the sections that overlap none with more points, by descending number of points."""
     taken: set[int] = set()
-    kept: list[CylinderSection] = []
+    accepted: list[CylinderSection] = []
     for cylinder in sorted(cylinders, key=lambda cylinder: -len(cylinder.indices)):
         indices = cylinder.indices.tolist()
         if len(taken.intersection(indices)) <= MAX_OVERLAP * len(indices):
-            kept.append(cylinder)
+            accepted.append(cylinder)
             taken.update(indices)
-    return kept
+    return accepted

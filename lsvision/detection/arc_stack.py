@@ -21,16 +21,26 @@ from lsvision.profile import PreparedProfile
 Number = TypeVar("Number", bound=np.generic)
 
 MIDDLE_FRACTION = 0.7
-"""Fraction of the arc's points in its middle part."""
+"""Fraction of the arc's points in its middle part, which determines the screening ellipse."""
 MAX_END_POINTS = 100
-"""Largest number of the arc's points at an end: the filter's time grows with its cube."""
+"""Largest number of the arc's points at an end: the time of the Kalman filter (see
+`lsvision.detection.end_points`) grows with its cube."""
 
 
 class SplitArc(NamedTuple):
     """Indices of the middle part of an arc, and of the points on both sides of it.
 
-    `middle` ascends; each of the `ends` leads outwards, from two points of the middle part on;
-    `members` are the masks of those beyond the two that belong to the identified arc.
+    Parameters
+    ----------
+    profile : PreparedProfile
+        Profile of the arc.
+    middle : (j,) int ndarray
+        Indices of the middle part, ascending.
+    ends : pair of (m + 2,) int ndarray
+        Indices of the outermost two points of the middle part, then of the m points beyond them,
+        outwards; m differs between the ends.
+    members : pair of (m,) bool ndarray
+        Which of these m points belong to the identified arc.
     """
 
     profile: PreparedProfile
@@ -39,7 +49,10 @@ class SplitArc(NamedTuple):
     members: tuple[BoolArray, BoolArray]
 
     def reached_limits(self, members: BoolArray) -> bool:
-        """Return whether the outermost point of an end is a member, and the profile continues."""
+        """Return whether the outermost point of an end is a member although the profile continues.
+
+        `members` (2, m) are the masks of both ends, which may be padded.
+        """
         last = len(self.profile.points) - 1
         return any(
             count > 0 and end[-1] not in (0, last) and bool(mask[count - 1])
@@ -48,7 +61,7 @@ class SplitArc(NamedTuple):
 
 
 class ArcStack(NamedTuple):
-    """Points of k arcs as columns: those of both ends, outwards, then those of the middle part.
+    """Points of k arcs, one arc per row: those of both ends, outwards, then the middle part.
 
     Parameters
     ----------
@@ -78,7 +91,7 @@ class ArcStack(NamedTuple):
 
     @classmethod
     def of(cls, arcs: list[SplitArc], ellipses: Sequence[Ellipse]) -> "ArcStack":
-        """Return the stack of at least one arc."""
+        """Return the stack of one or more arcs with their ellipses (mm, rad)."""
         count = len(arcs)
         ends, end_valid = stack_with_mask([end for arc in arcs for end in arc.ends])
         middles, middle_valid = stack_with_mask([arc.middle for arc in arcs])
@@ -111,9 +124,8 @@ class ArcStack(NamedTuple):
         """Return the stack of some arcs."""
         if all(arcs.tolist()):
             return self
-        kept = [self.arcs[i] for i in arcs.nonzero()[0]]
         return ArcStack(
-            kept,
+            [self.arcs[i] for i in arcs.nonzero()[0]],
             self.indices[arcs],
             self.points[arcs],
             self.valid[arcs],
@@ -133,7 +145,7 @@ class ArcStack(NamedTuple):
 
 
 def split_arc(profile: PreparedProfile, arc: IdentifiedArc) -> SplitArc | None:
-    """Return the middle part of an arc, and all points from there to beyond the ends."""
+    """Return the middle part and the ends of an arc; None if it has too few points for it."""
     count = len(arc.indices)
     size = min(max(2, round((1 - MIDDLE_FRACTION) / 2 * count)), MAX_END_POINTS)
     middle = arc.indices[size : count - size]

@@ -21,7 +21,7 @@ from lsvision.profile import MAX_RELATIVE_SCATTER, Arc, PreparedProfile
 from lsvision.statistics.robust import SIGNIFICANT_SIGMAS
 
 MAX_AXIS_RATIO = 2.0
-"""Largest ratio of the semi-axes of an initial ellipse: a tilt of 60 deg."""
+"""Largest ratio of the semi-axes of an initial ellipse, that of a tilt of 60 deg."""
 MIN_COVERAGE_POINTS = 15.7
 """Smallest product of the angle that a window covers (rad) and its number of points, 25 deg at 36
 points: few points may curve by chance."""
@@ -56,46 +56,65 @@ def find_candidates(
     radius_ranges: Sequence[tuple[float, float]],
     settings: CandidateSettings = CandidateSettings(),
 ) -> list[list[Candidate]]:
-    """Return, for each profile, the windows with the curvature of a pipe.
+    """Find the windows of each profile that have the curvature of a pipe.
 
-    They are sorted by descending angle covered. Reversing the order of the points does not change
-    the result. The `radius_ranges` are in mm.
+    Reversing the order of the points does not change the result.
+
+    Parameters
+    ----------
+    profiles : sequence of PreparedProfile
+        The profiles.
+    components : sequence of list of (n,) int ndarray
+        Indices of the points of the connected components of each profile.
+    radius_ranges : sequence of (float, float)
+        Smallest and largest radius of each profile. Units: mm.
+    settings : CandidateSettings
+        Limits for candidates.
+
+    Returns
+    -------
+    list of list of Candidate
+        Candidates of each profile, by descending angle covered.
     """
-    found: list[list[Candidate]] = [[] for _ in profiles]
-    searched = [i for i, parts in enumerate(components) if parts]
+    candidates: list[list[Candidate]] = [[] for _ in profiles]
+    searched = [i for i, segments in enumerate(components) if segments]
     if not searched:
-        return found
+        return candidates
     sequences = [np.concatenate(components[i]) for i in searched]
     arrays = [profiles[i].noisy_points.z[row] for i, row in zip(searched, sequences, strict=True)]
     points, _ = stack_with_mask(arrays)
-    all_windows = _windows_of([components[i] for i in searched], settings.min_span_points)
+    all_windows = _build_windows([components[i] for i in searched], settings.min_span_points)
     circles = windows.fit_window_circles(points, all_windows)
     limits = np.array([(*radius_ranges[i], profiles[i].noise_std) for i in searched])
-    passed = _passes_gates(circles, *limits.take(all_windows.rows, axis=0).T).nonzero()[0]
-    left, centres = all_windows.select(passed), circles.centre[passed]
-    coverage = windows.arc_coverage(points, left, centres)
+    passed = _passes_limits(circles, *limits.take(all_windows.rows, axis=0).T).nonzero()[0]
+    selected, centres = all_windows.select(passed), circles.centre[passed]
+    coverage = windows.arc_coverage(points, selected, centres)
     # float32: windows whose coverage differs by rounding only are sorted by their centre's x.
-    order = np.lexsort((centres.real, -coverage.astype(np.float32), left.rows))
-    order = order[(coverage * (left.stops - left.starts) >= MIN_COVERAGE_POINTS)[order]]
-    kept = order[_non_maximum_suppression(left.select(order))]
+    order = np.lexsort((centres.real, -coverage.astype(np.float32), selected.rows))
+    order = order[(coverage * (selected.stops - selected.starts) >= MIN_COVERAGE_POINTS)[order]]
+    best = order[_suppress_non_maxima(selected.select(order))]
     radii = circles.radius[passed]
-    for i, row, start, stop in zip(kept, *(field[kept].tolist() for field in left), strict=True):
+    for i, row, start, stop in zip(
+        best, *(field[best].tolist() for field in selected), strict=True
+    ):
         indices, centre = sequences[row][start:stop], complex(centres[i])
         arc = Arc(int(indices[0]), int(indices[-1]) + 1)
         candidate = Candidate(arc, indices, (centre.real, centre.imag), float(radii[i]))
-        found[searched[row]].append(candidate)
-    return found
+        candidates[searched[row]].append(candidate)
+    return candidates
 
 
-def _windows_of(components: Sequence[list[IntArray]], smallest: int) -> windows.Windows:
-    """Return the windows of the components of each row of points."""
-    spans = [windows.multiscale_windows(list(map(len, parts)), smallest) for parts in components]
+def _build_windows(components: Sequence[list[IntArray]], smallest: int) -> windows.Windows:
+    """Return the windows, of `smallest` points or more, of the components of each profile."""
+    spans = [
+        windows.multiscale_windows(list(map(len, segments)), smallest) for segments in components
+    ]
     rows = np.repeat(np.arange(len(spans)), [len(starts) for starts, _ in spans])
     starts, stops = (np.concatenate(ends) for ends in zip(*spans, strict=True))
     return windows.Windows(rows, starts, stops)
 
 
-def _passes_gates(
+def _passes_limits(
     circles: windows.WindowCircles, low: FloatArray, high: FloatArray, noise_std: FloatArray
 ) -> BoolArray:
     """Return which windows pass the limits of curvature, convexity and residuals."""
@@ -113,12 +132,14 @@ def max_circle_rms(radius: FloatArray, noise_std: float | FloatArray) -> FloatAr
     return SIGNIFICANT_SIGMAS * noise_std + MAX_RELATIVE_SCATTER * radius
 
 
-def _non_maximum_suppression(ordered: windows.Windows) -> list[int]:
-    """Return the positions of windows, sorted by row, then best first, that overlap no better one.
+def _suppress_non_maxima(ordered: windows.Windows) -> list[int]:
+    """Return the positions of the windows that overlap no better one, by non-maximum suppression.
+
+    The windows are sorted by row, and best first in each row.
 
     Windows of different rows do not overlap.
     """
-    kept, spans, last_row = list[int](), list[tuple[int, int]](), -1
+    best, spans, last_row = list[int](), list[tuple[int, int]](), -1
     spans_by_row = zip(*(field.tolist() for field in ordered), strict=True)
     for i, (row, start, stop) in enumerate(spans_by_row):
         if row != last_row:
@@ -128,9 +149,9 @@ def _non_maximum_suppression(ordered: windows.Windows) -> list[int]:
             if common > MAX_OVERLAP * (stop - start + last - first - common):
                 break
         else:
-            kept.append(i)
+            best.append(i)
             spans.append((start, stop))
-    return kept
+    return best
 
 
 def seed_ellipse(profile: PreparedProfile, candidate: Candidate) -> Ellipse:

@@ -39,21 +39,30 @@ def tangential_end_reason(
 ) -> str | None:
     """Return why an arc whose line continues tangentially is not a cylinder; None if it does not.
 
-    The turn is measured at the outer ends of `arc`, because screening may shorten them; fillets
-    begin at the ends of `screened`. `noise_std` is the standard deviation of a point. Units: mm.
+    Parameters
+    ----------
+    profile : PreparedProfile
+        Profile of the arc.
+    arc : IdentifiedArc
+        Arc before screening, which may shorten it: the turn of the line is measured beyond the
+        longer one.
+    screened : ScreenedArc
+        The same arc after screening: a fillet begins at its ends.
+    noise_std : float
+        Standard deviation of a point. Units: mm.
     """
     count = max(POINTS_BEYOND, int(BEYOND_FRACTION * len(arc.indices)))
     covered = np.zeros(len(profile.points), dtype=bool)
     covered[arc.indices] = covered[screened.indices] = True
-    widest = covered.nonzero()[0]
+    longest = covered.nonzero()[0]
     turns_deg = [
         math.degrees(_end_turn(*end, arc.ellipse, max(POINTS_BEYOND, count // 2)))
-        for end in _ends(profile, widest, count)
+        for end in _split_ends(profile, longest, count)
     ]
     if min(turns_deg) >= MIN_TURN_DEG:
         return None
     curvature = MIN_FILLET_CURVATURE / screened.ellipse.radius
-    ends = zip(turns_deg, _ends(profile, screened.indices, FILLET_POINTS), strict=True)
+    ends = zip(turns_deg, _split_ends(profile, screened.indices, FILLET_POINTS), strict=True)
     tangential_deg = [
         turn_deg
         for turn_deg, (_, line) in ends
@@ -76,18 +85,18 @@ def connected_beyond(arc_points: ComplexArray, beyond: ComplexArray, max_count: 
     outwards, as x + iy. Units: mm.
     """
     arc_points = arc_points[-2 * POINTS_BEYOND :]
-    reach = MAX_GAP_STEPS * upper_median(np.abs(arc_points[1:] - arc_points[:-1]))
-    last, chain = complex(arc_points[-1]), []
+    max_step = MAX_GAP_STEPS * upper_median(np.abs(arc_points[1:] - arc_points[:-1]))
+    last, positions = complex(arc_points[-1]), []
     for i, point in enumerate(beyond.tolist()):
-        if abs(point - last) <= reach:
-            chain.append(i)
+        if abs(point - last) <= max_step:
+            positions.append(i)
             last = point
-            if len(chain) == max_count:
+            if len(positions) == max_count:
                 break
-    return np.array(chain, dtype=int)
+    return np.array(positions, dtype=int)
 
 
-def _ends(
+def _split_ends(
     profile: PreparedProfile, indices: IntArray, count: int
 ) -> list[tuple[ComplexArray, ComplexArray]]:
     """Return the points near each end of an arc and those connected beyond it, both outwards."""
@@ -127,15 +136,19 @@ def _oriented(direction: complex, points: ComplexArray) -> complex:
 
 
 def _is_fillet(line: ComplexArray, min_curvature: float, noise_std: float) -> bool:
-    """Return whether the line beyond an end is significantly concave towards the sensor."""
+    """Return whether the line (n,) beyond an end is significantly concave towards the sensor.
+
+    `min_curvature` (1/mm) is that of the weakest fillet, `noise_std` that of a point in mm.
+    """
     if len(line) < POINTS_BEYOND:
         return False
     chord = complex(line[-1] - line[0])
-    turned = (line - line[0]) * (chord.conjugate() / abs(chord))
-    x, height = turned.real, turned.imag if chord.real > 0 else -turned.imag
+    in_chord_frame = (line - line[0]) * (chord.conjugate() / abs(chord))
+    x, height = in_chord_frame.real, in_chord_frame.imag if chord.real > 0 else -in_chord_frame.imag
     parabola, covariance = np.polyfit(x, height, 2, cov="unscaled")
     residuals = height - np.polyval(parabola, x)
     dof = len(line) - len(parabola)
     scatter = max(noise_std, math.sqrt(float(residuals @ residuals) / dof))
     std = scatter * math.sqrt(float(covariance[0, 0]))
-    return 2 * float(parabola[0]) > max(2 * SIGNIFICANT_SIGMAS * std, min_curvature)
+    curvature, curvature_std = 2 * float(parabola[0]), 2 * std
+    return curvature > max(SIGNIFICANT_SIGMAS * curvature_std, min_curvature)

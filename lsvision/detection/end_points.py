@@ -44,17 +44,27 @@ PREDECESSORS = 2
 """Number of points of the middle part, before an end, from which another line is extrapolated."""
 DECISIVE_LEVERAGE = 10.0
 """Leverage above which a point determines the prediction of the points beyond it; it may be a jump.
-5 to 10 % of the ends of simulated arcs have one; where it was a jump, one radius of 1200 was wrong
-by 11 sigma."""
+5 to 10 % of the ends of simulated arcs have such a point. Without this test, the radius of one
+simulated arc of 1200, where it was a jump, was wrong by 11 sigma."""
 LOG_INLIER = math.log(1 - OUTLIER_FRACTION) - 0.5 * math.log(2 * math.pi)
+"""Log of the prior probability of an inlier times the constant factor of the normal density."""
 
 
 class EndPoints(NamedTuple):
     """Last two points of the middle part of an arc, and k points outwards from it.
 
-    Signed distances (..., k + 2) from the ellipse in mm, and their variances; displacement of the
-    ellipse along its normals by each parameter, (..., 5, k + 2); whether the sensor can see a
-    surface of that normal; arc length in mm, increasing outwards.
+    Parameters
+    ----------
+    residuals : (..., k + 2) ndarray
+        Signed distances from the ellipse, positive outside. Units: mm.
+    variances : (..., k + 2) ndarray
+        Variances of the residuals. Units: mm^2.
+    jacobian : (..., 5, k + 2) ndarray
+        Displacement of the ellipse along its normals by each parameter.
+    visible : (..., k + 2) bool ndarray
+        Whether the sensor can see a surface of that normal; False for padding.
+    positions : (..., k + 2) ndarray
+        Arc length, increasing outwards. Units: mm.
     """
 
     residuals: FloatArray
@@ -74,9 +84,16 @@ class EndPoints(NamedTuple):
 class Prediction(NamedTuple):
     """Ellipse predicted from the middle part and the other end.
 
-    Its five parameters less those of the ellipse of the residuals (..., 5), in mm, and their
-    covariance (..., 5, 5); autocorrelation time of the points' errors, in points, and mean
-    semi-axis, in mm, both (...) or broadcast to it.
+    Parameters
+    ----------
+    offset : (..., 5) ndarray
+        Its parameters less those of the ellipse of the residuals. Units: mm.
+    covariance : (..., 5, 5) ndarray
+        Covariance of its parameters. Units: mm^2.
+    autocorrelation_time : (...) ndarray
+        Number of points per effective point, or an array that is broadcast to this shape.
+    radius : (...) ndarray
+        Mean semi-axis, or an array that is broadcast to this shape. Units: mm.
     """
 
     offset: FloatArray
@@ -103,10 +120,16 @@ class Prediction(NamedTuple):
 
 
 class EndInliers(NamedTuple):
-    """Which of the k points of an end are inliers, (..., k).
+    """Which of the k points of an end are inliers.
 
-    `log_odds` are those of inlier against outlier; `leverages` the variance of the predicted
-    residual over that of the point itself, at least 1.
+    Parameters
+    ----------
+    members : (..., k) bool ndarray
+        Mask of the inliers.
+    log_odds : (..., k) ndarray
+        Log of the odds of inlier against outlier.
+    leverages : (..., k) ndarray
+        Variance of the predicted residual over that of the point itself, at least 1.
     """
 
     members: BoolArray
@@ -130,16 +153,16 @@ def find_end_inliers(ends: EndPoints, prediction: Prediction) -> EndInliers:
     if not decisive.any():
         return inliers
     doubtful: BoolArray = np.logical_or.reduce(decisive, axis=-1)
-    first = decisive & (decisive.cumsum(axis=-1) == 1)
+    first_decisive = decisive & (decisive.cumsum(axis=-1) == 1)
     visible = ends.visible.copy()
-    visible[..., PREDECESSORS:] &= ~first
-    others, likelihood_without = _filter_ends(
+    visible[..., PREDECESSORS:] &= ~first_decisive
+    without, without_likelihood = _filter_ends(
         ends._replace(visible=visible).select(doubtful), prediction.select(doubtful)
     )
     better = doubtful.copy()
-    better[doubtful] = likelihood_without > likelihood[doubtful]
-    for field, other in zip(inliers, others, strict=True):
-        field[better] = other[better[doubtful]]
+    better[doubtful] = without_likelihood > likelihood[doubtful]
+    for field, replacement in zip(inliers, without, strict=True):
+        field[better] = replacement[better[doubtful]]
     return inliers
 
 
@@ -153,14 +176,14 @@ def _filter_ends(ends: EndPoints, prediction: Prediction) -> tuple[EndInliers, F
     covariance, visible = prediction.covariances(jacobian), ends.visible[..., PREDECESSORS:]
     # The filter uses only points that are possible inliers of the ellipse predicted without them.
     variances = point_variances + covariance.diagonal(axis1=-2, axis2=-1)
-    possible = visible & (_log_inlier(residuals, variances) > log_outlier)
+    possible = visible & (_log_inlier_density(residuals, variances) > log_outlier)
     used = np.where(possible, correlation_time, EXCLUDED) * point_variances
     residuals, variances = _predict_sequentially(covariance, used, residuals)
     variances = np.maximum(variances - used, 0.0) + point_variances
-    log_inlier = _log_inlier(residuals, variances)
+    log_inlier = _log_inlier_density(residuals, variances)
     log_inlier[~visible] = -np.inf
     log_ratio = np.logaddexp(log_inlier, log_outlier)
-    log_ratio -= _log_other_line(ends, prediction.radius[..., None], log_outlier)
+    log_ratio -= _log_other_line_density(ends, prediction.radius[..., None], log_outlier)
     cumulated = log_ratio.cumsum(axis=-1) / correlation_time
     highest = cumulated.max(axis=-1, initial=0.0)
     likely = log_inlier > log_outlier
@@ -260,6 +283,7 @@ def _log_marginal_ratio(
     weighted = np.array([dposv(matrix, rows.T)[1].T for matrix, rows in pairs])
     squares = (displacements * weighted).sum(axis=2)
     products = (weighted @ residuals[..., None])[..., 0]
+    # Normal equations of the factors of turn and bend: their priors add 1 to the diagonal.
     m11, m22 = 1 + squares[:, :count], 1 + squares[:, count:]
     m12 = (turn * weighted[:, count:]).sum(axis=2)
     g1, g2 = products[:, :count], products[:, count:]
@@ -269,13 +293,19 @@ def _log_marginal_ratio(
     return ratio
 
 
-def _log_inlier(residuals: FloatArray, variances: FloatArray) -> FloatArray:
+def _log_inlier_density(residuals: FloatArray, variances: FloatArray) -> FloatArray:
     """Return the log of the density of residuals times the prior probability of an inlier."""
     return LOG_INLIER - 0.5 * (residuals * residuals / variances + np.log(variances))
 
 
-def _log_other_line(ends: EndPoints, radius: FloatArray, log_outlier: FloatArray) -> FloatArray:
-    """Return the log density of each point on another line, extrapolated from the two before."""
+def _log_other_line_density(
+    ends: EndPoints, radius: FloatArray, log_outlier: FloatArray
+) -> FloatArray:
+    """Return the log density (..., k) of each point on another line, or as an outlier.
+
+    The other line is extrapolated from the residuals e0, e1, with variances v0, v1, of the two
+    points before; e2 deviates from it by e2 - e1 - ratio (e1 - e0), with the ratio of the steps.
+    """
     e, v = ends.residuals, ends.variances
     # Points may share a position on the ellipse.
     steps = np.maximum(ends.positions[..., 1:] - ends.positions[..., :-1], TINY)
@@ -286,4 +316,4 @@ def _log_other_line(ends: EndPoints, radius: FloatArray, log_outlier: FloatArray
     bend = step * (step + before) / (2 * radius)
     # v2 + (1 + ratio)^2 v1 + ratio^2 v0 + bend^2.
     variances = pairs[..., 1:] + ratio * (2 * v[..., 1:-1] + ratio * pairs[..., :-1]) + bend * bend
-    return np.logaddexp(_log_inlier(deviation, variances), log_outlier)
+    return np.logaddexp(_log_inlier_density(deviation, variances), log_outlier)

@@ -39,12 +39,13 @@ SENSOR_ERROR_SIGMAS = 4.0
 MAX_OUTLIER_RUN = 3
 """Number of consecutive points beyond the sensor error that interrupts an arc."""
 MAX_GAP_FRACTION = 0.5
-"""Longest interruption, as a fraction of the arc, that is bridged to a longer run of inliers; short
-runs by chance would be joined without it."""
+"""Longest interruption between two runs of inliers that is bridged, as a fraction of the arc's
+central run; the run beyond it must also be longer than the interruption. Without both conditions
+short runs of points that lie on the ellipse by chance would be joined."""
 MIN_NORMAL_Y = -0.5
 """Smallest y of an outward normal that a sensor with a fan of +/- 30 deg can still see."""
 MAX_ITERATIONS = 20
-"""Largest number of growing steps: from ten points to the ends of a wide pipe it takes over ten."""
+"""Largest number of growing steps; a wide pipe needs over ten from a seed of ten points."""
 
 
 class Seed(NamedTuple):
@@ -64,11 +65,26 @@ class GrownArc(NamedTuple):
 
 @dataclass(eq=False, slots=True)
 class _Growth:
-    """Arc that grows from the seed of a `number`, whose free points are `points`.
+    """Arc that grows from a seed.
 
-    `inside` are the positions of its inliers among them; `normals` are those of the ellipse at the
-    points from `start` on; `spans` are the first and last inliers so far. `max_scatter` is the
-    largest accepted ratio of the scatter to the noise.
+    Parameters
+    ----------
+    number : int
+        Index of the seed among those that grow together.
+    seed : Seed
+        Candidate from which the arc grows.
+    points : NoisyPoints
+        Free points (f,) of the seed, which the arc may contain.
+    max_scatter : float
+        Largest accepted ratio of the scatter to the noise.
+    inside : (n,) int ndarray
+        Ascending positions of the arc's inliers among the free points.
+    start : int
+        Position of the first point of the last window among the free points.
+    normals : (w,) complex ndarray
+        Outward unit normals of the ellipse at the points of that window.
+    spans : set of (int, int)
+        First and last inlier after each step.
     """
 
     number: int
@@ -98,18 +114,25 @@ class _Growth:
         return self.points[self.start : stop + step]
 
     def take(self, run: IntArray, normals: ComplexArray) -> bool:
-        """Take the inliers of a window, and return whether they had the same span before.
+        """Take the inliers of a window, and return whether the arc had the same span before.
 
-        Then the arc has converged, or alternates between two spans.
+        If so, it has converged, or alternates between two spans.
+
+        Parameters
+        ----------
+        run : (n,) int ndarray
+            Positions of the inliers in the window.
+        normals : (w,) complex ndarray
+            Outward unit normals of the ellipse at the points of the window.
         """
         self.inside, self.normals = self.start + run, normals
         span = int(self.inside[0]), int(self.inside[-1])
-        known = span in self.spans
+        is_repeated = span in self.spans
         self.spans.add(span)
-        return known
+        return is_repeated
 
     def result(self, parameters: FloatArray) -> GrownArc:
-        """Return the arc with its ellipse."""
+        """Return the arc with the ellipse of parameters (5,)."""
         arc = IdentifiedArc.of(self.seed.free[self.inside], ellipse_from_parameters(parameters))
         return GrownArc(arc, self.normals[self.inside - self.start])
 
@@ -127,13 +150,13 @@ class _SearchedProfile:
     def next_seed(self) -> Seed | None:
         """Return the next candidate most of whose points are not explained by arcs so far."""
         for candidate in self._candidates:
-            taken = np.count_nonzero(self._explained[candidate.indices])
-            if taken <= MAX_OVERLAP * len(candidate.indices):
+            explained = np.count_nonzero(self._explained[candidate.indices])
+            if explained <= MAX_OVERLAP * len(candidate.indices):
                 return Seed(self._profile, candidate, self._free)
         return None
 
     def add(self, arc: IdentifiedArc, reason: str | None) -> None:
-        """Add an arc, or its rejection with the reason."""
+        """Add an arc, or its rejection if there is a reason for it; its points are explained."""
         start, stop = arc.arc.start, arc.arc.stop
         self._explained[start:stop] = True
         if reason is None:
@@ -149,10 +172,26 @@ def identify_arcs(
     radius_ranges: Sequence[tuple[float, float]],
     settings: AcceptanceSettings = AcceptanceSettings(),
 ) -> list[tuple[list[IdentifiedArc], list[Rejection]]]:
-    """Return, for each profile, the arcs that grow from its candidates, and those of another shape.
+    """Return the arcs that grow from the candidates of each profile, and the rejected ones.
 
-    Each point belongs to one arc at most. Of each profile one candidate grows at a time, in their
-    order, and those of many profiles together. The `radius_ranges` are in mm.
+    Each point belongs to one arc at most. The candidates of a profile grow one after the other, in
+    their order; those of different profiles grow together.
+
+    Parameters
+    ----------
+    profiles : sequence of PreparedProfile
+        The profiles.
+    candidates : sequence of sequence of Candidate
+        Candidates of each profile, the most promising first.
+    radius_ranges : sequence of (float, float)
+        Smallest and largest radius of each profile. Units: mm.
+    settings : AcceptanceSettings
+        Limits on the shape of the ellipse of an arc.
+
+    Returns
+    -------
+    list of (list of IdentifiedArc, list of Rejection)
+        For each profile its arcs, and the rejections of arcs with another shape.
     """
     searches = [_SearchedProfile(*pair) for pair in zip(profiles, candidates, strict=True)]
     limits = dict(zip(searches, radius_ranges, strict=True))
@@ -161,16 +200,16 @@ def identify_arcs(
         seeds = {search: search.next_seed() for search in growing}
         growing = [search for search in growing if seeds[search] is not None]
         grown = grow_arcs([seed for seed in seeds.values() if seed is not None])
-        for search, found in zip(growing, grown, strict=True):
-            if found is not None:
-                arc, normals = found
+        for search, grown_arc in zip(growing, grown, strict=True):
+            if grown_arc is not None:
+                arc, normals = grown_arc
                 reason = shape_rejection_reason(arc.ellipse, normals, limits[search], settings)
                 search.add(arc, reason)
     return [(search.arcs, search.rejections) for search in searches]
 
 
 def grow_arcs(seeds: Sequence[Seed]) -> list[GrownArc | None]:
-    """Return the whole arcs around candidates; None where no ellipse fits the points around one."""
+    """Return the whole arc around each candidate; None where no ellipse fits the points."""
     grown: list[GrownArc | None] = [None] * len(seeds)
     growths = [_Growth.of(number, seed) for number, seed in enumerate(seeds)]
     growths = [growth for growth in growths if len(growth.inside) >= MIN_POINTS]
@@ -195,27 +234,27 @@ def grow_arcs(seeds: Sequence[Seed]) -> list[GrownArc | None]:
             growths = [growths[row] for row in rows]
             compared, parameters, members = compared.rows(rows), parameters[rows], members[rows]
         stepped = gauss_newton_step(compared, parameters, members)
-        growths, parameters = _without_lost(growths, stepped)
+        growths, parameters = _drop_failed(growths, stepped)
     for growth, row in zip(growths, parameters, strict=True):
         grown[growth.number] = growth.result(row)
     return grown
 
 
 def _fit_seeds(growths: list[_Growth]) -> tuple[list[_Growth], FloatArray]:
-    """Return the arcs with the ellipses of their candidates, after one step of refinement."""
+    """Return the arcs, and the parameters (k, 5) of their seed ellipses after one refinement."""
     if not growths:
         return growths, np.empty((0, PARAMETERS))
     ellipses = [seed_ellipse(growth.seed.profile, growth.seed.candidate) for growth in growths]
     parameters = np.array([parameters_from_ellipse(ellipse) for ellipse in ellipses])
     points, valid = NoisyPoints.stack([growth.points[growth.inside] for growth in growths])
     compared = ellipse_residuals(points, parameters)
-    return _without_lost(growths, gauss_newton_step(compared, parameters, valid))
+    return _drop_failed(growths, gauss_newton_step(compared, parameters, valid))
 
 
-def _without_lost(
+def _drop_failed(
     growths: list[_Growth], parameters: FloatArray
 ) -> tuple[list[_Growth], FloatArray]:
-    """Return the arcs whose parameters are those of an ellipse."""
+    """Return the arcs, and their parameters (k, 5), without those whose fit has failed (NaN)."""
     fitted = [not math.isnan(x) for x in parameters[:, 0].tolist()]
     if all(fitted):
         return growths, parameters
@@ -223,7 +262,7 @@ def _without_lost(
 
 
 def _compare(growths: list[_Growth], parameters: FloatArray) -> tuple[EllipseResiduals, BoolArray]:
-    """Compare the points in the next windows of k arcs with their ellipses.
+    """Compare the points in the next windows of k arcs with ellipses of parameters (k, 5).
 
     Returns
     -------
@@ -251,9 +290,19 @@ def _within_sensor_error(compared: EllipseResiduals, growths: list[_Growth]) -> 
 
 
 def connected_inliers(inliers: BoolArray, inside: IntArray) -> IntArray:
-    """Return the positions of the inliers around the middle of an arc, bridging short gaps.
+    """Return the inliers that are connected to the middle of an arc, across short interruptions.
 
-    `inliers` is the (n,) mask of a window, `inside` holds the positions of the arc so far.
+    Parameters
+    ----------
+    inliers : (w,) bool ndarray
+        Mask of the inliers of a window.
+    inside : (n,) int ndarray
+        Positions of the arc so far in that window, ascending.
+
+    Returns
+    -------
+    (n,) int ndarray
+        Ascending positions of the connected inliers.
     """
     members = inliers.nonzero()[0]
     cuts = (members[1:] - members[:-1] > MAX_OUTLIER_RUN).nonzero()[0] + 1
@@ -263,12 +312,12 @@ def connected_inliers(inliers: BoolArray, inside: IntArray) -> IntArray:
     stops = members[np.append(cuts, len(members)) - 1] + 1
     middle = (int(inside[0]) + int(inside[-1])) / 2
     gaps, lengths = firsts[1:] - stops[:-1], stops - firsts
-    own = int(np.maximum(firsts - middle, middle - stops + 1).argmin())
-    bridge = MAX_GAP_FRACTION * lengths[own]
-    first = last = own
-    while first > 0 and gaps[first - 1] <= min(bridge, lengths[first - 1] - 1):
+    central = int(np.maximum(firsts - middle, middle - stops + 1).argmin())
+    max_gap = MAX_GAP_FRACTION * lengths[central]
+    first = last = central
+    while first > 0 and gaps[first - 1] <= min(max_gap, lengths[first - 1] - 1):
         first -= 1
-    while last < len(gaps) and gaps[last] <= min(bridge, lengths[last + 1] - 1):
+    while last < len(gaps) and gaps[last] <= min(max_gap, lengths[last + 1] - 1):
         last += 1
     bridged: IntArray = members[(members >= firsts[first]) & (members < stops[last])]
     return bridged

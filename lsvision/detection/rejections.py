@@ -25,44 +25,46 @@ def complete_rejections(
 ) -> list[Rejection]:
     """Return the rejections without overlaps, and one for each segment without a reason so far.
 
-    Of overlapping `rejections` the first is kept. The result is in the order of the profile, and
-    empty only where there are cylinders or no columns. Segments of fewer than `min_span_points`
-    are left out; if all are as short, that is the reason for the whole profile.
+    Of overlapping `rejections` the first one is retained. The result is in the order of the
+    profile, and empty only where there are cylinders or no columns. Segments of fewer than
+    `min_span_points` are left out; if all are as short, that is the reason for the whole profile.
     """
     explained = np.zeros(len(profile.points), dtype=bool)
     for cylinder in cylinders:
         explained[cylinder.indices[0] : cylinder.indices[-1] + 1] = True
-    kept: list[Rejection] = []
+    complete: list[Rejection] = []
     for rejection in rejections:
         span = slice(rejection.arc.start, rejection.arc.stop)
         if np.count_nonzero(explained[span]) <= MAX_OVERLAP * len(rejection.arc):
-            kept.append(rejection)
+            complete.append(rejection)
             explained[span] = True
-    kept += _unexplained(components, explained, min_span_points)
-    if kept and components:
-        kept = _explain(profile, np.concatenate(components), kept, radius_range)
-    if not kept and not cylinders and len(explained):
+    complete += _find_unexplained(components, explained, min_span_points)
+    if complete and components:
+        complete = _add_reasons(profile, np.concatenate(components), complete, radius_range)
+    if not complete and not cylinders and len(explained):
         valid = len(profile.valid_indices)
-        few = f"too few points: {valid}, of which no {min_span_points} are connected"
-        kept.append(Rejection(Arc(0, len(explained)), few if valid else "all points are lost"))
-    return sorted(kept, key=lambda rejection: rejection.arc.start)
+        too_few = f"too few points: {valid}, of which no {min_span_points} are connected"
+        complete.append(
+            Rejection(Arc(0, len(explained)), too_few if valid else "all points are lost")
+        )
+    return sorted(complete, key=lambda rejection: rejection.arc.start)
 
 
-def _unexplained(
+def _find_unexplained(
     components: list[IntArray], explained: BoolArray, smallest: int
 ) -> list[Rejection]:
-    """Return the unexplained segments of components, of at least `smallest` points."""
-    left = []
+    """Return rejections without a reason: unexplained segments of at least `smallest` points."""
+    segments = []
     for component in components:
-        known = explained[component]
-        edges = (known[1:] != known[:-1]).nonzero()[0] + 1
+        is_explained = explained[component]
+        edges = (is_explained[1:] != is_explained[:-1]).nonzero()[0] + 1
         for i, j in pairwise([0, *edges.tolist(), len(component)]):
-            if j - i >= smallest and not known[i]:
-                left.append(Rejection(Arc(int(component[i]), int(component[j - 1]) + 1), ""))
-    return left
+            if j - i >= smallest and not is_explained[i]:
+                segments.append(Rejection(Arc(int(component[i]), int(component[j - 1]) + 1), ""))
+    return segments
 
 
-def _explain(
+def _add_reasons(
     profile: PreparedProfile,
     connected: IntArray,
     rejections: list[Rejection],
@@ -91,8 +93,8 @@ def _explain(
         return f"no ellipse: best circle leaves {rms:.2f} mm rms at {noise}"
 
     explained = []
-    for i, old in enumerate(rejections):
-        given = "" if flat[i] else old.reason
+    for i, rejection in enumerate(rejections):
+        given = "" if flat[i] else rejection.reason
         convex = bool(circles.convex[i] and not straight[i])
-        explained.append(Rejection(old.arc, given or circle_reason(i), convex=convex))
+        explained.append(Rejection(rejection.arc, given or circle_reason(i), convex=convex))
     return explained

@@ -134,26 +134,36 @@ class _ComparedEnds(NamedTuple):
 def screen_arcs(
     profiles: Sequence[PreparedProfile], arcs: Sequence[IdentifiedArc]
 ) -> list[ScreenedArc | None]:
-    """Select the inliers at both ends of arcs; None where no ellipse fits the middle part.
+    """Select the inliers at both ends of arcs.
 
-    `profiles` are those of the arcs, one for each. An arc with too few points to be screened is
-    returned unchanged.
+    Parameters
+    ----------
+    profiles : sequence of PreparedProfile
+        Profile of each arc.
+    arcs : sequence of IdentifiedArc
+        The arcs.
+
+    Returns
+    -------
+    list of ScreenedArc or None
+        None where no ellipse fits the middle part. An arc with too few points to be screened has
+        the inliers of its identification.
     """
-    lines = [split_arc(*pair) for pair in zip(profiles, arcs, strict=True)]
+    splits = [split_arc(*pair) for pair in zip(profiles, arcs, strict=True)]
     screened: list[ScreenedArc | None] = [
         ScreenedArc(arc.indices, profile.noisy_points[arc.indices], arc.ellipse, 1.0)
-        if line is None
+        if split is None
         else None
-        for profile, arc, line in zip(profiles, arcs, lines, strict=True)
+        for profile, arc, split in zip(profiles, arcs, splits, strict=True)
     ]
     extended: dict[int, IdentifiedArc] = {}
-    for fits in _fit_middles(lines, arcs):
+    for fits in _fit_middles(splits, arcs):
         for number, arc in _compare_ends(fits):
             if isinstance(arc, IdentifiedArc):
                 extended[number] = arc
             else:
                 screened[number] = arc
-    # An arc that reaches the last of the points beyond is screened once more.
+    # An arc whose inliers reach the last point that was compared may be longer still.
     if extended:
         again = screen_arcs([profiles[number] for number in extended], list(extended.values()))
         for number, result in zip(extended, again, strict=True):
@@ -162,25 +172,25 @@ def screen_arcs(
 
 
 def _fit_middles(
-    lines: Sequence[SplitArc | None], arcs: Sequence[IdentifiedArc]
+    splits: Sequence[SplitArc | None], arcs: Sequence[IdentifiedArc]
 ) -> Iterator[_MiddleFits]:
-    """Yield stacks of arcs with the ellipses of their middle parts, and the noise of these.
+    """Yield up to two stacks of arcs with the ellipses and the noise of their middle parts.
 
-    Arcs whose errors are correlated follow in a stack of their own, with the noise of a sensor that
-    smooths along the line.
+    The second one has the arcs whose errors are correlated, with the noise of a sensor that smooths
+    along the line.
     """
-    numbers = np.array([i for i, line in enumerate(lines) if line is not None], dtype=int)
+    numbers = np.array([i for i, split in enumerate(splits) if split is not None], dtype=int)
     if len(numbers) == 0:
         return
     ellipses = [arcs[i].ellipse for i in numbers]
-    stack = ArcStack.of([line for line in lines if line is not None], ellipses)
+    stack = ArcStack.of([split for split in splits if split is not None], ellipses)
     fits = _fit_middle(stack, numbers)
     smoothed = fits.noise.smoothed
     if not all(smoothed.tolist()):
         yield fits.select(~smoothed)
     if any(smoothed.tolist()):
         fits = fits.select(smoothed)
-        stds = np.array([[line.profile.noise_std] for line in fits.stack.arcs])
+        stds = np.array([[split.profile.noise_std] for split in fits.stack.arcs])
         points = smoothed_noise(fits.stack.points, fits.compared.normals, stds)
         yield _fit_middle(fits.stack._replace(points=points), fits.numbers)
 
@@ -196,8 +206,8 @@ def _fit_middle(stack: ArcStack, numbers: IntArray) -> _MiddleFits:
     compared = ellipse_residuals(stack.points, stack.parameters)
     normalised = compared.residuals[:, stack.middle] / np.sqrt(compared.variances[:, stack.middle])
     noises = [
-        estimate_arc_noise(row[mask], line.profile.min_variance_factor)
-        for row, mask, line in zip(normalised, valid, stack.arcs, strict=True)
+        estimate_arc_noise(row[mask], split.profile.min_variance_factor)
+        for row, mask, split in zip(normalised, valid, stack.arcs, strict=True)
     ]
     return _MiddleFits(stack, numbers, compared, _Noises.of(noises))
 
@@ -205,8 +215,8 @@ def _fit_middle(stack: ArcStack, numbers: IntArray) -> _MiddleFits:
 def _compare_ends(fits: _MiddleFits) -> Iterator[tuple[int, ScreenedArc | IdentifiedArc]]:
     """Compare each end with the ellipse of all other inliers, until no inlier changes.
 
-    Yields the number of each arc with its result: an identified arc, if it reaches the last of the
-    points beyond. Arcs whose fit breaks down are left out.
+    Yields the number of each arc with its result, which is an identified arc if the inliers reach
+    the last point that was compared. Arcs whose fit fails are left out.
     """
     for remaining in reversed(range(MAX_ITERATIONS)):
         if len(fits.numbers) == 0:
@@ -223,7 +233,10 @@ def _compare_ends(fits: _MiddleFits) -> Iterator[tuple[int, ScreenedArc | Identi
 
 
 def _compare_once(fits: _MiddleFits) -> tuple[_MiddleFits, _ComparedEnds, BoolArray]:
-    """Return the arcs with the ellipses of their new inliers, and whether no inlier changed."""
+    """Return the arcs with the ellipses of their new inliers, their ends, and which are converged.
+
+    An arc is converged if no inlier has changed.
+    """
     stack = fits.stack
     system = WeightedSystem.of(fits.compared, fits.noise.variance_factor[:, None])
     middle = WeightedSystem(system.rows[..., stack.middle], system.weights[:, stack.middle])
@@ -280,12 +293,12 @@ def _end_points(fits: _MiddleFits, jacobian: FloatArray) -> EndPoints:
 def _screened_arcs(
     fits: _MiddleFits, ends: _ComparedEnds
 ) -> Iterator[tuple[int, ScreenedArc | IdentifiedArc]]:
-    """Yield the number of each arc and its inliers, less those that are not probable enough."""
+    """Yield the number of each arc with its result, as `_compare_ends`."""
     stack = fits.stack
     selected = _select_probable(fits, ends)
-    for arc, (number, line) in enumerate(zip(fits.numbers.tolist(), stack.arcs, strict=True)):
+    for arc, (number, split) in enumerate(zip(fits.numbers.tolist(), stack.arcs, strict=True)):
         ellipse = ellipse_from_parameters(stack.parameters[arc])
-        if line.reached_limits(stack.members[arc]):
+        if split.reached_limits(stack.members[arc]):
             indices, _ = stack.inliers_of(arc, stack.members[arc])
             yield number, IdentifiedArc.of(indices, ellipse)
         else:
@@ -295,9 +308,13 @@ def _screened_arcs(
 
 
 def _select_probable(fits: _MiddleFits, ends: _ComparedEnds) -> BoolArray:
-    """Return the inliers (k, 2, m) that are probable enough for their leverage."""
+    """Return the inliers (k, 2, m) that are probable enough for their leverage, less a margin.
+
+    The margin leaves out the outermost inliers at a contact or an edge (`GUARD_POINTS`,
+    `EDGE_POINTS_PER_CORRELATION`).
+    """
     members, log_odds, leverages = ends.inliers
-    following = _following(fits.stack)
+    following = _find_connected_beyond(fits.stack)
     probability = 1 / (1 + np.exp(-np.where(members, log_odds, 0.0)))
     contacts: BoolArray = np.logical_or.reduce(following, axis=-1)
     if contacts.any():
@@ -307,24 +324,25 @@ def _select_probable(fits: _MiddleFits, ends: _ComparedEnds) -> BoolArray:
             members[contacts],
             following[contacts],
         )
-    # A wrong inlier may shift the ellipse by sqrt(leverage) of the ellipse's standard deviations.
+    # The costs of a wrong decision: an inlier that is lost leaves the ellipse as it is, a wrong
+    # one may shift it by sqrt(leverage) of its standard deviations.
     selected = members & (probability > np.sqrt(leverages) * (1 - probability))
     dropped = np.rint(EDGE_POINTS_PER_CORRELATION * (fits.noise.autocorrelation_time[:, None] - 1))
     # A contact: enough connected points beyond the last inlier, or enough rejected inliers.
     rejected = (members & ~selected).sum(axis=-1)
     contact = np.maximum(following.sum(axis=-1), rejected) >= MIN_CONTACT_POINTS
     dropped = dropped + GUARD_POINTS * contact
-    from_outside = selected[..., ::-1].cumsum(axis=-1)[..., ::-1]
-    inner: BoolArray = selected & (from_outside > dropped[..., None])
-    return inner
+    rank_from_outside = selected[..., ::-1].cumsum(axis=-1)[..., ::-1]
+    remaining: BoolArray = selected & (rank_from_outside > dropped[..., None])
+    return remaining
 
 
-def _following(stack: ArcStack) -> BoolArray:
+def _find_connected_beyond(stack: ArcStack) -> BoolArray:
     """Return the points (k, 2, m) connected beyond the last inlier of each end."""
     following = np.zeros(stack.members.shape, dtype=bool)
     points = stack.ends_of(stack.points.z)
-    for arc, line in enumerate(stack.arcs):
-        for side, end in enumerate(line.ends):
+    for arc, split in enumerate(stack.arcs):
+        for side, end in enumerate(split.ends):
             inliers = stack.members[arc, side].nonzero()[0] + PREDECESSORS
             if len(inliers):
                 z, last = points[arc, side, : len(end)], int(inliers[-1])

@@ -26,7 +26,7 @@ class Windows(NamedTuple):
     stops: IntArray
 
     def select(self, which: IntArray) -> "Windows":
-        """Return some windows."""
+        """Return the windows at some positions."""
         return Windows(self.rows[which], self.starts[which], self.stops[which])
 
 
@@ -62,15 +62,15 @@ def multiscale_windows(sizes: Sequence[int], smallest: int) -> tuple[IntArray, I
 
 @lru_cache(maxsize=MAX_CACHED_SIZES)
 def _component_windows(size: int, smallest: int) -> IntArray:
-    """Return starts and stops (2, w) of the windows of a component."""
+    """Return starts and stops (2, w) of the windows of a component of `size` points."""
     starts, stops, length = list[int](), list[int](), smallest
     while length < size:
         room = size - length
         # With an odd number of steps rounding has no ties, which would break the symmetry.
         steps = -(-room // (length // SHIFTS_PER_WINDOW)) | 1
-        row = [(2 * k * room + steps) // (2 * steps) for k in range(steps + 1)]
-        starts += row
-        stops += [start + length for start in row]
+        offsets = [(2 * k * room + steps) // (2 * steps) for k in range(steps + 1)]
+        starts += offsets
+        stops += [start + length for start in offsets]
         length *= WINDOW_GROWTH
     windows = np.array([[*starts, 0], [*stops, size]])
     windows.setflags(write=False)
@@ -86,6 +86,7 @@ def fit_window_circles(points: ComplexArray, windows: Windows) -> WindowCircles:
     origins = (points[:, :1] + points[:, -1:]) / 2  # near, so that the squares keep their precision
     z = points - origins
     q = z.real**2 + z.imag**2
+    # Cumulated z, z^2, q z and q + i q^2: their differences are the moments of the windows.
     running = np.zeros((4, len(z), z.shape[1] + 1), dtype=complex)
     products = running[..., 1:]
     products[0], products[1], products[2] = z, z * z, q * z

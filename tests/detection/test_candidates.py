@@ -7,7 +7,7 @@ from lsvision import PointNoise, Profile
 from lsvision.detection.candidates import (
     Candidate,
     CandidateSettings,
-    _non_maximum_suppression,
+    _suppress_non_maxima,
     seed_ellipse,
 )
 from lsvision.detection.profile_preparation import prepare_profile
@@ -108,7 +108,7 @@ def test_points_of_an_ellipse_lie_within_a_fraction_of_the_radius(share, tried):
 @pytest.mark.parametrize(("start", "kept"), [(41, [0, 1]), (26, [0])], ids=["0.42", "0.59"])
 def test_windows_that_share_more_than_half_of_their_union_are_one(start, kept):
     starts, stops = np.array([0, start]), np.array([100, 100 + start])
-    assert _non_maximum_suppression(Windows(np.zeros(2, dtype=int), starts, stops)) == kept
+    assert _suppress_non_maxima(Windows(np.zeros(2, dtype=int), starts, stops)) == kept
 
 
 def test_of_two_touching_pipes_each_seeds_an_arc():
