@@ -31,9 +31,16 @@ incidence: by chance in 2 % of the arcs."""
 class ArcNoise(NamedTuple):
     """Corrections of a noise model.
 
-    Variance of the residuals over the model's; number of points per effective point, and the same
-    at the lowest frequencies, to which the covariance of a fit is proportional; whether
-    neighbouring errors are correlated, since the sensor smooths along the line.
+    Parameters
+    ----------
+    variance_factor : float
+        Variance of the residuals over that of the model.
+    autocorrelation_time : float
+        Number of points per effective point.
+    low_frequency_time : float
+        The same from the lowest frequencies, to which the covariance of a fit is proportional.
+    smoothed : bool
+        Whether neighbouring errors are correlated, since the sensor smooths along the line.
     """
 
     variance_factor: float

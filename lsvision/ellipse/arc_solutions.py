@@ -75,6 +75,6 @@ def solve_arcs(
     ]
     solutions = minimise(problems, guesses, max_evaluations, tolerance)
     return [
-        SolvedArc(arc.points, problem, found) if isinstance(found, Solution) else found
-        for arc, problem, found in zip(arcs, problems, solutions, strict=True)
+        SolvedArc(arc.points, problem, solution) if isinstance(solution, Solution) else solution
+        for arc, problem, solution in zip(arcs, problems, solutions, strict=True)
     ]

@@ -33,8 +33,16 @@ SecondOrder = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 class Expansion(NamedTuple):
     """F about k rows of parameters.
 
-    cost (k,): F; gradient (k, 5): b; information, covariance (k, 5, 5): A and its inverse. The
-    fields ``..._of_points`` do not include the priors.
+    Parameters
+    ----------
+    cost, cost_of_points : (k,) ndarray
+        F with and without the priors.
+    gradient, gradient_of_points : (k, 5) ndarray
+        b with and without the priors. Units: 1/mm.
+    information, information_of_points : (k, 5, 5) ndarray
+        A with and without the priors. Units: 1/mm^2.
+    covariance : (k, 5, 5) ndarray
+        Inverse of A. Units: mm^2.
     """
 
     cost: FloatArray
@@ -68,37 +76,47 @@ def expand_cost(stack: FitStack, owners: IntArray, parameters: FloatArray) -> Ex
         An indefinite A is replaced by its Gauss-Newton approximation J'J; the cost is infinite
         where the expansion is not finite.
     """
-    s2 = stack.variance_factors[owners]
-    squares, slope, gauss_newton, curvature = _orthogonal(stack, owners, parameters)
+    variance_factors = stack.variance_factors[owners]
+    squares, slope, gauss_newton, curvature = _expand_orthogonal(stack, owners, parameters)
     for k in np.flatnonzero(stack.radial[owners]):
         problem = stack.fits[owners[k]].problem
-        squares[k], slope[k], gauss_newton[k] = _radial(problem, parameters[k])
+        squares[k], slope[k], gauss_newton[k] = _linearise_radial(problem, parameters[k])
         curvature[k] = 0.0
-    s2_rows, s2_matrices = s2[:, None], s2[:, None, None]
-    points = squares / s2, slope / s2_rows, (gauss_newton + curvature) / s2_matrices
+    factor_rows, factor_matrices = variance_factors[:, None], variance_factors[:, None, None]
+    points = (
+        squares / variance_factors,
+        slope / factor_rows,
+        (gauss_newton + curvature) / factor_matrices,
+    )
     for k in np.flatnonzero(stack.has_prior[owners]):
         problem, row = stack.fits[owners[k]].problem, parameters[k]
-        residuals, jacobian = _prior(problem, row)
+        residuals, jacobian = _evaluate_priors(problem, row)
         squares[k] += residuals @ residuals
         slope[k] += jacobian.T @ residuals
         gauss_newton[k] += jacobian.T @ jacobian
-        curvature[k] += _prior_curvature(problem, row, residuals)
+        curvature[k] += _differentiate_priors(problem, row, residuals)
     information = gauss_newton + curvature
     if not math.isfinite(float(information.sum())):
-        lost = ~np.isfinite(information).all(axis=(1, 2))
-        information[lost], squares[lost], points[0][lost] = np.eye(PARAMETERS), np.inf, np.inf
+        infinite = ~np.isfinite(information).all(axis=(1, 2))
+        information[infinite], squares[infinite], points[0][infinite] = (
+            np.eye(PARAMETERS),
+            np.inf,
+            np.inf,
+        )
     try:
         np.linalg.cholesky(information)
     except np.linalg.LinAlgError:
         indefinite = ~(np.linalg.eigvalsh(information)[:, 0] > 0)
         information[indefinite] = gauss_newton[indefinite]
     information += RIDGE * (information + 1.0) * np.eye(PARAMETERS)
-    information /= s2_matrices
+    information /= factor_matrices
     covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
-    return Expansion(squares / s2, slope / s2_rows, information, covariance, *points)
+    return Expansion(
+        squares / variance_factors, slope / factor_rows, information, covariance, *points
+    )
 
 
-def _orthogonal(stack: FitStack, owners: IntArray, parameters: FloatArray) -> SecondOrder:
+def _expand_orthogonal(stack: FitStack, owners: IntArray, parameters: FloatArray) -> SecondOrder:
     """Expand the sum of squares of the orthogonal distances.
 
     Parameter i moves the ellipse by X_i = (1, i, w, conj w, i conj w), with normal and tangential
@@ -121,7 +139,7 @@ def _orthogonal(stack: FitStack, owners: IntArray, parameters: FloatArray) -> Se
     curvature = (T * ((weighted * half_kappa)[:, None] - rotation)) @ T.transpose(0, 2, 1)
     return (
         (distances * weighted).sum(axis=1),
-        -apply(N, weighted),
+        -multiply_vectors(N, weighted),
         (N * weights[:, None]) @ N.transpose(0, 2, 1),
         curvature + curvature.transpose(0, 2, 1),
     )
@@ -152,7 +170,7 @@ def _nearest_points(
     return (residuals * normals.conj()).real, steepness, normals, w
 
 
-def _radial(
+def _linearise_radial(
     problem: EllipseProblem, parameters: FloatArray
 ) -> tuple[float, FloatArray, FloatArray]:
     """Return sum of squares, J'r and J'J of the paper's radial residuals."""
@@ -161,7 +179,9 @@ def _radial(
     return float(residuals @ residuals), jacobian.T @ residuals, jacobian.T @ jacobian
 
 
-def _prior(problem: EllipseProblem, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _evaluate_priors(
+    problem: EllipseProblem, parameters: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return residuals (j,) and Jacobian (j, 5) of the priors."""
     residuals, jacobian = np.empty(0), np.empty((0, PARAMETERS))
     if problem.known_phi is not None:
@@ -174,7 +194,7 @@ def _prior(problem: EllipseProblem, parameters: FloatArray) -> tuple[FloatArray,
     return residuals, jacobian
 
 
-def _prior_curvature(
+def _differentiate_priors(
     problem: EllipseProblem, parameters: FloatArray, residuals: FloatArray
 ) -> FloatArray:
     """Return the sum of residual times second derivative of the priors, (5, 5), by differences."""
@@ -183,12 +203,12 @@ def _prior_curvature(
     curvature = np.zeros((PARAMETERS, PARAMETERS))
     for i in range(2, PARAMETERS):
         shift = step * np.eye(PARAMETERS)[i]
-        ahead, behind = (_prior(problem, parameters + s * shift)[1] for s in (1, -1))
+        ahead, behind = (_evaluate_priors(problem, parameters + s * shift)[1] for s in (1, -1))
         curvature[i] = (ahead - behind).T @ residuals / (2 * step)
     return (curvature + curvature.T) / 2
 
 
-def apply(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
+def multiply_vectors(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
     """Multiply k matrices (k, i, j) by k vectors (k, j)."""
     product: FloatArray = (matrices @ vectors[:, :, None])[:, :, 0]
     return product

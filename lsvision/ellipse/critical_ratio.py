@@ -14,8 +14,9 @@ from typing import Self
 
 import numpy as np
 
-from lsvision.ellipse.fit_stack import TINY, FitStack, flattening
+from lsvision.ellipse.fit_stack import FitStack, flattening
 from lsvision.geometry import BoolArray, FloatArray, IntArray
+from lsvision.geometry.arrays import TINY
 from lsvision.geometry.noisy_points import ComplexArray
 from lsvision.statistics.quantiles import normal_probability, squared_quantile
 
@@ -89,8 +90,8 @@ class CriticalRatios:
         for k in np.flatnonzero(stack.has_prior & stack.may_be_circle):
             known = stack.fits[k].problem.known_phi
             if known is not None:
-                share = variances[k].sum() / (2 * (known.deviator_std * m[k]) ** 2)
-                fractions[k] = min(share, 1.0)
+                fraction = variances[k].sum() / (2 * (known.deviator_std * m[k]) ** 2)
+                fractions[k] = min(fraction, 1.0)
                 of_priors[k] = known.max_likelihood_ratio(level)
         return cls(
             level, one, two, m, np.abs(deviators), directions, semi_axes, axes, reaches,
@@ -116,6 +117,10 @@ class CriticalRatios:
             Number of the fit of each value.
         kappas : (k,) ndarray
             Values of h / m.
+
+        Returns
+        -------
+        (k,) ndarray
         """
         h, ratios = self.m[owners] * kappas, self.one[owners]
         near = h < self.reaches[owners]
@@ -129,13 +134,26 @@ class CriticalRatios:
         return ratios + self.prior_fractions[owners] * more
 
     def of_direction(self, owners: IntArray, deviators: ComplexArray) -> FloatArray:
-        """Return c of theta for directions of d (k,) and a true d of the estimate's length."""
+        """Return c of theta for a true d of the estimate's length in a direction.
+
+        Parameters
+        ----------
+        owners : (k,) int ndarray
+            Number of the fit of each direction.
+        deviators : (k,) complex ndarray
+            Vectors p + iq, of which only the direction counts.
+
+        Returns
+        -------
+        (k,) ndarray
+        """
         in_sigmas = _in_sigmas(deviators, self.semi_axes[:, owners], self.axes[owners])
         distances = self.lengths[owners] * np.abs(in_sigmas)
         fractions = np.interp(distances, END_SIGMAS, _half_line_fractions(self.level))
         return self._interpolate(owners, fractions)
 
     def _interpolate(self, owners: IntArray, fractions: FloatArray) -> FloatArray:
+        """Return c between `one` (fraction 0) and `two` (fraction 1), (k,)."""
         return (1 - fractions) * self.one[owners] + fractions * self.two[owners]
 
     def _ring_points(self, owners: IntArray, h: FloatArray) -> IntArray:
@@ -162,13 +180,13 @@ class CriticalRatios:
         size = np.hypot(b_cos, a_sin)
         s, h = np.concatenate([widths, -widths])[:, None], h[:, None, None]
         height = h * b[:, None] + s * (a / size)[:, None]
-        uncrossed = height > 0
+        is_beside_axis = height > 0
         x = np.cos(t) * (h * a[:, None] + s * (b / size)[:, None])
         x -= h * directions.real[:, None, None]
-        y = np.sin(t) * height * uncrossed - h * directions.imag[:, None, None]
+        y = np.sin(t) * height * is_beside_axis - h * directions.imag[:, None, None]
         speed = h + s * (a * b / size**3)[:, None]
         squared = x * x + y * y
-        turn = speed * (b_cos[:, None] * uncrossed * x + a_sin[:, None] * y) / squared
+        turn = speed * (b_cos[:, None] * is_beside_axis * x + a_sin[:, None] * y) / squared
         outside = (turn * np.exp(-squared / 2)).sum(axis=2) / count
         tubes: FloatArray = 1 - outside[:, :3] + outside[:, 3:]
         return tubes

@@ -32,9 +32,7 @@ from lsvision.ellipse.problem import (
     Solution,
     minimise,
 )
-from lsvision.ellipse.robust_gauss_newton import (
-    inverse_or_huge,
-)
+from lsvision.ellipse.robust_gauss_newton import inverse_or_huge
 from lsvision.errors import LsvisionError, TooFewPoints
 from lsvision.geometry import Ellipse, FloatArray, Points, as_readonly_array
 from lsvision.geometry.arrays import TINY, require_coordinates, require_covariances
@@ -213,6 +211,7 @@ def fit_ellipse(
 
 
 Fits = list[EllipseFit | LsvisionError]
+"""Fits of several arcs; the error where the fit of an arc has failed."""
 
 
 def fit_noisy_points(
@@ -244,7 +243,7 @@ def fit_noisy_points(
         for points, guess in arcs
     ]
     fit = _fit if priors.phi is None or priors.phi.includes_circle else _fit_where_noncircular
-    return apply_to_successes(lambda some: fit(some, priors, settings), starts)
+    return apply_to_successes(lambda arcs: fit(arcs, priors, settings), starts)
 
 
 def _fit_where_noncircular(
@@ -257,46 +256,55 @@ def _fit_where_noncircular(
         for i, fit in enumerate(fits)
         if isinstance(fit, EllipseFit) and fit.is_noncircular
     }
-    replace_some(fits, determined, lambda some: _fit(some, priors, settings))
+    replace_some(fits, determined, lambda noncircular: _fit(noncircular, priors, settings))
     return fits
 
 
 def _fit(arcs: list[StartedArc], priors: Priors, settings: FittingSettings) -> Fits:
-    """Fit ellipses with the priors."""
+    """Fit ellipses with the priors, whose weight relative to the points follows the residuals.
+
+    A variance factor scales the covariances of the points, but not the priors: where it is not 1,
+    the fit is repeated with scaled points.
+    """
     starts: Sequence[StartedArc | LsvisionError] = arcs
     if priors != NO_PRIORS and settings.variance == "estimated":
         starts = _scale_by_free_fits(arcs, settings)
     limits = settings.max_evaluations, settings.tolerance
 
-    def solve(some: Sequence[StartedArc | SolvedArc]) -> list[SolvedArc | LsvisionError]:
-        return solve_arcs(some, priors, settings.residual, *limits)
+    def solve(arcs: Sequence[StartedArc | SolvedArc]) -> list[SolvedArc | LsvisionError]:
+        return solve_arcs(arcs, priors, settings.residual, *limits)
 
     solved = apply_to_successes(solve, starts)
     for _ in range(settings.reweightings):
         solved = apply_to_successes(solve, solved)
     fits = apply_to_successes(
-        lambda some: [outcome_of(_build_fit, each, settings.variance) for each in some], solved
+        lambda arcs: [outcome_of(_build_fit, arc, settings.variance) for arc in arcs], solved
     )
     if priors == NO_PRIORS:
         return fits
-    inexact = {
+    rescaled = {
         i: fit
         for i, fit in enumerate(fits)
         if isinstance(fit, EllipseFit) and fit.variance_factor != 1
     }
-    replace_some(fits, inexact, _refit_with_scaled_stds)
+    replace_some(fits, rescaled, _refit_with_scaled_stds)
     return fits
 
 
 def with_known_radius(fit: EllipseFit, known_radius: RadiusPrior) -> EllipseFit:
-    """Return a fit with a prior on the radius added, at the noise that the fit has found.
+    """Repeat a fit with a prior on the radius, and with the noise estimated by that fit.
 
     Parameters
     ----------
     fit : EllipseFit
-        Without a prior on the radius, or with one that is replaced.
+        Fit without a prior on the radius, or with one that is replaced.
     known_radius : RadiusPrior
-        The prior.
+        Prior on the radius.
+
+    Raises
+    ------
+    FitFailed
+        If numbers overflow, or the result is not an ellipse.
     """
     problem = replace(fit.problem, known_radius=known_radius)
     (refitted,) = _refit_with_scaled_stds([replace(fit, problem=problem)])
@@ -306,7 +314,10 @@ def with_known_radius(fit: EllipseFit, known_radius: RadiusPrior) -> EllipseFit:
 def _scale_by_free_fits(
     arcs: list[StartedArc], settings: FittingSettings
 ) -> list[StartedArc | LsvisionError]:
-    """Return the points with the variances of fits without priors, which scale their weights."""
+    """Return the arcs with variances scaled to the residuals of fits without priors.
+
+    The weight of a prior relative to the points follows only from such variances.
+    """
 
     def scaled(arc: StartedArc, free: SolvedArc) -> StartedArc:
         points, residuals = arc.points, free.solution.residuals
@@ -331,13 +342,15 @@ def _refit_with_scaled_stds(fits: list[EllipseFit]) -> Fits:
     problems = [scaled(fit) for fit in fits]
     solutions = minimise(problems, np.array([fit.parameters for fit in fits]))
     return [
-        outcome_of(_refitted, fit, problem, found) if isinstance(found, Solution) else found
-        for fit, problem, found in zip(fits, problems, solutions, strict=True)
+        outcome_of(_update_fit, fit, problem, solution)
+        if isinstance(solution, Solution)
+        else solution
+        for fit, problem, solution in zip(fits, problems, solutions, strict=True)
     ]
 
 
-def _refitted(fit: EllipseFit, problem: EllipseProblem, solution: Solution) -> EllipseFit:
-    """Return a fit with the solution of a problem with scaled standard deviations."""
+def _update_fit(fit: EllipseFit, problem: EllipseProblem, solution: Solution) -> EllipseFit:
+    """Return a fit with the solution of the same problem with scaled standard deviations."""
     residuals = solution.residuals * problem.stds
     return replace(
         fit,
@@ -353,7 +366,7 @@ def _refitted(fit: EllipseFit, problem: EllipseProblem, solution: Solution) -> E
 
 
 def _build_fit(arc: SolvedArc, variance: Literal["given", "estimated"]) -> EllipseFit:
-    """Return the fit of a solution."""
+    """Return the fit of a solved arc, with the variance factor of its residuals."""
     _, problem, solution = arc
     count, normalised = len(problem.points), solution.residuals
     residuals = normalised * problem.stds

@@ -9,9 +9,8 @@ import numpy as np
 from lsvision.ellipse.fit import EllipseFit
 from lsvision.ellipse.problem import EllipseProblem
 from lsvision.geometry import BoolArray, FloatArray
+from lsvision.geometry.arrays import TINY
 from lsvision.geometry.noisy_points import ComplexArray, as_complex
-
-TINY = 1e-300
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -57,7 +56,7 @@ class FitStack:
         """Return the stack of one or more fits."""
         problems = [fit.problem for fit in fits]
         tilts = [problem.known_phi for problem in problems]
-        points, weights = _padded(problems)
+        points, weights = _stack_points(problems)
         parameters = np.array([fit.parameters for fit in fits])
         middles = points[np.arange(len(fits)), [len(problem.points) // 2 for problem in problems]]
         return cls(
@@ -76,7 +75,7 @@ class FitStack:
         )
 
 
-def _padded(problems: Sequence[EllipseProblem]) -> tuple[ComplexArray, FloatArray]:
+def _stack_points(problems: Sequence[EllipseProblem]) -> tuple[ComplexArray, FloatArray]:
     """Return points and weights as matrices, filled up with the first point and weight 0."""
     shape = len(problems), max(len(problem.points) for problem in problems)
     points, weights = np.empty(shape, dtype=complex), np.zeros(shape)

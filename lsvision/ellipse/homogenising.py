@@ -18,10 +18,7 @@ from lsvision.ellipse.parameters import (
     parameters_from_ellipse,
     split_parameters,
 )
-from lsvision.ellipse.robust_gauss_newton import (
-    WeightedSystem,
-    regularised_step,
-)
+from lsvision.ellipse.robust_gauss_newton import WeightedSystem, regularised_step
 from lsvision.ellipse.smoothing import SmoothedArc
 from lsvision.geometry import Ellipse, Points
 from lsvision.geometry.noisy_points import as_vectors
@@ -58,7 +55,8 @@ def homogenise_arcs(smoothed: Sequence[SmoothedArc]) -> list[HomogenisedArc]:
     fitted = parameters + regularised_step(equations, parameters)
     return [
         HomogenisedArc(
-            as_vectors(points), ellipse_from_parameters(found if is_ellipse(found) else screened)
+            as_vectors(points),
+            ellipse_from_parameters(refined if is_ellipse(refined) else screened),
         )
-        for points, found, screened in zip(z, fitted, parameters, strict=True)
+        for points, refined, screened in zip(z, fitted, parameters, strict=True)
     ]

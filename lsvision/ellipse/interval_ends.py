@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lsvision.ellipse.cost_expansion import Expansion, apply, expand_cost
+from lsvision.ellipse.cost_expansion import Expansion, expand_cost, multiply_vectors
 from lsvision.ellipse.critical_ratio import CriticalRatios
-from lsvision.ellipse.fit_stack import TINY, FitStack, flattening
+from lsvision.ellipse.fit_stack import FitStack, flattening
 from lsvision.ellipse.region_extrema import (
     CIRCLE,
     DIRECTED,
@@ -30,6 +30,7 @@ from lsvision.ellipse.region_extrema import (
     Targets,
 )
 from lsvision.geometry import BoolArray, FloatArray, IntArray
+from lsvision.geometry.arrays import TINY
 from lsvision.geometry.noisy_points import ComplexArray, as_vectors
 
 SAME_DIRECTION = 0.99
@@ -64,9 +65,17 @@ out than another one to replace it, as a fraction of half the width."""
 class EndPoints(NamedTuple):
     """Extrema of all quantities of F fits.
 
-    parameters (F, 13, 5); wanted (F, 13): false for ends not needed; circle_ratios (F,): F of the
-    best circle less min F, or a value above all critical ones; reliable (F,): false if a wanted end
-    has not converged, or another one has a more extreme value of its quantity.
+    Parameters
+    ----------
+    parameters : (F, 13, 5) ndarray
+        Parameters (centre_x, centre_y, m, p, q) at each end. Units: mm.
+    wanted : (F, 13) bool ndarray
+        False for ends that are not needed.
+    circle_ratios : (F,) ndarray
+        F of the best circle less min F, or a value above all critical ones.
+    reliable : (F,) bool ndarray
+        False if a wanted end has not converged, or if another one has a more extreme value of its
+        quantity.
     """
 
     parameters: FloatArray
@@ -86,10 +95,14 @@ def find_end_points(stack: FitStack, ratios: CriticalRatios, wanted: BoolArray) 
         Critical ratios c of the quantities.
     wanted : (F, 13) bool ndarray
         Ends to find.
+
+    Returns
+    -------
+    EndPoints
     """
-    every = np.arange(len(stack.fits))
+    all_fits = np.arange(len(stack.fits))
     with np.errstate(all="ignore"):  # steps to parameters without finite cost are rejected
-        best = expand_cost(stack, every, stack.parameters)
+        best = expand_cost(stack, all_fits, stack.parameters)
         search = _Search.start(Regions(stack, ratios, best), wanted)
         for limit in MAX_EVALUATIONS:
             for _ in range(limit):
@@ -99,17 +112,34 @@ def find_end_points(stack: FitStack, ratios: CriticalRatios, wanted: BoolArray) 
             search.restart_surpassed()
             if not search.rows.ends.size:
                 break
-    reliable = ~np.isin(every, search.rows.owners)
+    reliable = ~np.isin(all_fits, search.rows.owners)
     return EndPoints(search.ends, search.wanted, search.targets.circle_ratios, reliable)
 
 
 @dataclass(slots=True)
 class _Search:
-    """Search for the ends.
+    """Search for the ends of F fits, of which k ends (rows) have not converged yet.
 
-    ends (F, 13, 5), critical (F, 13), wanted (F, 13): what is found, its c, and whether it is
-    needed; rows: the k ends that have not converged, with their parameters (k, 5), expansion,
-    targets, lengths of the next step (k,), in radii of the region, and factors on them (k,).
+    Parameters
+    ----------
+    regions : Regions
+        Regions {F <= min F + c} of the fits.
+    ends : (F, 13, 5) ndarray
+        Parameters at the converged ends; the estimates at others. Units: mm.
+    critical : (F, 13) ndarray
+        Critical ratio c at each end.
+    wanted : (F, 13) bool ndarray
+        Whether an end is needed.
+    rows : Rows
+        The k ends that have not converged.
+    parameters : (k, 5) ndarray
+        Their present parameters. Units: mm.
+    expansion, targets : Expansion, Targets
+        F about these parameters, and the extrema to which the next step leads.
+    lengths : (k,) ndarray
+        Length of the next step, in radii of the region.
+    reduction : (k,) ndarray
+        Factor on the next step: below 1 after rejected steps.
     """
 
     regions: Regions
@@ -145,7 +175,7 @@ class _Search:
         return search
 
     def advance(self) -> None:
-        """Move the rows, expand F where they are, find their next targets, drop the converged."""
+        """Move the rows by a step, find their next targets, and drop those that have converged."""
         previous = self.targets.critical
         fractions = np.minimum(1.0, MAX_STEP / np.maximum(self.lengths, TINY))
         fractions[self.rows.ends == CIRCLE] = 1.0
@@ -159,7 +189,7 @@ class _Search:
             self.ends[rows] = self._move(np.ones(done.size))[done]
             self.critical[rows] = self.targets.critical[done]
             self._decide_by_circles(rows.owners[rows.ends == CIRCLE])
-            self._keep(~done & self.wanted[self.rows])
+            self._select_rows(~done & self.wanted[self.rows])
 
     def restart_surpassed(self) -> None:
         """Restart ends that have not converged, or where another end has a more extreme value.
@@ -201,11 +231,12 @@ class _Search:
             self._find_targets()
 
     def _find_targets(self) -> None:
+        """Find the targets of the active rows and the lengths of the steps to them."""
         self.targets = self.regions.find_targets(
             self.rows, self.parameters, self.expansion, self.targets
         )
         steps = self.targets.parameters - self.parameters
-        squares = (apply(self.expansion.information, steps) * steps).sum(axis=1)
+        squares = (multiply_vectors(self.expansion.information, steps) * steps).sum(axis=1)
         self.lengths = np.sqrt(np.maximum(squares, 0.0) / self.targets.critical)
 
     def _drop_second_ends(self) -> None:
@@ -213,10 +244,11 @@ class _Search:
         angles, deviators = np.zeros(self.wanted.shape), np.zeros(self.wanted.shape, dtype=complex)
         angles[self.rows] = self.targets.angles
         deviators[self.rows] = flattening(self.targets.parameters)
-        own, d = angles[:, SECOND], deviators[:, SECOND]
-        self.wanted[:, SECOND] &= np.cos(own - angles[:, FIRST]) <= SAME_DIRECTION
-        self.wanted[:, SECOND] &= np.cos(own) * d.real + np.sin(own) * d.imag > 0
-        self._keep(self.wanted[self.rows])
+        second_angles, d = angles[:, SECOND], deviators[:, SECOND]
+        self.wanted[:, SECOND] &= np.cos(second_angles - angles[:, FIRST]) <= SAME_DIRECTION
+        outward = np.cos(second_angles) * d.real + np.sin(second_angles) * d.imag
+        self.wanted[:, SECOND] &= outward > 0
+        self._select_rows(self.wanted[self.rows])
 
     def _move(self, fractions: FloatArray) -> FloatArray:
         """Return the rows moved by fractions of the steps to their targets."""
@@ -262,8 +294,8 @@ class _Search:
         self.wanted[owners, THETA_LOW] &= determined
         self.wanted[owners, THETA_HIGH] &= determined
 
-    def _keep(self, chosen: BoolArray) -> None:
-        """Keep only some of the active rows."""
+    def _select_rows(self, chosen: BoolArray) -> None:
+        """Drop the active rows that are not chosen."""
         if not chosen.all():
             self.rows, self.parameters = self.rows.select(chosen), self.parameters[chosen]
             self.expansion, self.targets = (
@@ -294,8 +326,8 @@ def _move(
     bent[~targets[:, 3:].any(axis=1) & (fractions == 1)] = 0.0
     new_m = m * np.exp(np.minimum(np.maximum(dm / m, -MAX_LOG_STEP), MAX_LOG_STEP))
     u = np.where(d == 0, 1.0, d / np.abs(d))
-    kept_radius = (m - np.abs(d) + dm - (dd * u.conj()).real) / (1 - np.abs(bent))
-    new_m = np.where(stack.known_radius[owners], kept_radius, new_m)
+    m_of_known_radius = (m - np.abs(d) + dm - (dd * u.conj()).real) / (1 - np.abs(bent))
+    new_m = np.where(stack.known_radius[owners], m_of_known_radius, new_m)
     w = stack.arc_middles[owners]
     new_d = new_m * bent
     moved = parameters + steps
@@ -305,13 +337,15 @@ def _move(
 
 
 def _bend_along_phi(delta: ComplexArray, bent: ComplexArray) -> ComplexArray:
-    """Return d / m after a step to `bent` that is linear in phi."""
+    """Return d / m (k,) after a step from `delta` towards `bent` whose length is linear in phi."""
     kappa = np.abs(delta)
     root = np.sqrt(kappa)
     step = ((bent - delta) * delta.conj()).real / (kappa * root * (1 + kappa))
     phi = 2 * np.arctan(root) + step
-    kept: ComplexArray = np.tan(np.clip(phi, 0.0, np.pi / 2) / 2) ** 2 * bent / np.abs(bent)
-    return kept
+    bent_along_phi: ComplexArray = (
+        np.tan(np.clip(phi, 0.0, np.pi / 2) / 2) ** 2 * bent / np.abs(bent)
+    )
+    return bent_along_phi
 
 
 def _heights(parameters: FloatArray, estimates: FloatArray) -> FloatArray:

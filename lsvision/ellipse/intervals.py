@@ -19,7 +19,7 @@ import numpy as np
 
 from lsvision.ellipse.critical_ratio import CriticalRatios
 from lsvision.ellipse.fit import EllipseFit
-from lsvision.ellipse.fit_stack import TINY, FitStack
+from lsvision.ellipse.fit_stack import FitStack
 from lsvision.ellipse.interval_ends import EndPoints, find_end_points
 from lsvision.ellipse.parameters import semi_minor_gradient
 from lsvision.ellipse.phi_prior import EXACT_STD
@@ -41,6 +41,7 @@ from lsvision.ellipse.region_extrema import (
     Y_LOW,
 )
 from lsvision.geometry import BoolArray, FloatArray
+from lsvision.geometry.arrays import TINY
 from lsvision.statistics.quantiles import squared_quantile
 
 Quantity = Literal["radius", "theta", "phi", "centre_x", "centre_y"]
@@ -155,11 +156,11 @@ def intervals_of_fits(fits: Sequence[EllipseFit], level: float = 0.95) -> list[I
     """
     if not 0 < level < 1:
         raise ValueError(f"expected a level between 0 and 1, got {level}")
-    known = [_INTERVALS.setdefault(fit, {}) for fit in fits]
-    new = [fit for fit, levels in zip(fits, known, strict=True) if level not in levels]
-    for fit, found in zip(new, _compute_intervals(new, float(level)), strict=True):
-        _INTERVALS[fit][level] = found
-    return [levels[level] for levels in known]
+    cached = [_INTERVALS.setdefault(fit, {}) for fit in fits]
+    new = [fit for fit, levels in zip(fits, cached, strict=True) if level not in levels]
+    for fit, computed in zip(new, _compute_intervals(new, float(level)), strict=True):
+        _INTERVALS[fit][level] = computed
+    return [levels[level] for levels in cached]
 
 
 def theta_is_determined(fit: EllipseFit) -> bool:
@@ -182,8 +183,8 @@ def _determine_thetas(fits: Sequence[EllipseFit]) -> list[bool]:
     unclear = np.flatnonzero(~clear)
     if unclear.size:
         decided[unclear] = _decide_by_search(FitStack.of([fits[k] for k in unclear]))
-    found: list[bool] = decided.tolist()
-    return found
+    determined: list[bool] = decided.tolist()
+    return determined
 
 
 def _decide_linearly(fits: Sequence[EllipseFit]) -> tuple[BoolArray, BoolArray]:
@@ -207,34 +208,38 @@ def _decide_by_search(stack: FitStack) -> BoolArray:
     """Return whether a circle is excluded, and the interval of theta is short enough."""
     ratios = CriticalRatios.of(stack, THETA_LEVEL)
     of_circle = squared_quantile(2, stack.degrees_of_freedom, CIRCLE_LEVEL)
-    ends = find_end_points(stack, ratios, _wanted(stack, CIRCLE, THETA_LOW, THETA_HIGH))
+    ends = find_end_points(stack, ratios, _mask_of_ends(stack, CIRCLE, THETA_LOW, THETA_HIGH))
     excluded = ~stack.may_be_circle | (ends.circle_ratios > of_circle)
     errors = []
-    for fit, found in zip(stack.fits, ends.parameters, strict=True):
-        low, high = _theta_interval(fit, found)
+    for fit, parameters in zip(stack.fits, ends.parameters, strict=True):
+        low, high = _theta_interval(fit, parameters)
         errors.append(max(high - fit.ellipse.theta, fit.ellipse.theta - low))
     determined: BoolArray = excluded & ends.reliable & (np.array(errors) < THETA_MAX_ERROR)
     return determined
 
 
 def _compute_intervals(fits: Sequence[EllipseFit], level: float) -> list[Intervals]:
+    """Return the intervals of fits that are not cached."""
     if not fits:
         return []
     stack = FitStack.of([_with_noise(fit) for fit in fits])
     ratios = CriticalRatios.of(stack, level)
     known = list(map(_known_quantities, stack.fits, np.sqrt(ratios.one).tolist()))
-    wanted = _wanted(stack, *range(ENDS))
+    wanted = _mask_of_ends(stack, *range(ENDS))
     for row, quantities in zip(wanted, known, strict=True):
         if "radius" in quantities:
             row[[RADIUS_LOW, RADIUS_HIGH, RADIUS_LOW_2]] = False
         if "phi" in quantities:
             row[[PHI_LOW, PHI_HIGH, PHI_HIGH_2]] = False
     ends = find_end_points(stack, ratios, wanted)
-    computed = map(_intervals_between, stack.fits, _each_found(ratios, ends))
-    return [found._replace(**quantities) for found, quantities in zip(computed, known, strict=True)]
+    computed = map(_intervals_between, stack.fits, _split_by_fit(ratios, ends))
+    return [
+        intervals_of_fit._replace(**quantities)
+        for intervals_of_fit, quantities in zip(computed, known, strict=True)
+    ]
 
 
-def _wanted(stack: FitStack, *ends: int) -> BoolArray:
+def _mask_of_ends(stack: FitStack, *ends: int) -> BoolArray:
     """Return a mask of the same ends of all fits, (F, 13)."""
     mask = np.zeros((len(stack.fits), ENDS), dtype=bool)
     mask[:, ends] = True
@@ -242,9 +247,9 @@ def _wanted(stack: FitStack, *ends: int) -> BoolArray:
 
 
 def _with_noise(fit: EllipseFit) -> EllipseFit:
-    """Return the fit with at least the noise that F can resolve numerically."""
-    least = (MIN_NOISE * float(fit.parameters[2]) / float(fit.problem.stds.min())) ** 2
-    return fit if fit.variance_factor >= least else replace(fit, variance_factor=least)
+    """Return the fit with at min_factor the noise that F can resolve numerically."""
+    min_factor = (MIN_NOISE * float(fit.parameters[2]) / float(fit.problem.stds.min())) ** 2
+    return fit if fit.variance_factor >= min_factor else replace(fit, variance_factor=min_factor)
 
 
 def _known_quantities(fit: EllipseFit, sigmas: float) -> dict[str, Interval]:
@@ -265,8 +270,20 @@ def _known_quantities(fit: EllipseFit, sigmas: float) -> dict[str, Interval]:
     return known
 
 
-class _Found(NamedTuple):
-    """Result of the search for one fit; whether it may be a circle, for phi and for theta."""
+class _EndsOfFit(NamedTuple):
+    """Result of the search for the ends of the intervals of one fit.
+
+    Parameters
+    ----------
+    parameters : (13, 5) ndarray
+        Parameters at each end.
+    wanted : sequence of bool
+        Which of the 13 ends were searched.
+    reliable : bool
+        Whether the search has converged.
+    may_be_circle, theta_open : bool
+        Whether a circle is possible, for the interval of phi and for that of theta.
+    """
 
     parameters: FloatArray
     wanted: Sequence[bool]
@@ -275,30 +292,31 @@ class _Found(NamedTuple):
     theta_open: bool
 
 
-def _each_found(ratios: CriticalRatios, ends: EndPoints) -> Iterator[_Found]:
+def _split_by_fit(ratios: CriticalRatios, ends: EndPoints) -> Iterator[_EndsOfFit]:
+    """Return the result of the search for each fit."""
     circles = ends.circle_ratios <= ratios.of_circle
     theta_open = ratios.leaves_theta_open(ends.circle_ratios)
-    flags = (each.tolist() for each in (ends.wanted, ends.reliable, circles, theta_open))
-    return map(_Found, ends.parameters, *flags)
+    flags = [ends.wanted, ends.reliable, circles, theta_open]
+    return map(_EndsOfFit, ends.parameters, *(flag.tolist() for flag in flags))
 
 
-def _intervals_between(fit: EllipseFit, found: _Found) -> Intervals:
+def _intervals_between(fit: EllipseFit, ends: _EndsOfFit) -> Intervals:
     """Return the intervals between end points, clipped to their limits."""
     limits = _limits(fit)
-    if not found.reliable:
+    if not ends.reliable:
         return limits
-    x, y, m, p, q = found.parameters.T.tolist()
+    x, y, m, p, q = ends.parameters.T.tolist()
     h = list(map(math.hypot, p, q))
     low, high = (
-        [end for end in pair if found.wanted[end]] or [pair[0]] for pair in SECOND_ENDS.items()
+        [end for end in pair if ends.wanted[end]] or [pair[0]] for pair in SECOND_ENDS.items()
     )
     phi_low, *phi_highs = (
         2 * math.atan(math.sqrt(min(h[end] / m[end], 1.0))) for end in (PHI_LOW, *high)
     )
     between = Intervals(
         radius=(min(m[end] - h[end] for end in low), m[RADIUS_HIGH] - h[RADIUS_HIGH]),
-        theta=limits.theta if found.theta_open else _theta_interval(fit, found.parameters),
-        phi=(0.0 if found.may_be_circle else phi_low, max(phi_highs)),
+        theta=limits.theta if ends.theta_open else _theta_interval(fit, ends.parameters),
+        phi=(0.0 if ends.may_be_circle else phi_low, max(phi_highs)),
         centre_x=(x[X_LOW], x[X_HIGH]),
         centre_y=(y[Y_LOW], y[Y_HIGH]),
     )

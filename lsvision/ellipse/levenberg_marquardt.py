@@ -31,7 +31,7 @@ MAX_SHRINKAGE = 0.1
 """Smallest factor by which the trust region shrinks after a failure."""
 MAX_GAIN = 2.0
 """Largest ratio with which the iteration may end: above it the prediction is wrong."""
-SURE_FRACTION = 1e-2
+UNEVALUATED_FRACTION = 1e-2
 """Predicted decrease of chi^2, over the tolerance, up to which the last step is taken without an
 evaluation: most arcs then take 2 evaluations instead of 3. The residuals at the solution are those
 to first order; they are wrong by the square of a step of a tenth of the tolerated one."""
@@ -96,7 +96,7 @@ class LevenbergMarquardt:
         """
         self.evaluations += 1
         first, cost = self.evaluations == 1, float(equations[PARAMETERS, PARAMETERS])
-        accepted = first or self._judge(cost)
+        accepted = first or self._update_region(cost)
         if accepted:
             self.parameters, self.equations, self.cost = self.trial, equations, cost
             diagonal = equations.diagonal().tolist()
@@ -111,7 +111,7 @@ class LevenbergMarquardt:
             self.trial = self.parameters + step
             if first:
                 self._region = min(self._region, self._step_size)
-            if self._damping == 0 and self._predicted <= SURE_FRACTION * self._tolerance:
+            if self._damping == 0 and self._predicted <= UNEVALUATED_FRACTION * self._tolerance:
                 self.parameters, self.last_step = self.trial, step
                 self.finished = self.converged = True
         return accepted
@@ -121,8 +121,8 @@ class LevenbergMarquardt:
         """Whether the best parameters and the numbers at them are finite."""
         return math.isfinite(sum(self.parameters.tolist()) + self.cost + sum(self._squared_scales))
 
-    def _judge(self, cost: float) -> bool:
-        """Adapt the trust region to the success of the last step, and return if it is accepted."""
+    def _update_region(self, cost: float) -> bool:
+        """Adapt the trust region to chi^2 after a step; return whether the step is accepted."""
         failed = not cost < MAX_INCREASE * self.cost
         actual, predicted = -1.0 if failed else 1 - cost / self.cost, self._predicted
         gain = actual / predicted if predicted else 0.0
@@ -134,8 +134,8 @@ class LevenbergMarquardt:
             self._region = 2 * self._step_size
         accepted = gain >= MIN_GAIN
         small = max(abs(actual), predicted) <= self._tolerance and gain <= MAX_GAIN
-        at = self.trial if accepted else self.parameters
-        self.converged = small or self._region <= PARAMETER_TOLERANCE * self._size(at.tolist())
+        best = self.trial if accepted else self.parameters
+        self.converged = small or self._region <= PARAMETER_TOLERANCE * self._size(best.tolist())
         self.finished = self.converged
         return accepted
 
@@ -145,8 +145,8 @@ class LevenbergMarquardt:
         step, self._damping = solve_positive_definite(information, gradient), 0.0
         self._step_size = self._size(step.tolist())
         if not self._step_size <= (1 + REGION_TOLERANCE) * self._region:
-            least = MIN_RELATIVE_INFORMATION * max(self._squared_scales) or 1.0
-            self._squared_scales = [max(each, least) for each in self._squared_scales]
+            smallest = MIN_RELATIVE_INFORMATION * max(self._squared_scales) or 1.0
+            self._squared_scales = [max(square, smallest) for square in self._squared_scales]
             scales = np.sqrt(self._squared_scales)
             scaled = information / scales / scales[:, None]
             step, self._damping = _damped_step(scaled, gradient / scales, self._region)
@@ -167,9 +167,9 @@ class LevenbergMarquardt:
 def _damped_step(
     information: FloatArray, gradient: FloatArray, length: float
 ) -> tuple[FloatArray, float]:
-    """Return the step (5,) of at most a length, and its damping; NaN if there is none.
+    """Return the step (5,) to the minimum within a length, and its damping; NaN if there is none.
 
-    Hebden's iteration for the damping, which is added to the diagonal of the information.
+    The damping is added to the diagonal of the information; it is found by Hebden's iteration.
     """
     try:
         values, vectors = np.linalg.eigh(information)

@@ -6,6 +6,7 @@ from typing import TypeVar
 from lsvision.errors import LsvisionError
 
 T = TypeVar("T")
+"""Type of a success."""
 Result = TypeVar("Result")
 
 
@@ -13,7 +14,7 @@ def apply_to_successes(
     step: Callable[[list[T]], Iterable[Result | LsvisionError]],
     outcomes: Sequence[T | LsvisionError],
 ) -> list[Result | LsvisionError]:
-    """Apply a function of a list to all outcomes but the errors, which are kept.
+    """Apply a function of a list to the outcomes that are no errors; errors stay where they are.
 
     Parameters
     ----------
@@ -22,14 +23,22 @@ def apply_to_successes(
     outcomes : sequence
         Outcomes, any of which may be an error.
 
+    Returns
+    -------
+    list
+        For each outcome the result of the function, or the error.
+
     Examples
     --------
-    >>> apply_to_successes(lambda some: [-n for n in some], [1, LsvisionError("too short"), 2])
+    >>> outcomes = [1, LsvisionError("too short"), 2]
+    >>> apply_to_successes(lambda numbers: [-n for n in numbers], outcomes)
     [-1, LsvisionError('too short'), -2]
     """
-    successes = [each for each in outcomes if not isinstance(each, LsvisionError)]
+    successes = [outcome for outcome in outcomes if not isinstance(outcome, LsvisionError)]
     results = iter(step(successes) if successes else ())
-    return [each if isinstance(each, LsvisionError) else next(results) for each in outcomes]
+    return [
+        outcome if isinstance(outcome, LsvisionError) else next(results) for outcome in outcomes
+    ]
 
 
 def replace_some(
@@ -51,7 +60,7 @@ def replace_some(
     Examples
     --------
     >>> outcomes = [1, 2, 3]
-    >>> replace_some(outcomes, {0: 10, 2: 30}, lambda some: [-n for n in some])
+    >>> replace_some(outcomes, {0: 10, 2: 30}, lambda numbers: [-n for n in numbers])
     >>> outcomes
     [-10, 2, -30]
     """

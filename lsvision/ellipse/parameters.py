@@ -81,25 +81,26 @@ def _nearest_by_newton(
     _, m, d = split_parameters(parameters)
     for remaining in range(iterations - 1, -1, -1):
         conjugate = w.conj()
-        first = along * conjugate
+        slopes = along * conjugate
         conjugate *= conjugate
         conjugate *= (2 * m) * d
-        first -= conjugate
-        derivative = first.real - conjugate.real
-        step = first.imag / derivative
+        slopes -= conjugate
+        curvatures = slopes.real - conjugate.real
+        step = slopes.imag / curvatures
         turn = 1j * step
         turn += 1
         turn *= w
         w = turn * (1 / np.abs(turn))
-        largest, lowest = np.abs(step).max(axis=1).tolist(), derivative.min(axis=1).tolist()
-        for row, (size, slope) in enumerate(zip(largest, lowest, strict=True)):
-            if not (size < MAX_STEP and slope > 0):
+        largest_steps = np.abs(step).max(axis=1).tolist()
+        lowest_curvatures = curvatures.min(axis=1).tolist()
+        for row, (size, lowest) in enumerate(zip(largest_steps, lowest_curvatures, strict=True)):
+            if not (size < MAX_STEP and lowest > 0):
                 w[row] = _nearest_directions(offsets[row], parameters[row])
-        moving = [row for row, size in enumerate(largest) if not size < FOOT_TOLERANCE]
+        moving = [row for row, size in enumerate(largest_steps) if not size < FOOT_TOLERANCE]
         if len(moving) < len(w):
             if moving:
-                some = offsets[moving], along[moving], w[moving], parameters[moving]
-                w[moving] = _nearest_by_newton(*some, remaining)
+                arguments = offsets[moving], along[moving], w[moving], parameters[moving]
+                w[moving] = _nearest_by_newton(*arguments, remaining)
             break
     return w
 
@@ -144,7 +145,11 @@ def radial_residuals_and_normals(
 def parameter_jacobian(
     normals: ComplexArray, w: ComplexArray, out: FloatArray | None = None
 ) -> FloatArray:
-    """Return the derivative (..., 5, n) of ellipses along their normals (..., n)."""
+    """Return the displacement of ellipses along their normals by each parameter, (..., 5, n).
+
+    `normals` and the unit vectors `w` of the points c + E w are (..., n); `out` is the array into
+    which the result is written.
+    """
     jacobian = np.empty((*w.shape[:-1], PARAMETERS, w.shape[-1])) if out is None else out
     deviating = normals * w
     jacobian[..., 0, :], jacobian[..., 1, :] = normals.real, normals.imag
@@ -166,7 +171,7 @@ def split_parameters(parameters: FloatArray) -> tuple[Any, Any, Any]:
 
 
 def deviator_of(parameters: FloatArray) -> complex:
-    """Return p + iq. Units: mm."""
+    """Return p + iq of one ellipse. Units: mm."""
     return complex(*parameters[-2:].tolist())
 
 
@@ -233,6 +238,7 @@ def axes_of(parameters: FloatArray) -> tuple[float, float, complex]:
 
 
 def _complex(real: FloatArray, imaginary: FloatArray) -> ComplexArray:
+    """Return complex numbers; twice as fast as ``real + 1j * imaginary``."""
     numbers = np.empty(real.shape, dtype=complex)
     numbers.real, numbers.imag = real, imaginary
     return numbers

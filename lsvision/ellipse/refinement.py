@@ -57,14 +57,14 @@ def _refine_estimated(
     smoothed = {
         i: (smoothed_noise(points, fit.normals, std), fit.ellipse)
         for i, (fit, (points, _, std)) in enumerate(zip(fits, arcs, strict=True))
-        if isinstance(fit, EllipseFit) and _is_of_smoothing_sensor(fit)
+        if isinstance(fit, EllipseFit) and _shows_smoothing(fit)
     }
-    replace_some(fits, smoothed, lambda some: fit_noisy_points(some, priors, settings))
+    replace_some(fits, smoothed, lambda arcs: fit_noisy_points(arcs, priors, settings))
     return fits
 
 
-def _is_of_smoothing_sensor(fit: EllipseFit) -> bool:
-    """Return whether the errors are correlated, or grow with incidence."""
+def _shows_smoothing(fit: EllipseFit) -> bool:
+    """Return whether the errors are correlated or grow with incidence, as a smoothing sensor's."""
     return fit.correlation.neighbours_correlated or errors_grow_with_incidence(
         fit.normalised, fit.normals
     )

@@ -17,11 +17,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lsvision.ellipse.cost_expansion import Expansion, apply
+from lsvision.ellipse.cost_expansion import Expansion, multiply_vectors
 from lsvision.ellipse.critical_ratio import CriticalRatios
-from lsvision.ellipse.fit_stack import TINY, FitStack
+from lsvision.ellipse.fit_stack import FitStack
 from lsvision.ellipse.parameters import PARAMETERS
 from lsvision.geometry import BoolArray, FloatArray, IntArray
+from lsvision.geometry.arrays import TINY
 from lsvision.geometry.noisy_points import ComplexArray, as_complex, as_vectors
 
 RADIUS_LOW, RADIUS_HIGH, PHI_LOW, PHI_HIGH, RADIUS_LOW_2, PHI_HIGH_2 = range(6)
@@ -57,7 +58,15 @@ ellipsoid has no tangent to it."""
 
 
 class Rows(NamedTuple):
-    """Ends in search: owners, the numbers of their fits, and which ends they are, (k,) each."""
+    """Ends that are searched.
+
+    Parameters
+    ----------
+    owners : (k,) int ndarray
+        Number of the fit of each end.
+    ends : (k,) int ndarray
+        Which of the 13 ends each one is: `RADIUS_LOW` to `CIRCLE`.
+    """
 
     owners: IntArray
     ends: IntArray
@@ -68,7 +77,21 @@ class Rows(NamedTuple):
 
 
 class Targets(NamedTuple):
-    """Targets of a step: parameters (k, 5), angles, kappas and c (k,), and min F on d = 0, (F,)."""
+    """Targets of a step.
+
+    Parameters
+    ----------
+    parameters : (k, 5) ndarray
+        Extrema over the ellipsoids. Units: mm.
+    angles : (k,) ndarray
+        Angle of the direction u of d = (p, q). Units: rad.
+    kappas : (k,) ndarray
+        Factor of m in the quantity.
+    critical : (k,) ndarray
+        Critical ratios c.
+    circle_ratios : (F,) ndarray
+        Minimum of F on d = 0 less min F, for each fit.
+    """
 
     parameters: FloatArray
     angles: FloatArray
@@ -85,8 +108,18 @@ class Targets(NamedTuple):
 class Ellipsoids(NamedTuple):
     """Sections (m, p, q) of k ellipsoids, and (p, q) in sigmas.
 
-    centres (k, 3); shapes (k, 3, 3); excess (k,): squared radii less c; roots (3, k): entries 11,
-    21 and 22 of the Cholesky factors of the shapes of d; whitened (k,): d of the centres in sigmas.
+    Parameters
+    ----------
+    centres : (k, 3) ndarray
+        Centres mu. Units: mm.
+    shapes : (k, 3, 3) ndarray
+        Shapes C. Units: mm^2.
+    excess : (k,) ndarray
+        Squared radii rho^2 less c.
+    roots : (3, k) ndarray
+        Entries 11, 21 and 22 of the Cholesky factors of the shapes of d. Units: mm.
+    whitened : (k,) complex ndarray
+        d of the centres in sigmas.
     """
 
     centres: FloatArray
@@ -106,14 +139,36 @@ class Ellipsoids(NamedTuple):
         return cls(centres, shapes, excess, np.array([first, mixed, second]), whitened)
 
     def to_circles(self, rows: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Return gradients by (p, q) whose extrema are circles, (j, 2); distances in sigmas."""
+        """Return the gradients by (p, q) whose extrema have d = 0, (j, 2).
+
+        Also return the distances (j,) of the centres from d = 0, in sigmas.
+        """
         whitened = self.whitened[rows]
         return self._gradients(rows, -whitened), np.abs(whitened)
 
     def find_tangents(
         self, rows: IntArray, rho: FloatArray, sides: FloatArray
     ) -> tuple[FloatArray, FloatArray, ComplexArray]:
-        """Return normals, radii and points of contact of tangents from d = 0 to the ellipses."""
+        """Return the tangents from d = 0 to the ellipses of d with radii rho (j,).
+
+        Parameters
+        ----------
+        rows : (j,) int ndarray
+            Ellipsoids of the tangents.
+        rho : (j,) ndarray
+            Radii of the ellipsoids.
+        sides : (j,) ndarray
+            +1 for the tangent at the larger angle, -1 for the other one.
+
+        Returns
+        -------
+        gradients : (j, 2) ndarray
+            Normals of the tangents by (p, q).
+        rho : (j,) ndarray
+            Radii, reduced where d = 0 is inside.
+        d : (j,) complex ndarray
+            Points of contact. Units: mm.
+        """
         whitened, (first, mixed, second) = self.whitened[rows], self.roots[:, rows]
         distances = np.maximum(np.abs(whitened), TINY)
         rho = np.minimum(rho, MAX_TANGENT * distances)
@@ -141,9 +196,12 @@ class Regions:
     def find_targets(
         self, rows: Rows, parameters: FloatArray, expansion: Expansion, last: Targets
     ) -> Targets:
-        """Return the extrema over the ellipsoids of the expansion at each of k rows."""
+        """Return the extrema over the ellipsoids of the expansion about parameters (k, 5).
+
+        Directions, kappas and c start from those of the `last` targets.
+        """
         owners, ends = rows
-        to_centre = apply(expansion.covariance, expansion.gradient)
+        to_centre = multiply_vectors(expansion.covariance, expansion.gradient)
         centres = parameters - to_centre
         excess = self.best.cost[owners] - expansion.cost
         excess += (expansion.gradient * to_centre).sum(axis=1)
@@ -162,7 +220,7 @@ class Regions:
         circle = np.flatnonzero(ends == CIRCLE)
         if circle.size:
             f[circle, 3:], rho[circle] = ellipsoids.to_circles(circle)
-        Cf = apply(expansion.covariance, f)
+        Cf = multiply_vectors(expansion.covariance, f)
         scale = rho / np.sqrt(np.maximum((f * Cf).sum(axis=1), TINY))
         targets = centres + scale[:, None] * Cf
         targets[circle, 3:] = 0.0
@@ -194,13 +252,13 @@ class Regions:
         to_circle, distances = ellipsoids.to_circles(i)
         f, selected = RIDGE_GRADIENTS[ends[i]], expansion.select(i)
         covariances = np.asarray(np.linalg.inv(selected.information[:, :3, :3]), dtype=np.float64)
-        Cf = apply(covariances, f)
-        circles = parameters[i] - apply(selected.covariance, selected.gradient)
-        circles += apply(selected.covariance[:, :, 3:], to_circle)
+        Cf = multiply_vectors(covariances, f)
+        circles = parameters[i] - multiply_vectors(selected.covariance, selected.gradient)
+        circles += multiply_vectors(selected.covariance[:, :, 3:], to_circle)
         lengths = np.sqrt((rho[i] ** 2 - distances**2) / (f * Cf).sum(axis=1))
         circles[:, :3] += lengths[:, None] * Cf
         circles[:, 3:] = 0.0
-        slopes = apply(selected.information_of_points, circles - parameters[i])
+        slopes = multiply_vectors(selected.information_of_points, circles - parameters[i])
         slopes += selected.gradient_of_points
         is_circle = np.hypot(slopes[:, 3], slopes[:, 4]) <= slopes[:, 2]
         targets[i[is_circle]] = circles[is_circle]
@@ -266,7 +324,7 @@ def _turn_to_extrema(
         u = np.exp(1j * angles)
         f = np.empty_like(centres)
         f[:, 0], f[:, 1:] = -kappas, as_vectors(u)
-        Cf = apply(shapes, f)
+        Cf = multiply_vectors(shapes, f)
         variances = np.maximum((f * Cf).sum(axis=1), TINY)
         scale = radii / np.sqrt(variances)
         extrema = centres + scale[:, None] * Cf

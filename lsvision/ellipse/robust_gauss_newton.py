@@ -38,7 +38,7 @@ DAMPING = IDENTITY / MAX_RELATIVE_STEP**2
 PRIOR_WEIGHTS = np.array([0.0, 0.0, 0.0, 1.0, 1.0]) / FLATTENING_PRIOR_STD**2
 """Information of the prior on the flattening, for m = 1 mm. Units: 1/mm^2."""
 DAMPED_PRIOR = DAMPING + np.diag(PRIOR_WEIGHTS)
-"""Sum of both. Units: 1/mm^2."""
+"""Sum of `DAMPING` and the diagonal matrix of `PRIOR_WEIGHTS`. Units: 1/mm^2."""
 VARIANCE_FLOOR_FRACTION = 0.05
 """Fraction of the total variance added along any normal: as for a normal that is 13 deg wrong."""
 
@@ -74,7 +74,7 @@ class EllipseResiduals(NamedTuple):
         return self.residuals * self.residuals / self.inflated_variances
 
     def rows(self, which: IntArray | BoolArray | list[int] | slice) -> "EllipseResiduals":
-        """Return the residuals of some points, or of some arcs of a stack."""
+        """Return the residuals of some arcs of a stack, or of some points of one arc."""
         residuals, normals, w, variances, inflated = self
         return EllipseResiduals(
             residuals[which], normals[which], w[which], variances[which], inflated[which]
@@ -96,7 +96,8 @@ def ellipse_residuals(points: NoisyPoints, parameters: FloatArray) -> EllipseRes
     n = w - d * w.conj()
     steepness = np.maximum(np.abs(n), TINY)
     n *= 1 / steepness
-    # Along the ray the ellipse is at m det / size; times the ray's cosine with n.
+    # The ray meets the ellipse at m det(E / m) / size of the offset from the centre; the distance
+    # from there is multiplied by the cosine of the ray with n, 1 / steepness.
     signed = (size - (m - m * (d * d.conjugate()).real)) / steepness
     variances = points.normal_variances(n)
     inflated = variances + (2 * VARIANCE_FLOOR_FRACTION) * points.mean_variance
@@ -107,7 +108,7 @@ def ray_normal_variances(points: NoisyPoints, parameters: FloatArray) -> FloatAr
     """Return `EllipseResiduals.variances` (..., n) of points alone. Units: mm^2."""
     centre, m, d = split_parameters(parameters)
     offset = points.z - centre
-    # (w - d conj(w)) / m with w = offset - d conj(offset) / m, times m^2.
+    # n of `ellipse_residuals` times m^2, without its unit vector w in between.
     n = (m * m + (d * d.conjugate()).real) * offset
     n -= (2 * m * d) * offset.conj()
     n *= n
@@ -243,14 +244,15 @@ def gauss_newton_step(
 def row_medians(
     values: FloatArray, members: BoolArray | Sequence[IntArray] | None = None
 ) -> list[float]:
-    """Return the upper median of some values of each row of (k, n) values, or of one row (n,).
+    """Return the upper median of each row of (k, n) values, or of the one row of (n,) values.
 
-    `members` is a mask (k, n), or the positions in each row; by default all.
+    `members` is the mask (k, n) of the values that count, or their positions in each row; by
+    default all of them.
     """
     rows = values.reshape(-1, values.shape[-1])
     if members is None:
         return [upper_median(row) for row in rows]
-    return [upper_median(row[own]) for row, own in zip(rows, members, strict=True)]
+    return [upper_median(row[selected]) for row, selected in zip(rows, members, strict=True)]
 
 
 def solve_positive_definite(matrix: FloatArray, rhs: FloatArray) -> FloatArray:
@@ -266,6 +268,7 @@ def solve_positive_definite(matrix: FloatArray, rhs: FloatArray) -> FloatArray:
 
 
 def _solve(matrix: FloatArray, rhs: FloatArray) -> FloatArray:
+    """Solve one positive definite system; NaN if the matrix is not positive definite."""
     _, solution, failed = dposv(matrix, rhs)
     return np.full_like(solution, np.nan) if failed else solution
 

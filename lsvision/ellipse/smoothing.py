@@ -85,7 +85,7 @@ def smooth_arcs(points: Sequence[NoisyPoints], ellipses: Sequence[Ellipse]) -> l
 
 
 def _sort_rows(angles: FloatArray, sizes: list[int]) -> IntArray:
-    """Return flat indices (k, n) that sort the points of each row; the last one is repeated."""
+    """Return indices (k, n) into the flattened angles that sort each row; the last one repeats."""
     order = np.empty(angles.shape, dtype=int)
     for i, (row, size) in enumerate(zip(angles, sizes, strict=True)):
         order[i, :size] = row[:size].argsort(kind="stable")
@@ -104,6 +104,7 @@ def _arc_length(feet: ComplexArray, sizes: list[int]) -> FloatArray:
 
 
 def _interpolate_rows(x: FloatArray, knots: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the values (k, n) at knots (k, n), linearly interpolated at x (k, p)."""
     return np.array([np.interp(*row) for row in zip(x, knots, values, strict=True)])
 
 

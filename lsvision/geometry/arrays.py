@@ -82,7 +82,7 @@ def apply_in_groups(
     sizes: Sequence[int],
     max_elements: int,
 ) -> list[Result]:
-    """Apply a function that stacks the arrays of its items, to groups of items of similar size.
+    """Apply a function to groups of items of similar size, whose arrays it stacks.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def apply_in_groups(
 
     Examples
     --------
-    >>> apply_in_groups(lambda some: [len(some)] * len(some), "abcd", [300, 10, 400, 12], 1000)
+    >>> apply_in_groups(lambda group: [len(group)] * len(group), "abcd", [300, 10, 400, 12], 1000)
     [2, 2, 2, 2]
     """
     groups: list[list[int]] = []
@@ -176,6 +176,13 @@ def as_readonly_array(
 def as_unit_vector(values: npt.ArrayLike, name: str) -> tuple[FloatArray, float]:
     """Return the read-only unit vector (3,) along a vector, and the vector's length.
 
+    Parameters
+    ----------
+    values : (3,) array_like
+        The vector.
+    name : str
+        Name of the vector in the error message.
+
     Raises
     ------
     ValueError
@@ -219,6 +226,11 @@ PSD_TOLERANCE = 1e-9
 def require_coordinates(points: Points) -> None:
     """Raise an error if points are not finite or too far away for a fit.
 
+    Parameters
+    ----------
+    points : (n, d) ndarray
+        Points to check. Units: mm.
+
     Raises
     ------
     ValueError
@@ -232,7 +244,12 @@ def require_coordinates(points: Points) -> None:
 
 
 def require_covariances(covariances: FloatArray) -> None:
-    """Raise an error if matrices (n, k, k) are not covariances of points.
+    """Raise an error if matrices are not covariances of points.
+
+    Parameters
+    ----------
+    covariances : (n, k, k) ndarray
+        Matrices to check. Units: mm^2.
 
     Raises
     ------
@@ -240,7 +257,10 @@ def require_covariances(covariances: FloatArray) -> None:
         If one is not finite, not symmetric, has a negative eigenvalue, or is zero.
     """
     if not (np.abs(covariances) <= MAX_VARIANCE_MM2).all():
-        raise ValueError(f"expected finite covariances up to {MAX_VARIANCE_MM2:g} mm^2, got others")
+        raise ValueError(
+            f"expected finite covariances up to {MAX_VARIANCE_MM2:g} mm^2, got "
+            f"{float(np.abs(covariances).max()):g}"
+        )
     if not len(covariances):
         return
     largest = np.abs(covariances).max(axis=(1, 2))

@@ -44,14 +44,14 @@ def compiled_module(name: str) -> ModuleType:
     if name in sys.modules:
         return sys.modules[name]
     package, _, stem = name.removeprefix("scipy.").rpartition(".")
-    found = PathFinder.find_spec(stem, [str(Path(scipy.__file__).parent / package)])
-    if found is None or found.origin is None:
+    spec = PathFinder.find_spec(stem, [str(Path(scipy.__file__).parent / package)])
+    if spec is None or spec.origin is None:
         return importlib.import_module(name)
-    spec = importlib.util.spec_from_file_location(name, found.origin)
-    if spec is None or spec.loader is None:
+    module_spec = importlib.util.spec_from_file_location(name, spec.origin)
+    if module_spec is None or module_spec.loader is None:
         return importlib.import_module(name)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    module = importlib.util.module_from_spec(module_spec)
+    module_spec.loader.exec_module(module)
     return module
 
 
@@ -83,6 +83,10 @@ def levenberg_marquardt(
     max_evaluations : int
         Largest number of evaluations.
 
+    Returns
+    -------
+    LeastSquares
+
     Raises
     ------
     ValueError
@@ -91,11 +95,11 @@ def levenberg_marquardt(
     Examples
     --------
     >>> points = np.array([1.0, 2.0, 3.0])
-    >>> found = levenberg_marquardt(
+    >>> solution = levenberg_marquardt(
     ...     lambda x: x - points, lambda x: np.ones((3, 1)), np.zeros(1),
     ...     xtol=1e-9, ftol=1e-9, max_evaluations=20,
     ... )
-    >>> found.parameters.round(6).tolist(), found.converged
+    >>> solution.parameters.round(6).tolist(), solution.converged
     ([2.0], True)
     """
     lmder = compiled_module("scipy.optimize._minpack")._lmder

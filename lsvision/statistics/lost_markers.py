@@ -6,8 +6,8 @@ import numpy as np
 
 from lsvision.geometry import FloatArray, IntArray
 
-MIN_REST = 5
-"""Smallest number of values beside the markers, from which the distance of a marker is measured."""
+MIN_OTHER_VALUES = 5
+"""Smallest number of values that are no markers; they give the unit of a marker's distance."""
 MAX_MARKERS_PER_SIDE = 3
 """Largest number of different markers below the other values, and above them."""
 MIN_REPEATS = 3
@@ -20,13 +20,16 @@ MIN_LIMIT_GAP, MIN_KNOWN_GAP, MIN_ZERO_GAP, MIN_UNKNOWN_GAP = 0.1, 1.0, 2.0, 4.0
 limit of an integer type, a value such as -9999, 0, and any other value (a floor without noise
 under a pipe is 3 spans from it)."""
 _BITS = (15, 16, 23, 24, 31, 32, 63, 64)
+"""Sizes of the integer types (with and without sign) in which sensors store distances."""
 _LIMITS = frozenset(
     limit
     for k in _BITS
     for limit in (2.0**k, 2.0**k - 1, -(2.0**k), -(2.0**k - 1))
     if abs(limit) > 32000
 )
+"""Limits of these types."""
 _HUGE = 1e15
+"""Size from which a value is a marker in any unit."""
 
 
 def find_lost_markers(
@@ -36,7 +39,7 @@ def find_lost_markers(
     is_range: bool = False,
     known_only: bool = False,
 ) -> tuple[float, ...]:
-    """Return the values that look like markers of lost points: far from the rest, and repeated.
+    """Return the values that look like markers of lost points: far from the others, and repeated.
 
     Parameters
     ----------
@@ -61,10 +64,10 @@ def find_lost_markers(
     >>> find_lost_markers(heights)
     (-999.9999,)
     """
-    known = values[np.abs(values) < np.finfo(np.float64).max / 4]
-    if len(known) < MIN_REST + 1 or not _may_hold_marker(known):
+    finite = values[np.abs(values) < np.finfo(np.float64).max / 4]
+    if len(finite) < MIN_OTHER_VALUES + 1 or not _may_hold_marker(finite):
         return ()
-    unique, counts = np.unique(known, return_counts=True)
+    unique, counts = np.unique(finite, return_counts=True)
     ends = [range(len(unique)), range(len(unique) - 1, -1, -1)]
     suspects: list[int] = []
     for end in ends:
@@ -72,35 +75,41 @@ def find_lost_markers(
             if counts[index] < 2 and not _is_limit(unique[index]) and not _is_nines(unique[index]):
                 break
             suspects.append(index)
-    rest = np.setdiff1d(np.arange(len(unique)), suspects)
-    if counts[rest].sum() < MIN_REST:
+    others = np.setdiff1d(np.arange(len(unique)), suspects)
+    if counts[others].sum() < MIN_OTHER_VALUES:
         return ()
     markers: list[float] = []
-    core = unique[rest]
-    for index in sorted(suspects, key=lambda i: _gap(float(unique[i]), core)):
+    first_others = unique[others]
+    for index in sorted(suspects, key=lambda i: _distance(float(unique[i]), first_others)):
         value, count = float(unique[index]), int(counts[index])
-        needed = _needed_gap(value, count, limits, is_range=is_range, known_only=known_only)
-        span = _span(unique[rest], counts[rest])
-        common = count >= MIN_MULTIPLICITY_RATIO * counts[rest].mean()
-        sure = value in limits or _is_limit(value) or _is_nines(value) or (is_range and value <= 0)
-        if needed is None or _gap(value, unique[rest]) <= needed * span or not (sure or common):
-            rest = np.append(rest, index)
+        needed = _min_distance(value, count, limits, is_range=is_range, known_only=known_only)
+        span = _central_span(unique[others], counts[others])
+        is_repeated = count >= MIN_MULTIPLICITY_RATIO * counts[others].mean()
+        is_known = (
+            value in limits or _is_limit(value) or _is_nines(value) or (is_range and value <= 0)
+        )
+        if (
+            needed is None
+            or _distance(value, unique[others]) <= needed * span
+            or not (is_known or is_repeated)
+        ):
+            others = np.append(others, index)
         else:
             markers.append(value)
     return tuple(sorted(markers))
 
 
-def _may_hold_marker(known: FloatArray) -> bool:
+def _may_hold_marker(finite: FloatArray) -> bool:
     """Return whether an extreme value repeats or is a common marker; if not, there is no marker."""
-    low, high = float(known.min()), float(known.max())
-    repeated = np.count_nonzero(known == low) > 1 or np.count_nonzero(known == high) > 1
+    low, high = float(finite.min()), float(finite.max())
+    repeated = np.count_nonzero(finite == low) > 1 or np.count_nonzero(finite == high) > 1
     return bool(repeated) or any(_is_limit(v) or _is_nines(v) for v in (low, high))
 
 
-def _needed_gap(
+def _min_distance(
     value: float, count: int, limits: Sequence[float], *, is_range: bool, known_only: bool
 ) -> float | None:
-    """Return the smallest distance of a marker in spans of the rest; None if it is not a marker."""
+    """Return the smallest distance of a marker, in spans of the others; None if it is none."""
     if value in limits or _is_limit(value) or (is_range and value <= 0 and not known_only):
         return MIN_LIMIT_GAP
     if _is_nines(value):
@@ -113,7 +122,7 @@ def _needed_gap(
 
 
 def _is_limit(value: float) -> bool:
-    """Return whether a value is the limit of an integer type, scaled by up to 1e4, or is huge."""
+    """Return whether a value is huge, or the limit of an integer type over a power of ten."""
     size = abs(value)
     if size >= _HUGE:
         return True
@@ -131,12 +140,13 @@ def _is_nines(value: float) -> bool:
     return bool(power >= 4 and power == round(power))
 
 
-def _gap(value: float, rest: FloatArray) -> float:
-    return float(np.abs(rest - value).min())
+def _distance(value: float, others: FloatArray) -> float:
+    """Return the distance of a value from the nearest of the others."""
+    return float(np.abs(others - value).min())
 
 
-def _span(rest: FloatArray, counts: IntArray) -> float:
-    """Return the span of the rest between its 2 % and 98 % quantiles, without single outliers."""
-    heights = np.repeat(rest, counts)
+def _central_span(others: FloatArray, counts: IntArray) -> float:
+    """Return the span between the 2 % and 98 % quantiles, which leaves out single outliers."""
+    heights = np.repeat(others, counts)
     low, high = np.quantile(heights, [0.02, 0.98])
     return float(high - low)

@@ -14,7 +14,11 @@ def invert_normal_matrix(matrix: FloatArray) -> FloatArray:
     Parameters
     ----------
     matrix : (k, k) ndarray
-        Normal matrix, positive definite.
+        Normal matrix J'J, positive definite.
+
+    Returns
+    -------
+    (k, k) ndarray
 
     Raises
     ------

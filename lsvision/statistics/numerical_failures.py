@@ -37,11 +37,18 @@ def report_numerical_failure(what: str) -> Iterator[None]:
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             yield
     except (np.linalg.LinAlgError, OverflowError, ZeroDivisionError) as error:
-        raise FitFailed(_message(what, str(error))) from None
+        raise FitFailed(_describe_failure(what, str(error))) from None
 
 
 def require_finite(what: str, *numbers: object) -> None:
     """Raise `FitFailed` if a number of a fit is not finite.
+
+    Parameters
+    ----------
+    what : str
+        Name of what is fitted, for the message.
+    *numbers : float or array_like
+        Numbers to check.
 
     Raises
     ------
@@ -50,10 +57,11 @@ def require_finite(what: str, *numbers: object) -> None:
     """
     for number in numbers:
         if not np.isfinite(np.asarray(number, dtype=np.float64)).all():
-            raise FitFailed(_message(what, "its numbers are not finite"))
+            raise FitFailed(_describe_failure(what, "its numbers are not finite"))
 
 
-def _message(what: str, reason: str) -> str:
+def _describe_failure(what: str, reason: str) -> str:
+    """Return the message of `FitFailed`, with the remedy."""
     return (
         f"{what} cannot be fitted to the points ({reason}): they do not determine it, or their "
         "coordinates or covariances span too many orders of magnitude; check the units"

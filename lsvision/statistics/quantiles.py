@@ -9,13 +9,14 @@ from statistics import NormalDist
 import numpy as np
 
 from lsvision.geometry import FloatArray
+from lsvision.geometry.arrays import TINY
 
-_PLACES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
-_NODES, _WEIGHTS = (_PLACES + 1) / 2, _WEIGHTS / 2
+_POSITIONS, _WEIGHTS = np.polynomial.legendre.leggauss(32)
+_NODES, _WEIGHTS = (_POSITIONS + 1) / 2, _WEIGHTS / 2
+"""Gauss-Legendre rule of 32 points on the interval from 0 to 1."""
 FEW_DEGREES_OF_FREEDOM, MANY_DEGREES_OF_FREEDOM = 10.0, 100.0
 """Degrees of freedom from which five terms of the expansion about a normal quantile are an initial
 guess, and from which they are exact to 1e-8."""
-TINY = 1e-300
 MAX_STEPS = 10
 """Maximum number of Newton steps; at most 7 are needed from one degree of freedom and up to a level
 of 0.999."""

@@ -25,7 +25,7 @@ def upper_median(values: FloatArray) -> float:
     return float(ordered[middle])
 
 
-def median(values: np.ndarray) -> float:
+def median(values: FloatArray) -> float:
     """Return the median, NaN where one of the values is; three times as fast as `np.median`.
 
     Parameters
@@ -47,7 +47,7 @@ def median(values: np.ndarray) -> float:
     return float((ordered[:middle].max() + upper) / 2) if even else float(upper)
 
 
-def mad_std(values: np.ndarray) -> float:
+def mad_std(values: FloatArray) -> float:
     """Return the standard deviation about zero, by the median of the absolute values."""
     return MAD_TO_STD * median(np.abs(values))
 

@@ -19,7 +19,7 @@ ALIKE = np.tile(np.eye(2) * 0.01, (40, 1, 1))
         (np.where(ARC > 0, np.nan, ARC), None, "expected finite coordinates"),
         (ARC * 1e12, None, r"expected finite coordinates within 1e\+09 mm"),
         (ARC, ALIKE[:9], r"expected covariances of shape \(40, 2, 2\)"),
-        (ARC, ALIKE * np.nan, "expected finite covariances"),
+        (ARC, ALIKE * np.nan, r"expected finite covariances up to 1e\+18 mm\^2, got nan"),
         (ARC, ALIKE * 1e30, "expected finite covariances"),
         (ARC, -ALIKE, "expected symmetric positive semi-definite covariances other than zero"),
         (ARC, 0 * ALIKE, "expected symmetric positive semi-definite covariances other than zero"),
