@@ -1,4 +1,4 @@
-"""Tasks on the machines of a Dask cluster, a bounded number of them in flight."""
+"""Tasks that run on a Dask cluster, a limited number of them at a time."""
 
 import contextlib
 import math
@@ -14,7 +14,7 @@ Task = TypeVar("Task")
 Value = TypeVar("Value")
 
 IN_FLIGHT_PER_THREAD = 3
-"""Tasks per thread of the workers that are submitted at a time."""
+"""Number of unfinished tasks per thread of the workers: one that runs, and others that wait."""
 CONNECT_TIMEOUT_S = 10.0
 """Time limit for the answer of the scheduler, at the start and when it goes away. Units: s."""
 POLL_S = 1.0
@@ -31,15 +31,15 @@ def run_on_cluster(
     function : callable
         Function of a module that is installed on all workers.
     tasks : iterable
-        Taken as results come.
+        Tasks, read lazily as results arrive.
     address : str
         Address of the scheduler, as ``tcp://192.168.0.10:8786``.
 
     Yields
     ------
     Finished
-        A task that ended several workers has the value `EndedProcess`; other workers do the
-        tasks of one that ends.
+        The tasks of a worker that ends are repeated by others; one that has ended several workers
+        has the value `EndedProcess`.
 
     Raises
     ------
@@ -48,14 +48,15 @@ def run_on_cluster(
     """
     client = _connect(address)
     try:
-        yield from _run(client, function, iter(tasks))
+        yield from _run_tasks(client, function, iter(tasks))
     except (OSError, TimeoutError) as error:
-        raise _gone(address, error) from None
+        raise _scheduler_lost(address, error) from None
     finally:
         client.close(timeout=2)
 
 
 def _connect(address: str) -> Any:
+    """Return a client of the scheduler, or raise `LsvisionError` if there is none."""
     try:
         import distributed
     except ModuleNotFoundError:
@@ -72,21 +73,22 @@ def _connect(address: str) -> Any:
         ) from None
 
 
-def _run(
+def _run_tasks(
     client: Any, function: Callable[[Task], Value], remaining: Iterator[Task]
 ) -> Iterator[Finished[Task, Value]]:
+    """Submit the remaining tasks as others finish, and yield the results."""
     in_flight: dict[Any, Task] = {}
     while True:
-        most = IN_FLIGHT_PER_THREAD * max(sum(client.nthreads().values()), 1)
-        for task in islice(remaining, max(most - len(in_flight), 0)):
+        max_count = IN_FLIGHT_PER_THREAD * max(sum(client.nthreads().values()), 1)
+        for task in islice(remaining, max(max_count - len(in_flight), 0)):
             in_flight[client.submit(function, task, pure=False)] = task
         if not in_flight:
             return
-        for future in _wait(client, list(in_flight)):
-            yield Finished(in_flight.pop(future), _result(client, future))
+        for future in _wait_for_any(client, list(in_flight)):
+            yield Finished(in_flight.pop(future), _result_of_future(client, future))
 
 
-def _wait(client: Any, futures: list[Any]) -> list[Any]:
+def _wait_for_any(client: Any, futures: list[Any]) -> list[Any]:
     """Return the futures that are done, at least one.
 
     The client itself would wait without limit for a scheduler that has gone away.
@@ -104,7 +106,8 @@ def _wait(client: Any, futures: list[Any]) -> list[Any]:
             raise TimeoutError("no answer")
 
 
-def _result(client: Any, future: Any) -> Any:
+def _result_of_future(client: Any, future: Any) -> Any:
+    """Return the result of a future, or `EndedProcess` if its task has ended several workers."""
     import distributed
 
     try:
@@ -112,10 +115,11 @@ def _result(client: Any, future: Any) -> Any:
     except distributed.KilledWorker:
         return EndedProcess()
     except distributed.CancelledError as error:
-        raise _gone(client.scheduler.address, error) from None
+        raise _scheduler_lost(client.scheduler.address, error) from None
 
 
-def _gone(address: str, error: Exception) -> LsvisionError:
+def _scheduler_lost(address: str, error: Exception) -> LsvisionError:
+    """Return the error that a scheduler does not answer any more."""
     return LsvisionError(
         f"{address}: the scheduler has gone away ({type(error).__name__}): start it, and give the "
         "same command again: finished files are kept"

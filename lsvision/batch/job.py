@@ -41,15 +41,15 @@ class BatchJob:
     @property
     def settings(self) -> dict[str, Any]:
         """All settings that differ from their defaults, as plain numbers and text."""
-        chosen: dict[str, Any] = {"measure": self.measure.func.__name__}
-        chosen |= {name: _plain(value) for name, value in self.measure.keywords.items()}
-        reading = {name: _plain(value) for name, value in self.reading.items()}
-        chosen["reading"] = {
+        changed: dict[str, Any] = {"measure": self.measure.func.__name__}
+        changed |= {name: _convert_to_plain(value) for name, value in self.measure.keywords.items()}
+        reading = {name: _convert_to_plain(value) for name, value in self.reading.items()}
+        changed["reading"] = {
             name: value for name, value in reading.items() if value not in (None, False)
         }
         if self.inspection is not None:
-            chosen |= {"job": self.inspection.name, "job_hash": self.inspection.hash}
-        return {name: value for name, value in chosen.items() if value is not None}
+            changed |= {"job": self.inspection.name, "job_hash": self.inspection.hash}
+        return {name: value for name, value in changed.items() if value is not None}
 
     @property
     def hash(self) -> str:
@@ -58,12 +58,12 @@ class BatchJob:
         return hashlib.sha256(canonical.encode()).hexdigest()[:16]
 
 
-def _plain(value: Any) -> Any:
+def _convert_to_plain(value: Any) -> Any:
     """Return a value as numbers, text, lists and mappings, ready for JSON."""
     if is_dataclass(value) and not isinstance(value, type):
-        return {name: _plain(each) for name, each in asdict(value).items()}
+        return {name: _convert_to_plain(member) for name, member in asdict(value).items()}
     if isinstance(value, Mapping):
-        return {str(name): _plain(each) for name, each in value.items()}
+        return {str(name): _convert_to_plain(member) for name, member in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_plain(each) for each in value]
+        return [_convert_to_plain(member) for member in value]
     return value if value is None or isinstance(value, (bool, int, float, str)) else str(value)

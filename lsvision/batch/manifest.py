@@ -27,7 +27,7 @@ class Status:
     Parameters
     ----------
     job_hash : str
-        Hash of the batch's job.
+        Hash of the batch's settings, `BatchJob.hash`.
     settings : dict
         Settings of the batch's job.
     files : int
@@ -88,7 +88,7 @@ def read_status(folder: Path) -> Status | None:
     except UnicodeDecodeError:
         raise UnreadableFile(f"{path}: no text, so no manifest: name another folder") from None
     lines = text.splitlines()
-    records = [record for record in map(_parsed, lines) if record is not None]
+    records = [record for record in map(_parse_record, lines) if record is not None]
     if not records and "\n" not in text:  # interrupted while the first line was written
         return None
     if not records or records[0].get("schema") != SCHEMA:
@@ -102,16 +102,16 @@ def read_status(folder: Path) -> Status | None:
         if "files" in record:
             files = int(record["files"])
         else:
-            aside = bool(record.pop("set_aside", False))
+            is_set_aside = bool(record.pop("set_aside", False))
             lists = {name: tuple(record[name]) for name in ("version", "notes")}
             outcome = FileOutcome(**record | lists)
             outcomes[outcome.name] = outcome
-            (set_aside.add if aside else set_aside.discard)(outcome.name)
+            (set_aside.add if is_set_aside else set_aside.discard)(outcome.name)
     head = records[0]
     return Status(head["job_hash"], head["job"], files, outcomes, frozenset(set_aside))
 
 
-def _parsed(line: str) -> dict[str, Any] | None:
+def _parse_record(line: str) -> dict[str, Any] | None:
     """Return the record of a line; None for a line that an interruption left incomplete."""
     try:
         record = json.loads(line)
@@ -121,7 +121,7 @@ def _parsed(line: str) -> dict[str, Any] | None:
 
 
 class Manifest:
-    """Manifest that is being written; use as a context manager, which holds its lock.
+    """Manifest that is being written, a context manager: it is open and locked within the block.
 
     Parameters
     ----------
@@ -155,9 +155,9 @@ class Manifest:
             )
             raise UnwritableFile(f"{where}: name a folder that can be written") from None
         try:
-            _lock(self._file, self._folder)
+            _lock_file(self._file, self._folder)
             self._end_cut_line()
-            self._check(status)
+            self._check_job(status)
         except LsvisionError:
             self._file.close()
             raise
@@ -191,17 +191,20 @@ class Manifest:
             if not self._file.read().endswith("\n"):
                 self._file.write("\n")
 
-    def _check(self, status: Status | None) -> None:
+    def _check_job(self, status: Status | None) -> None:
+        """Begin a new manifest with the job; raise an error if it is one of another job."""
         if status is None:
             head = {"schema": SCHEMA, "job_hash": self._job.hash, "job": self._job.settings}
             self._append(head)
         elif status.job_hash != self._job.hash:
+            difference = _describe_difference(status, self._job)
             raise LsvisionError(
-                f"{self._folder}: it holds results of another job ({_difference(status, self._job)}"
-                "): name another folder, or give the same options"
+                f"{self._folder}: it holds results of another job ({difference}): name another "
+                "folder, or give the same options"
             )
 
     def _append(self, record: dict[str, Any]) -> None:
+        """Write a record as one line, so that it is on the disk when this returns."""
         if self._file is None:
             raise ValueError("expected an open manifest: use it in a with statement")
         try:
@@ -214,7 +217,8 @@ class Manifest:
             ) from None
 
 
-def _difference(status: Status, job: BatchJob) -> str:
+def _describe_difference(status: Status, job: BatchJob) -> str:
+    """Return the settings that differ between a manifest and a job, for an error message."""
     names = sorted({*status.settings, *job.settings})
     changed = [
         f"{name} {status.settings.get(name, 'default')}, now {job.settings.get(name, 'default')}"
@@ -224,7 +228,7 @@ def _difference(status: Status, job: BatchJob) -> str:
     return "; ".join(changed)
 
 
-def _lock(file: TextIO, folder: Path) -> None:
+def _lock_file(file: TextIO, folder: Path) -> None:
     """Lock a manifest until it is closed, on systems that have such locks."""
     try:
         import fcntl

@@ -33,11 +33,11 @@ class FileTask:
     Parameters
     ----------
     source, output : Path
-        Profiles in, Parquet out.
+        File of profiles, and Parquet file of its cylinders.
     name : str
         Name of the source in the results and the manifest.
     job : BatchJob
-        Reading and measuring of the file.
+        Settings with which the file is read and measured.
     max_size : int
         Largest size of a file that is read. Units: bytes.
     """
@@ -138,24 +138,25 @@ def _measure_to(task: FileTask) -> FileOutcome:
     try:
         for part in iterate_profiles(task.source, **task.job.reading):
             require_plausible_units(part.file)
-            notes |= dict.fromkeys(_notes(part.file))
+            notes |= dict.fromkeys(_list_notes(part.file))
             measured = _measure_part(task, part)
             table = result_table(task.name, part, measured, task.job.inspection)
-            writer = writer or _open(temporary, table.schema)
-            _write(writer, table, task.output)
+            writer = writer or _open_writer(temporary, table.schema)
+            _write_table(writer, table, task.output)
             counts[0] += len(measured)
             counts[1] += sum(len(m.cylinders) for m in measured if m is not None)
             counts[2] += sum(len(m.rejections) for m in measured if m is not None)
         if writer is None:
             raise UnreadableFile(f"{task.source}: it holds no profile")
-        _close(writer, temporary, task.output)
+        _finish_output(writer, temporary, task.output)
     finally:
         temporary.unlink(missing_ok=True)
     profiles, cylinders, rejections = counts
     return FileOutcome(task.name, profiles, cylinders, rejections, notes=tuple(notes))
 
 
-def _notes(file: ProfileFile) -> Iterator[str]:
+def _list_notes(file: ProfileFile) -> Iterator[str]:
+    """Yield the assumptions and omissions in reading a file."""
     if file.units_assumed:
         yield f"units taken as {file.units}: state them with --units"
     yield from file.notes
@@ -174,37 +175,41 @@ def _measure_part(task: FileTask, part: ProfilePart) -> "list[Measurement | None
         if isinstance(result, Exception):
             raise result
         measured[k] = result
-    compute_intervals(c for each in measured if each is not None for c in each.cylinders)
+    compute_intervals(c for m in measured if m is not None for c in m.cylinders)
     return measured
 
 
-def _open(path: Path, schema: "pa.Schema") -> "pa.parquet.ParquetWriter":
+def _open_writer(path: Path, schema: "pa.Schema") -> "pa.parquet.ParquetWriter":
+    """Return a writer of a new Parquet file."""
     from pyarrow import parquet
 
     try:
         return parquet.ParquetWriter(path, schema, compression="zstd")
     except OSError as error:
-        raise _unwritable(path.parent, error) from None
+        raise _build_error(path.parent, error) from None
 
 
-def _write(writer: "pa.parquet.ParquetWriter", table: "pa.Table", output: Path) -> None:
+def _write_table(writer: "pa.parquet.ParquetWriter", table: "pa.Table", output: Path) -> None:
+    """Write a table with the column types of the first one."""
     try:
         writer.write_table(table.cast(writer.schema))
     except OSError as error:
-        raise _unwritable(output, error) from None
+        raise _build_error(output, error) from None
 
 
-def _close(writer: "pa.parquet.ParquetWriter", temporary: Path, output: Path) -> None:
+def _finish_output(writer: "pa.parquet.ParquetWriter", temporary: Path, output: Path) -> None:
+    """Close a temporary file, and rename it to the output once it is on the disk."""
     try:
         writer.close()
         with temporary.open("rb+") as file:
             os.fsync(file.fileno())
         temporary.replace(output)
     except OSError as error:
-        raise _unwritable(output, error) from None
+        raise _build_error(output, error) from None
 
 
-def _unwritable(path: Path, error: OSError) -> UnwritableFile:
+def _build_error(path: Path, error: OSError) -> UnwritableFile:
+    """Return the error that a file cannot be written."""
     reason = error.strerror or str(error)
     return UnwritableFile(
         f"{path}: {reason}: free disk space or choose another folder, then run again"

@@ -46,7 +46,7 @@ def measure_many(
     --------
     >>> import lsvision as lsv
     >>> profiles = [lsv.simulate.random_section("single", seed).profile for seed in (7, 8)]
-    >>> [len(found.cylinders) for found in measure_many(profiles, jobs=1)]
+    >>> [len(measurement.cylinders) for measurement in measure_many(profiles, jobs=1)]
     [1, 1]
     """
     jobs = default_jobs() if jobs is None else jobs
@@ -60,7 +60,7 @@ def _measure_many(
     profiles: "Iterable[Profile | npt.ArrayLike]", jobs: int, options: dict[str, Any]
 ) -> Iterator[Measurement]:
     measured = 0
-    groups = _groups(map(as_profile, profiles))
+    groups = _split_into_groups(map(as_profile, profiles))
     for task, measurements in run_tasks(
         partial(_measure_group, options), groups, jobs, ordered=True
     ):
@@ -76,9 +76,11 @@ def _measure_many(
 
 
 def _measure_group(options: dict[str, Any], profiles: list[Profile]) -> list[Measurement]:
+    """Measure a group of profiles; a function of a module, because processes import it."""
     return measure_profiles(profiles, **options)
 
 
-def _groups(profiles: Iterator[Profile]) -> Iterator[list[Profile]]:
+def _split_into_groups(profiles: Iterator[Profile]) -> Iterator[list[Profile]]:
+    """Yield the profiles in groups, each the task of a process."""
     while group := list(islice(profiles, PROFILES_AT_ONCE)):
         yield group

@@ -1,4 +1,4 @@
-"""Tasks in several processes of this machine, a bounded number of them in flight."""
+"""Tasks that run in several processes of this machine, a limited number of them at a time."""
 
 import multiprocessing
 import os
@@ -16,7 +16,7 @@ Task = TypeVar("Task")
 Value = TypeVar("Value")
 
 IN_FLIGHT_PER_JOB = 3
-"""Tasks per process that are submitted at a time: one that runs, and others that wait."""
+"""Number of unfinished tasks per process: one that runs, and others that wait."""
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Variables that limit the threads of linear algebra to one per process."""
 
@@ -44,7 +44,7 @@ def default_jobs() -> int:
 def run_tasks(
     function: Callable[[Task], Value], tasks: Iterable[Task], jobs: int, *, ordered: bool
 ) -> Iterator[Finished[Task, Value]]:
-    """Yield the results of tasks.
+    """Run tasks in several processes, and yield the results.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def _run_pool(
 ) -> Iterator[Finished[Task, Value]]:
     """Yield results until no task remains or a process ends; then `lost` holds those in flight."""
     in_flight: dict[Future[Value], Task] = {}
-    with _pool(jobs) as pool:
+    with _open_pool(jobs) as pool:
         while True:
             try:
                 for task in islice(remaining, IN_FLIGHT_PER_JOB * jobs - len(in_flight)):
@@ -96,8 +96,8 @@ def _run_pool(
                 return
             if not in_flight:
                 return
-            first = [next(iter(in_flight))] if ordered else in_flight
-            for future in wait(first, return_when=FIRST_COMPLETED).done:
+            awaited = [next(iter(in_flight))] if ordered else in_flight
+            for future in wait(awaited, return_when=FIRST_COMPLETED).done:
                 if isinstance(future.exception(), BrokenProcessPool):
                     lost.extend(in_flight.values())
                     return
@@ -112,7 +112,7 @@ def _run_one_by_one(
     ended = True
     while ended:
         ended = False
-        with _pool(1) as pool:
+        with _open_pool(1) as pool:
             for task in remaining:
                 try:
                     value: Value | EndedProcess = pool.submit(function, task).result()
@@ -124,14 +124,14 @@ def _run_one_by_one(
 
 
 @contextmanager
-def _pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
+def _open_pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
     """Open a pool of single-threaded processes, terminated if the caller stops early."""
     if getattr(multiprocessing.current_process(), "_inheriting", False):  # imports the script
         raise RuntimeError(
             "expected several processes to be started below if __name__ == '__main__':, since "
             "each of them imports the script; or pass jobs=1"
         )
-    others = set(multiprocessing.active_children())
+    previous = set(multiprocessing.active_children())
     variables = {name: os.environ.get(name) for name in THREAD_VARIABLES}
     os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
     context = multiprocessing.get_context("spawn")
@@ -139,7 +139,7 @@ def _pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
     try:
         yield pool
     except BaseException:  # an interrupt, or the caller stopped reading results
-        for process in set(multiprocessing.active_children()) - others:
+        for process in set(multiprocessing.active_children()) - previous:
             process.terminate()
         raise
     finally:
@@ -152,16 +152,17 @@ def _pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
 
 
 def _prepare_process() -> None:
-    """Leave interrupts to the parent process, and end with it."""
+    """Ignore interrupts, which the parent process handles, and end with that process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     if parent is not None:
-        threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+        threading.Thread(target=_exit_after, args=(parent,), daemon=True).start()
     import cv2
 
     cv2.setNumThreads(1)
 
 
-def _end_with(parent: "multiprocessing.process.BaseProcess") -> None:
+def _exit_after(parent: "multiprocessing.process.BaseProcess") -> None:
+    """Exit as soon as another process has ended."""
     parent.join()
     os._exit(1)

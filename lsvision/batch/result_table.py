@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 PLACE_COLUMNS = ("source", "profile", "cylinder")
 """Columns before those with the cylinder's quantities."""
 INTEGERS, FLAGS = ("profile", "cylinder", "points"), ("theta_determined",)
+"""Columns of integers and of true or false; all others but `source` are numbers."""
 
 
 def result_table(
@@ -23,7 +24,7 @@ def result_table(
     measurements: Sequence["Measurement | None"],
     inspection: "Job | None" = None,
 ) -> "pa.Table":
-    """Return the results of consecutive profiles.
+    """Return the results of consecutive profiles as a table of one row for each cylinder.
 
     Parameters
     ----------
@@ -50,7 +51,7 @@ def result_table(
     indices: list[int] = []
     rows: list[dict[str, Any]] = []
     for index, measurement in enumerate(measurements):
-        for row in _rows(measurement):
+        for row in _list_rows(measurement):
             rows.append(row | {"source": source, "profile": part.first + index})
             indices.append(index)
     names = (*PLACE_COLUMNS, *SECTION_COLUMNS)
@@ -58,23 +59,25 @@ def result_table(
     columns = {
         name: pa.array([row.get(name) for row in rows], type=_type_of(name)) for name in names
     }
-    columns |= _columns_of_file(part, indices, taken=(*names, *decided, "reason", "rejections"))
+    columns |= _repeat_file_columns(part, indices, taken=(*names, *decided, "reason", "rejections"))
     if inspection is not None:
-        decisions = [_decision(measurement, inspection) for measurement in measurements]
+        decisions = [_decide(measurement, inspection) for measurement in measurements]
         columns["decision"] = pa.array([decisions[index] for index in indices], type=pa.string())
     columns["reason"] = pa.array([row["reason"] for row in rows], type=pa.string())
     columns["rejections"] = pa.array([row["rejections"] for row in rows], type=_rejections_type())
     return pa.table(columns)
 
 
-def _decision(measurement: "Measurement | None", job: "Job") -> str:
+def _decide(measurement: "Measurement | None", job: "Job") -> str:
+    """Return the decision on a profile: OK, NG or undecided."""
     from lsvision.inspection.judge import judge
     from lsvision.measure import Measurement
 
     return str(judge(measurement or Measurement((), ()), job).decision.value)
 
 
-def _rows(measurement: "Measurement | None") -> Iterator[dict[str, Any]]:
+def _list_rows(measurement: "Measurement | None") -> Iterator[dict[str, Any]]:
+    """Yield the rows of a profile: one per cylinder, or one with the reason why there is none."""
     if measurement is None:
         yield {"reason": "no valid point", "rejections": []}
         return
@@ -86,7 +89,7 @@ def _rows(measurement: "Measurement | None") -> Iterator[dict[str, Any]]:
         yield row | {"cylinder": number, "reason": None, "rejections": [] if number else rejections}
 
 
-def _columns_of_file(
+def _repeat_file_columns(
     part: ProfilePart, indices: list[int], taken: tuple[str, ...]
 ) -> dict[str, "pa.ChunkedArray | pa.Array"]:
     """Return the other columns of the file, repeated for each cylinder of a profile."""
@@ -94,7 +97,7 @@ def _columns_of_file(
 
     table = part.columns
     if table is None and part.file.attributes:
-        table = pa.Table.from_pylist([dict(each) for each in part.file.attributes])
+        table = pa.Table.from_pylist([dict(attributes) for attributes in part.file.attributes])
     if table is None:
         return {}
     repeated = table.take(pa.array(indices, type=pa.int64()))
@@ -102,6 +105,7 @@ def _columns_of_file(
 
 
 def _type_of(name: str) -> "pa.DataType":
+    """Return the type of a column."""
     import pyarrow as pa
 
     if name == "source":

@@ -1,4 +1,4 @@
-"""A run of a batch: a Parquet file for each file of profiles, and a manifest."""
+"""Run of a batch: writes a Parquet file for each file of profiles, and a manifest."""
 
 import importlib.util
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -14,10 +14,11 @@ from lsvision.files.limited_reading import current_size_limit
 from lsvision.files.printable import printable_name
 
 Report = Callable[[FileOutcome], None]
+"""Function that is called with the outcome of each file."""
 
 
 def plan_tasks(sources: Sequence[Path], root: Path, folder: Path, job: BatchJob) -> list[FileTask]:
-    """Return the tasks of a batch: where the results of each file go.
+    """Return the tasks of a batch, each with the file that its results are written to.
 
     Parameters
     ----------
@@ -29,7 +30,7 @@ def plan_tasks(sources: Sequence[Path], root: Path, folder: Path, job: BatchJob)
         Folder of the results: ``part.parquet`` goes to ``part.parquet``, ``a.csv`` to
         ``a.csv.parquet``.
     job : BatchJob
-        Reading and measuring of the files.
+        Settings with which the files are read and measured.
 
     Raises
     ------
@@ -75,7 +76,7 @@ def run_batch(
     scheduler : str, optional
         Address of a Dask scheduler, which takes the place of the processes.
     report : callable
-        Called with the outcome of each file as it is noted.
+        Function that is called with the outcome of each file, as soon as it is in the manifest.
 
     Returns
     -------
@@ -98,9 +99,9 @@ def run_batch(
         manifest.begin(len(tasks))
         for task in open_tasks:
             task.output.parent.mkdir(parents=True, exist_ok=True)
-        for task, value in _results(open_tasks, jobs, scheduler):
+        for task, value in _run_tasks(open_tasks, jobs, scheduler):
             ended = isinstance(value, EndedProcess)
-            outcome = value if isinstance(value, FileOutcome) else _set_aside(task)
+            outcome = value if isinstance(value, FileOutcome) else _outcome_of_ended_process(task)
             manifest.add(outcome, set_aside=ended)
             report(outcome)
     status = read_status(folder)
@@ -109,7 +110,7 @@ def run_batch(
     return status
 
 
-def _results(
+def _run_tasks(
     tasks: Iterable[FileTask], jobs: int, scheduler: str | None
 ) -> Iterator[Finished[FileTask, FileOutcome]]:
     if scheduler is not None:
@@ -117,7 +118,7 @@ def _results(
     return run_tasks(measure_file, tasks, jobs, ordered=False)
 
 
-def _set_aside(task: FileTask) -> FileOutcome:
+def _outcome_of_ended_process(task: FileTask) -> FileOutcome:
     return FileOutcome(
         task.name,
         error=f"{task.source}: it ended its process twice (out of memory, or a crash): set aside",
