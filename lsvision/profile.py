@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from lsvision.geometry import BoolArray, FloatArray, IntArray, Points, as_readonly_array
 from lsvision.geometry.arguments import as_section_points
-from lsvision.geometry.arrays import extent_of
+from lsvision.geometry.arrays import measure_extent
 from lsvision.geometry.equality import ComparedByValue
 from lsvision.geometry.noisy_points import NoisyPoints
 from lsvision.statistics.lost_markers import find_lost_markers
@@ -210,7 +210,7 @@ def as_profile(points: Profile | npt.ArrayLike) -> Profile:
     """
     profile = points if isinstance(points, Profile) else Profile(cast("Points", points))
     valid = profile.points[~np.isnan(profile.points[:, 0])]
-    extent, (low, high) = extent_of(valid), METRES_EXTENTS
+    extent, (low, high) = measure_extent(valid), METRES_EXTENTS
     largest_coordinate = float(np.abs(valid).max(initial=0.0))
     if largest_coordinate > MAX_PLAUSIBLE_COORDINATE_MM:
         warnings.warn(

@@ -27,7 +27,7 @@ from lsvision.cylinder.problem import (
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import DegenerateGeometry, TooFewPoints
 from lsvision.geometry import Cylinder, FloatArray, Points, as_readonly_array, tangent_frame
-from lsvision.geometry.arrays import TINY, extent_of, require_coordinates, require_covariances
+from lsvision.geometry.arrays import TINY, measure_extent, require_coordinates, require_covariances
 from lsvision.geometry.settings_repr import ShowsChanges
 from lsvision.statistics.numerical_failures import report_numerical_failure, require_finite
 from lsvision.statistics.robust import mad_std
@@ -140,7 +140,7 @@ def _fit_validated(
     known_radius: RadiusPrior | None,
     settings: CylinderFittingSettings,
 ) -> CylinderFit:
-    origin, scale = points.mean(axis=0), extent_of(points)
+    origin, scale = points.mean(axis=0), measure_extent(points)
     _check_not_degenerate(points - origin, has_initial_guess=initial_guess is not None)
     scaled = (points - origin) / scale
     scaled_covariances = None if covariances is None else covariances / scale**2

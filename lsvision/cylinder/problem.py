@@ -13,7 +13,7 @@ import numpy as np
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import FitFailed
 from lsvision.geometry import Cylinder, FloatArray, Points
-from lsvision.geometry.arrays import TINY, extent_of
+from lsvision.geometry.arrays import TINY, measure_extent
 from lsvision.statistics.compiled_routines import levenberg_marquardt
 
 Evaluation = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
@@ -254,7 +254,7 @@ def minimise(problem: CylinderProblem, initial_guess: FloatArray) -> FloatArray:
             lambda x: evaluate(x)[0], lambda x: evaluate(x)[1], initial_guess,
             xtol=1e-13, ftol=1e-15, max_evaluations=200,
         )  # fmt: skip
-    extent = extent_of(problem.points)
+    extent = measure_extent(problem.points)
     if not (np.isfinite(solution).all() and 0 < solution[4] < MAX_RADIUS_EXTENTS * extent):
         raise FitFailed(
             f"no cylinder fits the points (radius {solution[4]:.3g} mm for an extent of "

@@ -112,7 +112,7 @@ class ArcStack(NamedTuple):
         """Columns of the middle part."""
         return slice(2 * self.end_size, None)
 
-    def ends_of(self, columns: npt.NDArray[Number]) -> npt.NDArray[Number]:
+    def take_ends(self, columns: npt.NDArray[Number]) -> npt.NDArray[Number]:
         """Return the ends of (k, n) or (k, j, n) values, as (k, 2, m + 2) or (k, 2, j, m + 2)."""
         size = self.end_size
         ends = columns[..., : 2 * size]
@@ -134,7 +134,7 @@ class ArcStack(NamedTuple):
             self.end_size,
         )
 
-    def inliers_of(self, arc: int, members: BoolArray) -> tuple[IntArray, NoisyPoints]:
+    def select_inliers(self, arc: int, members: BoolArray) -> tuple[IntArray, NoisyPoints]:
         """Return the middle part of an arc and the members (2, m) of its ends, ascending."""
         first, second = (mask.nonzero()[0] + PREDECESSORS for mask in members)
         middle = self.middle.start + np.arange(len(self.arcs[arc].middle))

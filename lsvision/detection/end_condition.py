@@ -78,7 +78,9 @@ def tangential_end_reason(
     )
 
 
-def connected_beyond(arc_points: ComplexArray, beyond: ComplexArray, max_count: int) -> IntArray:
+def find_connected_beyond(
+    arc_points: ComplexArray, beyond: ComplexArray, max_count: int
+) -> IntArray:
     """Return the positions of up to `max_count` points beyond an arc, each near the one before.
 
     `arc_points` are at least two points of the arc towards its end, `beyond` those that follow
@@ -106,7 +108,7 @@ def _split_ends(
         (z[indices[:near]][::-1], z[max(0, first - 2 * count) : first][::-1]),
         (z[indices[-near:]], z[beyond : beyond + 2 * count]),
     ]
-    return [(inner, outer[connected_beyond(inner, outer, count)]) for inner, outer in sides]
+    return [(inner, outer[find_connected_beyond(inner, outer, count)]) for inner, outer in sides]
 
 
 def _end_turn(inner: ComplexArray, beyond: ComplexArray, ellipse: Ellipse, min_count: int) -> float:

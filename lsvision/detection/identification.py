@@ -220,7 +220,7 @@ def grow_arcs(seeds: Sequence[Seed]) -> list[GrownArc | None]:
         compared, within = _compare(growths, parameters)
         members, rows = np.zeros(within.shape, dtype=bool), list[int]()
         for row, growth in enumerate(growths):
-            run = connected_inliers(within[row], growth.inside - growth.start)
+            run = find_connected_inliers(within[row], growth.inside - growth.start)
             if len(run) < MIN_POINTS:
                 continue
             if growth.take(run, compared.normals[row]):
@@ -289,7 +289,7 @@ def _within_sensor_error(compared: EllipseResiduals, growths: list[_Growth]) -> 
     return within
 
 
-def connected_inliers(inliers: BoolArray, inside: IntArray) -> IntArray:
+def find_connected_inliers(inliers: BoolArray, inside: IntArray) -> IntArray:
     """Return the inliers that are connected to the middle of an arc, across short interruptions.
 
     Parameters

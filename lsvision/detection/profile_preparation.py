@@ -8,7 +8,7 @@ import numpy as np
 from lsvision.detection.line_order import order_along_line
 from lsvision.ellipse.robust_gauss_newton import VARIANCE_FLOOR_FRACTION
 from lsvision.geometry import IntArray, Points
-from lsvision.geometry.arrays import extent_of
+from lsvision.geometry.arrays import measure_extent
 from lsvision.geometry.noisy_points import NoisyPoints, as_complex
 from lsvision.profile import NoiseModel, PreparedProfile, Profile
 from lsvision.statistics.robust import upper_median
@@ -67,7 +67,7 @@ def typical_pitch(points: Points) -> float:
     spacing = np.abs(x[1:] - x[:-1])
     spacing = spacing[spacing > 0]
     if len(spacing) == 0:
-        return extent_of(points) / max(len(points), 1) or 1.0
+        return measure_extent(points) / max(len(points), 1) or 1.0
     return upper_median(spacing)
 
 

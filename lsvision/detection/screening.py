@@ -14,7 +14,7 @@ import numpy as np
 
 from lsvision.detection.arc_stack import ArcStack, SplitArc, split_arc
 from lsvision.detection.arcs import IdentifiedArc
-from lsvision.detection.end_condition import connected_beyond
+from lsvision.detection.end_condition import find_connected_beyond
 from lsvision.detection.end_points import (
     POINTS_BEYOND,
     PREDECESSORS,
@@ -242,7 +242,7 @@ def _compare_once(fits: _MiddleFits) -> tuple[_MiddleFits, _ComparedEnds, BoolAr
     middle = WeightedSystem(system.rows[..., stack.middle], system.weights[:, stack.middle])
     equations = middle.normal_equations(stack.valid[:, stack.middle])
     add_flattening_prior(equations, stack.parameters)
-    rows, weights = stack.ends_of(system.rows), stack.ends_of(system.weights)
+    rows, weights = stack.take_ends(system.rows), stack.take_ends(system.weights)
     ends = WeightedSystem(rows[..., PREDECESSORS:], weights[..., PREDECESSORS:])
     # Each end is predicted from the middle part and the other end.
     others = equations[:, None] + ends.normal_equations(stack.members)[:, ::-1]
@@ -278,14 +278,14 @@ def _end_points(fits: _MiddleFits, jacobian: FloatArray) -> EndPoints:
     """Return the points of both ends of k arcs, (k, 2, m + 2)."""
     stack, compared = fits.stack, fits.compared
     z, variances, deviator = stack.points.z, stack.points.mean_variance, stack.points.deviator
-    points = NoisyPoints(stack.ends_of(z), stack.ends_of(variances), stack.ends_of(deviator))
-    residuals, normals = stack.ends_of(compared.residuals), stack.ends_of(compared.normals)
+    points = NoisyPoints(stack.take_ends(z), stack.take_ends(variances), stack.take_ends(deviator))
+    residuals, normals = stack.take_ends(compared.residuals), stack.take_ends(compared.normals)
     feet = points.z - residuals * normals
     positions = np.zeros(residuals.shape)
     np.abs(feet[..., 1:] - feet[..., :-1]).cumsum(axis=-1, out=positions[..., 1:])
     visible = points.incidence_cosines(normals) > MIN_INCIDENCE_COSINE
-    visible &= stack.ends_of(stack.valid)
-    variances = stack.ends_of(compared.inflated_variances)
+    visible &= stack.take_ends(stack.valid)
+    variances = stack.take_ends(compared.inflated_variances)
     variances = variances * fits.noise.variance_factor[:, None, None]
     return EndPoints(residuals, variances, jacobian, visible, positions)
 
@@ -299,11 +299,11 @@ def _screened_arcs(
     for arc, (number, split) in enumerate(zip(fits.numbers.tolist(), stack.arcs, strict=True)):
         ellipse = ellipse_from_parameters(stack.parameters[arc])
         if split.reached_limits(stack.members[arc]):
-            indices, _ = stack.inliers_of(arc, stack.members[arc])
+            indices, _ = stack.select_inliers(arc, stack.members[arc])
             yield number, IdentifiedArc.of(indices, ellipse)
         else:
             variance_factor = float(fits.noise.variance_factor[arc])
-            inliers = stack.inliers_of(arc, selected[arc])
+            inliers = stack.select_inliers(arc, selected[arc])
             yield number, ScreenedArc(*inliers, ellipse, variance_factor)
 
 
@@ -314,7 +314,7 @@ def _select_probable(fits: _MiddleFits, ends: _ComparedEnds) -> BoolArray:
     `EDGE_POINTS_PER_CORRELATION`).
     """
     members, log_odds, leverages = ends.inliers
-    following = _find_connected_beyond(fits.stack)
+    following = _mark_connected_beyond(fits.stack)
     probability = 1 / (1 + np.exp(-np.where(members, log_odds, 0.0)))
     contacts: BoolArray = np.logical_or.reduce(following, axis=-1)
     if contacts.any():
@@ -337,16 +337,16 @@ def _select_probable(fits: _MiddleFits, ends: _ComparedEnds) -> BoolArray:
     return remaining
 
 
-def _find_connected_beyond(stack: ArcStack) -> BoolArray:
+def _mark_connected_beyond(stack: ArcStack) -> BoolArray:
     """Return the points (k, 2, m) connected beyond the last inlier of each end."""
     following = np.zeros(stack.members.shape, dtype=bool)
-    points = stack.ends_of(stack.points.z)
+    points = stack.take_ends(stack.points.z)
     for arc, split in enumerate(stack.arcs):
         for side, end in enumerate(split.ends):
             inliers = stack.members[arc, side].nonzero()[0] + PREDECESSORS
             if len(inliers):
                 z, last = points[arc, side, : len(end)], int(inliers[-1])
                 inside = np.concatenate([z[:PREDECESSORS], z[inliers]])
-                chain = connected_beyond(inside, z[last + 1 :], POINTS_BEYOND)
+                chain = find_connected_beyond(inside, z[last + 1 :], POINTS_BEYOND)
                 following[arc, side, last + 1 - PREDECESSORS + chain] = True
     return following

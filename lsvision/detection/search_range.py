@@ -4,7 +4,7 @@ import math
 
 from lsvision.detection.acceptance import AcceptanceSettings
 from lsvision.ellipse.problem import RadiusPrior
-from lsvision.geometry.arrays import extent_of
+from lsvision.geometry.arrays import measure_extent
 from lsvision.profile import PreparedProfile
 from lsvision.statistics.robust import SIGNIFICANT_SIGMAS
 
@@ -39,7 +39,7 @@ def search_range(
     if known is not None:
         spread = NOMINAL_SPREAD * known.radius + SIGNIFICANT_SIGMAS * known.std
         return max(known.radius - spread, NOMINAL_SPREAD * known.radius), known.radius + spread
-    extent = extent_of(profile.points) if len(profile.valid_indices) else 0.0
+    extent = measure_extent(profile.points) if len(profile.valid_indices) else 0.0
     if extent == 0:
         return 1.0, 2.0
     low = MIN_RADIUS_FRACTION * math.sqrt(extent * profile.pitch)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lsvision.ellipse.fit_stack import FitStack, flattening
+from lsvision.ellipse.fit_stack import FitStack, deviators_from_parameters
 from lsvision.ellipse.parameters import PARAMETERS, semi_minor, semi_minor_gradient
 from lsvision.ellipse.problem import EllipseProblem
 from lsvision.geometry import BoolArray, FloatArray, IntArray
@@ -125,7 +125,7 @@ def _expand_orthogonal(stack: FitStack, owners: IntArray, parameters: FloatArray
     the tangent; terms in distance times curvature are neglected.
     """
     distances, steepness, normals, w = _nearest_points(stack.points[owners], parameters)
-    m, d = parameters[:, 2:3], flattening(parameters)[:, None]
+    m, d = parameters[:, 2:3], deviators_from_parameters(parameters)[:, None]
     normals = normals.conj()
     along, across = w * normals, w.conj() * normals
     N, T = np.empty((2, len(w), PARAMETERS, w.shape[1]))
@@ -150,7 +150,7 @@ def _nearest_points(
 ) -> tuple[FloatArray, FloatArray, ComplexArray, ComplexArray]:
     """Return distance, |m w - d conj(w)|, unit normal and w of the nearest points, (k, n) each."""
     offsets = points - (parameters[:, 0] + 1j * parameters[:, 1])[:, None]
-    m, d = parameters[:, 2:3], flattening(parameters)[:, None]
+    m, d = parameters[:, 2:3], deviators_from_parameters(parameters)[:, None]
     w = m * offsets - d * offsets.conj()
     w /= np.abs(w)
     moving = True

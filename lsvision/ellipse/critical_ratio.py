@@ -14,7 +14,7 @@ from typing import Self
 
 import numpy as np
 
-from lsvision.ellipse.fit_stack import FitStack, flattening
+from lsvision.ellipse.fit_stack import FitStack, deviators_from_parameters
 from lsvision.geometry import BoolArray, FloatArray, IntArray
 from lsvision.geometry.arrays import TINY
 from lsvision.geometry.noisy_points import ComplexArray
@@ -83,7 +83,7 @@ class CriticalRatios:
         variances, vectors = np.linalg.eigh(stack.covariances[:, 3:, 3:])
         axes = vectors[:, 0, 0] + 1j * vectors[:, 1, 0]
         a, b = semi_axes = 1 / np.sqrt(np.maximum(variances.T, TINY))
-        m, deviators = stack.parameters[:, 2], flattening(stack.parameters)
+        m, deviators = stack.parameters[:, 2], deviators_from_parameters(stack.parameters)
         directions = _in_sigmas(deviators, semi_axes, axes)
         reaches = np.minimum(MAX_CURVATURE_RADIUS * a / b**2, MAX_SIGMAS / np.abs(directions))
         fractions, of_priors = np.zeros((2, len(m)))

@@ -14,10 +14,10 @@ from typing import Literal
 import numpy as np
 
 from lsvision.ellipse.arc_solutions import SolvedArc, StartedArc, solve_arcs
-from lsvision.ellipse.outcomes import apply_to_successes, outcome_of, replace_some, result_of
+from lsvision.ellipse.outcomes import apply_to_successes, catch_error, replace_some, unwrap
 from lsvision.ellipse.parameters import (
     PARAMETERS,
-    deviator_of,
+    deviator_from_parameters,
     ellipse_from_parameters,
     parameters_from_ellipse,
 )
@@ -128,7 +128,9 @@ class EllipseFit:
         """Whether (p, q) differs from 0 by more than 5 standard deviations, so theta is defined."""
         (pp, pq), (_, qq) = self.parameter_covariance[-2:, -2:].tolist()
         largest = (pp + qq) / 2 + math.hypot((pp - qq) / 2, pq)
-        return abs(deviator_of(self.parameters)) > NONCIRCULAR_SIGMAS * math.sqrt(largest)
+        return abs(deviator_from_parameters(self.parameters)) > NONCIRCULAR_SIGMAS * math.sqrt(
+            largest
+        )
 
     @property
     def rms(self) -> float:
@@ -205,7 +207,7 @@ def fit_ellipse(
         (outcome,) = fit_noisy_points(
             [(noisy, initial_guess)], Priors(known_radius, known_phi), settings
         )
-    fit = result_of(outcome)
+    fit = unwrap(outcome)
     require_finite("an ellipse", fit.parameters, fit.residuals)
     return fit
 
@@ -278,7 +280,7 @@ def _fit(arcs: list[StartedArc], priors: Priors, settings: FittingSettings) -> F
     for _ in range(settings.reweightings):
         solved = apply_to_successes(solve, solved)
     fits = apply_to_successes(
-        lambda arcs: [outcome_of(_build_fit, arc, settings.variance) for arc in arcs], solved
+        lambda arcs: [catch_error(_build_fit, arc, settings.variance) for arc in arcs], solved
     )
     if priors == NO_PRIORS:
         return fits
@@ -308,7 +310,7 @@ def with_known_radius(fit: EllipseFit, known_radius: RadiusPrior) -> EllipseFit:
     """
     problem = replace(fit.problem, known_radius=known_radius)
     (refitted,) = _refit_with_scaled_stds([replace(fit, problem=problem)])
-    return result_of(refitted)
+    return unwrap(refitted)
 
 
 def _scale_by_free_fits(
@@ -342,7 +344,7 @@ def _refit_with_scaled_stds(fits: list[EllipseFit]) -> Fits:
     problems = [scaled(fit) for fit in fits]
     solutions = minimise(problems, np.array([fit.parameters for fit in fits]))
     return [
-        outcome_of(_update_fit, fit, problem, solution)
+        catch_error(_update_fit, fit, problem, solution)
         if isinstance(solution, Solution)
         else solution
         for fit, problem, solution in zip(fits, problems, solutions, strict=True)

@@ -95,6 +95,6 @@ def _directions(points: ComplexArray, parameters: FloatArray) -> ComplexArray:
     return directions
 
 
-def flattening(parameters: FloatArray) -> ComplexArray:
+def deviators_from_parameters(parameters: FloatArray) -> ComplexArray:
     """Return the view d = p + iq of (k, 5) parameters, row by row in memory. Units: mm."""
     return parameters[:, 3:].view(complex)[:, 0]

@@ -15,7 +15,7 @@ import numpy as np
 
 from lsvision.ellipse.cost_expansion import Expansion, expand_cost, multiply_vectors
 from lsvision.ellipse.critical_ratio import CriticalRatios
-from lsvision.ellipse.fit_stack import FitStack, flattening
+from lsvision.ellipse.fit_stack import FitStack, deviators_from_parameters
 from lsvision.ellipse.region_extrema import (
     CIRCLE,
     DIRECTED,
@@ -223,7 +223,7 @@ class _Search:
             self.parameters = candidates[self.rows.owners, furthest]
             self.expansion = expand_cost(self.regions.stack, self.rows.owners, self.parameters)
             self.reduction = np.ones(furthest.size)
-            d, m = flattening(self.parameters), self.parameters[:, 2]
+            d, m = deviators_from_parameters(self.parameters), self.parameters[:, 2]
             kappas = np.where(IS_PHI[self.rows.ends], np.abs(d) / m, 1.0)
             self.targets = self.targets._replace(
                 angles=np.angle(d), kappas=kappas, critical=self.critical[self.rows]
@@ -243,7 +243,7 @@ class _Search:
         """Drop second ends that start in the first's direction, or with d opposite to theirs."""
         angles, deviators = np.zeros(self.wanted.shape), np.zeros(self.wanted.shape, dtype=complex)
         angles[self.rows] = self.targets.angles
-        deviators[self.rows] = flattening(self.targets.parameters)
+        deviators[self.rows] = deviators_from_parameters(self.targets.parameters)
         second_angles, d = angles[:, SECOND], deviators[:, SECOND]
         self.wanted[:, SECOND] &= np.cos(second_angles - angles[:, FIRST]) <= SAME_DIRECTION
         outward = np.cos(second_angles) * d.real + np.sin(second_angles) * d.imag
@@ -318,7 +318,12 @@ def _move(
     arc is more nearly an ellipsoid. A known radius or phi is a coordinate, too: steps preserve it.
     """
     steps = fractions[:, None] * (targets - parameters)
-    m, d, dm, dd = parameters[:, 2], flattening(parameters), steps[:, 2], flattening(steps)
+    m, d, dm, dd = (
+        parameters[:, 2],
+        deviators_from_parameters(parameters),
+        steps[:, 2],
+        deviators_from_parameters(steps),
+    )
     bent = d / m + (dd - d * dm / m) / m
     along_phi = ~stack.may_be_circle[owners]
     if along_phi.any():

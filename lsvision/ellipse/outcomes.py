@@ -69,12 +69,12 @@ def replace_some(
             outcomes[index] = result
 
 
-def outcome_of(step: Callable[..., Result], *arguments: object) -> Result | LsvisionError:
+def catch_error(step: Callable[..., Result], *arguments: object) -> Result | LsvisionError:
     """Return the result of a function, or the error that it raises.
 
     Examples
     --------
-    >>> outcome_of(result_of, LsvisionError("too short"))
+    >>> catch_error(unwrap, LsvisionError("too short"))
     LsvisionError('too short')
     """
     try:
@@ -83,7 +83,7 @@ def outcome_of(step: Callable[..., Result], *arguments: object) -> Result | Lsvi
         return error
 
 
-def result_of(outcome: T | LsvisionError) -> T:
+def unwrap(outcome: T | LsvisionError) -> T:
     """Return an outcome; raise it if it is an error.
 
     Raises
@@ -93,7 +93,7 @@ def result_of(outcome: T | LsvisionError) -> T:
 
     Examples
     --------
-    >>> result_of(3)
+    >>> unwrap(3)
     3
     """
     if isinstance(outcome, LsvisionError):

@@ -107,7 +107,7 @@ def _nearest_by_newton(
 
 def _nearest_directions(offsets: ComplexArray, parameters: FloatArray) -> ComplexArray:
     """Return the unit vectors w of the nearest points E w, also for points far from them, (n,)."""
-    a, b, rotation = axes_of(parameters)
+    a, b, rotation = axes_from_parameters(parameters)
     rotated = offsets * rotation.conjugate()
     cos, sin = foot_directions(rotated.real, rotated.imag, a, b)
     return _complex(cos, sin) * rotation
@@ -131,7 +131,7 @@ def radial_residuals_and_normals(
         The normal divided by its cosine with the ray, so that -n d(c + E w) is again the
         derivative of the residual; unit vector of the point on the ray.
     """
-    axes = [axes_of(row) for row in parameters]
+    axes = [axes_from_parameters(row) for row in parameters]
     a, b, rotation = (np.array(column)[:, None] for column in zip(*axes, strict=True))
     offsets = (z - split_parameters(parameters)[0]) * rotation.conj()
     w = _complex(offsets.real / a, offsets.imag / b)
@@ -170,7 +170,7 @@ def split_parameters(parameters: FloatArray) -> tuple[Any, Any, Any]:
     return *columns, parameters[..., 3:].view(complex)
 
 
-def deviator_of(parameters: FloatArray) -> complex:
+def deviator_from_parameters(parameters: FloatArray) -> complex:
     """Return p + iq of one ellipse. Units: mm."""
     return complex(*parameters[-2:].tolist())
 
@@ -191,7 +191,7 @@ def ellipse_from_parameters(parameters: FloatArray) -> Ellipse:
     FitFailed
         If the parameters are not finite, or the axis ratio is below `MIN_AXIS_RATIO`.
     """
-    a, b, turn = axes_of(parameters)
+    a, b, turn = axes_from_parameters(parameters)
     if not is_ellipse(parameters):
         raise FitFailed(
             f"the points have no ellipse (semi-axes {a:.3g} and {b:.3g} mm): they lie on a "
@@ -216,7 +216,7 @@ def are_ellipses(parameters: FloatArray) -> BoolArray:
 
 def semi_minor(parameters: FloatArray) -> float:
     """Return the semi-minor axis b = m - h. Units: mm."""
-    return float(parameters[2]) - abs(deviator_of(parameters))
+    return float(parameters[2]) - abs(deviator_from_parameters(parameters))
 
 
 def semi_minor_gradient(parameters: FloatArray) -> FloatArray:
@@ -229,7 +229,7 @@ def semi_major_gradient(parameters: FloatArray) -> FloatArray:
     return _semi_axis_gradient(parameters, 1.0)
 
 
-def axes_of(parameters: FloatArray) -> tuple[float, float, complex]:
+def axes_from_parameters(parameters: FloatArray) -> tuple[float, float, complex]:
     """Return a, |b| in mm and cos theta + i sin theta of (centre_x, centre_y, m, p, q)."""
     _, _, m, p, q = parameters.tolist()
     h = math.hypot(p, q)
@@ -246,6 +246,6 @@ def _complex(real: FloatArray, imaginary: FloatArray) -> ComplexArray:
 
 def _semi_axis_gradient(parameters: FloatArray, sign: float) -> FloatArray:
     """Return the derivative of m + sign h, (5,)."""
-    d = deviator_of(parameters)
+    d = deviator_from_parameters(parameters)
     direction = sign * d / abs(d) if d else complex(sign)
     return np.array([0.0, 0.0, 1.0, direction.real, direction.imag])

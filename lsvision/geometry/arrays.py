@@ -201,7 +201,7 @@ def rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def extent_of(points: Points) -> float:
+def measure_extent(points: Points) -> float:
     """Return the longest side of the bounding box of points; 0 without points.
 
     Parameters

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lsvision import Profile
-from lsvision.detection.end_condition import connected_beyond, tangential_end_reason
+from lsvision.detection.end_condition import find_connected_beyond, tangential_end_reason
 from lsvision.detection.profile_preparation import prepare_profile
 from tests.detection.scenes import arc_points, circle, exact, identified, walk
 
@@ -220,21 +220,21 @@ def real_line(*steps):
 def test_a_point_within_three_steps_is_connected():
     own = real_line(*[1.0] * 15)
     for gap, connected in ((2.2, 1), (2.9, 1), (3.1, 0), (3.8, 0)):
-        assert len(connected_beyond(own, np.array([15 + gap + 0j]), 9)) == connected
+        assert len(find_connected_beyond(own, np.array([15 + gap + 0j]), 9)) == connected
 
 
 def test_the_last_twelve_points_tell_the_step():
     """Their median, the upper one of two: six of eleven are needed."""
     far = np.array([25.0 + 0j])
     short = real_line(*[10.0] * 9, *[1.0] * 6)
-    assert len(connected_beyond(short - short[-1], far, 9)) == 0
+    assert len(find_connected_beyond(short - short[-1], far, 9)) == 0
     long = real_line(*[10.0] * 9, *[1.0] * 5)
-    assert len(connected_beyond(long - long[-1], far, 9)) == 1
+    assert len(find_connected_beyond(long - long[-1], far, 9)) == 1
 
 
 def test_the_chain_leaves_out_what_is_out_of_reach_and_ends_in_time():
     own = real_line(*[1.0] * 5) - 5
     beyond = np.array([1, 2 + 9j, 3, 4, 9, 5, 6], dtype=complex)
-    np.testing.assert_array_equal(connected_beyond(own, beyond, 9), [0, 2, 3, 5, 6])
-    np.testing.assert_array_equal(connected_beyond(own, beyond, 3), [0, 2, 3])
-    assert len(connected_beyond(own, beyond[:0], 3)) == 0
+    np.testing.assert_array_equal(find_connected_beyond(own, beyond, 9), [0, 2, 3, 5, 6])
+    np.testing.assert_array_equal(find_connected_beyond(own, beyond, 3), [0, 2, 3])
+    assert len(find_connected_beyond(own, beyond[:0], 3)) == 0

@@ -8,7 +8,7 @@ import pytest
 from lsvision import Profile
 from lsvision.detection import identification
 from lsvision.detection.candidates import Candidate
-from lsvision.detection.identification import Seed, connected_inliers, grow_arcs
+from lsvision.detection.identification import Seed, find_connected_inliers, grow_arcs
 from lsvision.detection.profile_preparation import prepare_profile
 from lsvision.detection.range_image import build_range_image, connected_components
 from lsvision.detection.search_range import search_range
@@ -223,7 +223,7 @@ def runs(*lengths):
 def connected(*lengths):
     """Whether the last run belongs to the first."""
     inliers, inside = runs(*lengths)
-    return bool(connected_inliers(inliers, inside)[-1] == len(inliers) - 1)
+    return bool(find_connected_inliers(inliers, inside)[-1] == len(inliers) - 1)
 
 
 def test_two_outliers_in_a_row_do_not_interrupt_and_four_do():
@@ -243,17 +243,19 @@ def test_only_a_run_longer_than_the_interruption_is_worth_bridging_it():
 
 def test_bridges_are_built_to_both_sides_and_one_behind_the_other():
     inliers = np.concatenate([np.full(n, i % 2 == 0) for i, n in enumerate((8, 5, 40, 6, 9, 5, 9))])
-    everything = connected_inliers(inliers, np.arange(13, 53))
+    everything = find_connected_inliers(inliers, np.arange(13, 53))
     np.testing.assert_array_equal(everything, inliers.nonzero()[0])
     np.testing.assert_array_equal(
-        connected_inliers(inliers[::-1], np.arange(29, 69)), inliers[::-1].nonzero()[0]
+        find_connected_inliers(inliers[::-1], np.arange(29, 69)), inliers[::-1].nonzero()[0]
     )
 
 
 def test_the_run_around_the_middle_of_the_arc_is_the_arcs():
     inliers = np.concatenate([np.full(n, i % 2 == 0) for i, n in enumerate((20, 30, 20))])
-    np.testing.assert_array_equal(connected_inliers(inliers, np.arange(20)), np.arange(20))
-    np.testing.assert_array_equal(connected_inliers(inliers, np.arange(45, 70)), np.arange(50, 70))
+    np.testing.assert_array_equal(find_connected_inliers(inliers, np.arange(20)), np.arange(20))
+    np.testing.assert_array_equal(
+        find_connected_inliers(inliers, np.arange(45, 70)), np.arange(50, 70)
+    )
 
 
 def test_a_seed_at_one_end_of_ten_thousand_points_reaches_the_other():
@@ -319,7 +321,7 @@ def test_the_arc_so_far_may_lie_anywhere_in_the_profile():
 def test_a_run_of_the_arc_counts_from_its_own_first_point():
     """Bridges are as long as half of the run in the middle, wherever it lies."""
     inliers = np.concatenate([np.full(n, i % 2 == 0) for i, n in enumerate((30, 21, 40, 19, 30))])
-    kept = connected_inliers(inliers, np.arange(55, 85))
+    kept = find_connected_inliers(inliers, np.arange(55, 85))
     np.testing.assert_array_equal(kept, np.r_[51:91, 110:140])
-    kept = connected_inliers(inliers[::-1], np.arange(55, 85))
+    kept = find_connected_inliers(inliers[::-1], np.arange(55, 85))
     np.testing.assert_array_equal(kept, np.r_[0:30, 49:89])

@@ -9,7 +9,7 @@ from scipy.stats import chi2
 
 from lsvision.ellipse.fit import FittingSettings, fit_ellipse
 from lsvision.ellipse.fit import fit_noisy_points as fit_several
-from lsvision.ellipse.outcomes import result_of
+from lsvision.ellipse.outcomes import unwrap
 from lsvision.ellipse.phi_prior import PhiPrior
 from lsvision.ellipse.problem import Priors, RadiusPrior
 from lsvision.ellipse.section import CylinderSection
@@ -147,7 +147,7 @@ def noisy(points, variance_ratio=1.0):
 def fit_noisy_points(points, start, known_radius=None, known_phi=None, settings=FittingSettings()):
     """Fit of one arc with the covariances of its points."""
     (outcome,) = fit_several([(points, start)], Priors(known_radius, known_phi), settings)
-    return result_of(outcome)
+    return unwrap(outcome)
 
 
 def ellipse_of(values):

@@ -10,7 +10,7 @@ from scipy.optimize import approx_fprime, brentq, least_squares
 from lsvision import Ellipse
 from lsvision.ellipse import parameters as module
 from lsvision.ellipse.fit import FittingSettings, fit_ellipse
-from lsvision.ellipse.outcomes import result_of
+from lsvision.ellipse.outcomes import unwrap
 from lsvision.ellipse.parameters import (
     ellipse_from_parameters,
     orthogonal_residuals_and_normals,
@@ -37,7 +37,7 @@ PRIOR = RadiusPrior(19.0, 0.1)
 def solved(problem, start, **options):
     """Solution of a problem alone."""
     (outcome,) = minimise([problem], parameters_from_ellipse(start)[None], **options)
-    return result_of(outcome)
+    return unwrap(outcome)
 
 
 def problem_of(points, residual="orthogonal", prior=None):

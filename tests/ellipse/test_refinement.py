@@ -6,7 +6,7 @@ from scipy.stats import t as student
 
 from lsvision import Arc, CylinderSection
 from lsvision.ellipse.fit import FittingSettings, fit_noisy_points
-from lsvision.ellipse.outcomes import result_of
+from lsvision.ellipse.outcomes import unwrap
 from lsvision.ellipse.phi_prior import PhiPrior
 from lsvision.ellipse.problem import Priors, RadiusPrior
 from lsvision.ellipse.refinement import refine_arcs
@@ -51,7 +51,7 @@ def refined(points, estimated_std=STD, priors=FREE):
 def refine_arc(points, start, priors, settings, estimated_std):
     """Refinement of one arc."""
     (outcome,) = refine_arcs([points], [start], priors, settings, [estimated_std])
-    return result_of(outcome)
+    return unwrap(outcome)
 
 
 def section_of(fit):

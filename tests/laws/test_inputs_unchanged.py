@@ -10,14 +10,14 @@ from lsvision import Ellipse, Profile, ProfileSensor, measure_cylinders
 from lsvision.detection.acceptance import rejection_reason, shape_rejection_reason
 from lsvision.detection.arcs import Rejection
 from lsvision.detection.candidates import find_candidates, seed_ellipse
-from lsvision.detection.end_condition import connected_beyond, tangential_end_reason
+from lsvision.detection.end_condition import find_connected_beyond, tangential_end_reason
 from lsvision.detection.end_points import (
     EndPoints,
     Prediction,
     departure_free_probability,
     find_end_inliers,
 )
-from lsvision.detection.identification import Seed, connected_inliers, grow_arcs, identify_arcs
+from lsvision.detection.identification import Seed, find_connected_inliers, grow_arcs, identify_arcs
 from lsvision.detection.line_order import order_along_line
 from lsvision.detection.profile_preparation import prepare_profile
 from lsvision.detection.range_image import build_range_image, connected_components
@@ -74,7 +74,7 @@ STEPS = {
     "find_candidates": (find_candidates, [PREPARED], [COMPONENTS], [RANGE]),
     "seed_ellipse": (seed_ellipse, PREPARED, CANDIDATES[0]),
     "grow_arcs": (grow_arcs, SEEDS),
-    "connected_inliers": (connected_inliers, np.sin(LENGTH) > 0, np.arange(20, 30)),
+    "find_connected_inliers": (find_connected_inliers, np.sin(LENGTH) > 0, np.arange(20, 30)),
     "identify_arcs": (identify_arcs, [PREPARED], [CANDIDATES], [RANGE]),
     "screen_arcs": (screen_arcs, [PREPARED], [ARC]),
     "find_end_inliers": (find_end_inliers, END, PREDICTION),
@@ -83,7 +83,7 @@ STEPS = {
         np.arange(10)[None] >= 7,
     ),
     "tangential_end_reason": (tangential_end_reason, PREPARED, ARC, SCREENED, 0.02),
-    "connected_beyond": (connected_beyond, np.arange(9) + 0j, np.arange(9, 12) + 0j, 3),
+    "find_connected_beyond": (find_connected_beyond, np.arange(9) + 0j, np.arange(9, 12) + 0j, 3),
     "smooth_arcs": (smooth_arcs, [SCREENED.points], [SCREENED.ellipse]),
     "smooth_residuals": (
         smooth_residuals, LENGTH[None], np.sin(LENGTH)[None], np.ones((1, 70)), LENGTH[None, ::7],

@@ -12,7 +12,7 @@ from lsvision.detection.arcs import IdentifiedArc
 from lsvision.detection.screening import ScreenedArc, screen_arcs
 from lsvision.ellipse.fit import EllipseFit, fit_ellipse, fit_noisy_points
 from lsvision.ellipse.homogenising import homogenise_arcs
-from lsvision.ellipse.outcomes import result_of
+from lsvision.ellipse.outcomes import unwrap
 from lsvision.ellipse.parameters import parameters_from_ellipse
 from lsvision.ellipse.problem import minimise
 from lsvision.ellipse.smoothing import SmoothedArc, smooth_arcs
@@ -148,7 +148,7 @@ def _homogenise(smoothed: SmoothedArc) -> Ellipse:
 def _fit(points: NoisyPoints, initial_guess: Ellipse) -> VariantFit:
     """Return the ellipse fitted by weighted orthogonal residuals."""
     (outcome,) = fit_noisy_points([(points, initial_guess)], settings=FITTING)
-    return _with_evaluations(result_of(outcome), initial_guess)
+    return _with_evaluations(unwrap(outcome), initial_guess)
 
 
 def _with_evaluations(fit: EllipseFit, initial_guess: Ellipse) -> VariantFit:
@@ -157,7 +157,7 @@ def _with_evaluations(fit: EllipseFit, initial_guess: Ellipse) -> VariantFit:
         raise FitFailed("the ellipse fit did not converge")
     start = parameters_from_ellipse(initial_guess)[None]
     (outcome,) = minimise([fit.problem], start, FITTING.max_evaluations, FITTING.tolerance)
-    return VariantFit(fit.ellipse, result_of(outcome).evaluations)
+    return VariantFit(fit.ellipse, unwrap(outcome).evaluations)
 
 
 def _without_smoothing(arc: AblationArc) -> VariantFit:
