@@ -120,20 +120,6 @@ class ArcStack(NamedTuple):
             return ends.reshape(-1, 2, size)
         return ends.reshape(*columns.shape[:2], 2, size).swapaxes(1, 2)
 
-    def select(self, arcs: BoolArray) -> "ArcStack":
-        """Return the stack of some arcs."""
-        if all(arcs.tolist()):
-            return self
-        return ArcStack(
-            [self.arcs[i] for i in arcs.nonzero()[0]],
-            self.indices[arcs],
-            self.points[arcs],
-            self.valid[arcs],
-            self.members[arcs],
-            self.parameters[arcs],
-            self.end_size,
-        )
-
     def select_inliers(self, arc: int, members: BoolArray) -> tuple[IntArray, NoisyPoints]:
         """Return the middle part of an arc and the members (2, m) of its ends, ascending."""
         first, second = (mask.nonzero()[0] + PREDECESSORS for mask in members)

@@ -16,7 +16,7 @@ import numpy as np
 from lsvision.detection import windows
 from lsvision.detection.arcs import MAX_OVERLAP
 from lsvision.geometry import BoolArray, Ellipse, FloatArray, IntArray, Points
-from lsvision.geometry.arrays import stack_with_mask
+from lsvision.geometry.arrays import select_rows, stack_with_mask
 from lsvision.profile import MAX_RELATIVE_SCATTER, Arc, PreparedProfile
 from lsvision.statistics.robust import SIGNIFICANT_SIGMAS
 
@@ -87,12 +87,12 @@ def find_candidates(
     circles = windows.fit_window_circles(points, all_windows)
     limits = np.array([(*radius_ranges[i], profiles[i].noise_std) for i in searched])
     passed = _passes_limits(circles, *limits.take(all_windows.rows, axis=0).T).nonzero()[0]
-    selected, centres = all_windows.select(passed), circles.centre[passed]
+    selected, centres = select_rows((all_windows, circles.centre), passed)
     coverage = windows.arc_coverage(points, selected, centres)
     # float32: windows whose coverage differs by rounding only are sorted by their centre's x.
     order = np.lexsort((centres.real, -coverage.astype(np.float32), selected.rows))
     order = order[(coverage * (selected.stops - selected.starts) >= MIN_COVERAGE_POINTS)[order]]
-    best = order[_suppress_non_maxima(selected.select(order))]
+    best = order[_suppress_non_maxima(select_rows(selected, order))]
     radii = circles.radius[passed]
     for i, row, start, stop in zip(
         best, *(field[best].tolist() for field in selected), strict=True

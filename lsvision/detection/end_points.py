@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lsvision.geometry import BoolArray, FloatArray
-from lsvision.geometry.arrays import TINY
+from lsvision.geometry.arrays import TINY, select_rows
 from lsvision.statistics.compiled_routines import dposv, dpotrf
 
 OUTLIER_FRACTION = 0.05
@@ -73,13 +73,6 @@ class EndPoints(NamedTuple):
     visible: BoolArray
     positions: FloatArray
 
-    def select(self, ends: BoolArray) -> "EndPoints":
-        """Return some ends of a stack."""
-        residuals, variances, jacobian, visible, positions = self
-        return EndPoints(
-            residuals[ends], variances[ends], jacobian[ends], visible[ends], positions[ends]
-        )
-
 
 class Prediction(NamedTuple):
     """Ellipse predicted from the middle part and the other end.
@@ -100,13 +93,6 @@ class Prediction(NamedTuple):
     covariance: FloatArray
     autocorrelation_time: FloatArray
     radius: FloatArray
-
-    def select(self, ends: BoolArray) -> "Prediction":
-        """Return the predictions of some ends of a stack."""
-        offset, covariance, time, radius = self
-        zeros = np.zeros(offset.shape[:-1])
-        time, radius = (time + zeros)[ends], (radius + zeros)[ends]
-        return Prediction(offset[ends], covariance[ends], time, radius)
 
     def innovations(self, residuals: FloatArray, jacobian: FloatArray) -> FloatArray:
         """Return residuals (..., k) from the predicted ellipse; `jacobian` is (..., 5, k)."""
@@ -136,11 +122,6 @@ class EndInliers(NamedTuple):
     log_odds: FloatArray
     leverages: FloatArray
 
-    def select(self, ends: BoolArray) -> "EndInliers":
-        """Return the inliers of some ends of a stack."""
-        members, log_odds, leverages = self
-        return EndInliers(members[ends], log_odds[ends], leverages[ends])
-
 
 def find_end_inliers(ends: EndPoints, prediction: Prediction) -> EndInliers:
     """Return the points of ends that lie on the ellipse, up to where the line leaves it.
@@ -157,7 +138,7 @@ def find_end_inliers(ends: EndPoints, prediction: Prediction) -> EndInliers:
     visible = ends.visible.copy()
     visible[..., PREDECESSORS:] &= ~first_decisive
     without, without_likelihood = _filter_ends(
-        ends._replace(visible=visible).select(doubtful), prediction.select(doubtful)
+        *select_rows((ends._replace(visible=visible), prediction), doubtful)
     )
     better = doubtful.copy()
     better[doubtful] = without_likelihood > likelihood[doubtful]

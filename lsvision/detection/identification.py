@@ -29,7 +29,7 @@ from lsvision.ellipse.robust_gauss_newton import (
     row_medians,
 )
 from lsvision.geometry import BoolArray, FloatArray, IntArray
-from lsvision.geometry.arrays import as_column
+from lsvision.geometry.arrays import as_column, select_rows
 from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints
 from lsvision.profile import PreparedProfile
 from lsvision.statistics.robust import MAD_TO_STD
@@ -231,8 +231,8 @@ def grow_arcs(seeds: Sequence[Seed]) -> list[GrownArc | None]:
         if not rows:
             return grown
         if len(rows) < len(growths):
-            growths = [growths[row] for row in rows]
-            compared, parameters, members = compared.rows(rows), parameters[rows], members[rows]
+            stacks = growths, compared, parameters, members
+            growths, compared, parameters, members = select_rows(stacks, rows)
         stepped = gauss_newton_step(compared, parameters, members)
         growths, parameters = _drop_failed(growths, stepped)
     for growth, row in zip(growths, parameters, strict=True):

@@ -24,7 +24,7 @@ from lsvision.detection.end_points import (
     departure_free_probability,
     find_end_inliers,
 )
-from lsvision.ellipse.arc_noise import ArcNoise, estimate_arc_noise, smoothed_noise
+from lsvision.ellipse.arc_noise import estimate_arc_noise, smoothed_noise
 from lsvision.ellipse.parameters import (
     PARAMETERS,
     are_ellipses,
@@ -40,6 +40,7 @@ from lsvision.ellipse.robust_gauss_newton import (
     inverse_information,
 )
 from lsvision.geometry import BoolArray, Ellipse, FloatArray, IntArray
+from lsvision.geometry.arrays import select_rows
 from lsvision.geometry.noisy_points import NoisyPoints
 from lsvision.profile import PreparedProfile
 
@@ -79,21 +80,6 @@ class _Noises(NamedTuple):
     low_frequency_time: FloatArray
     smoothed: BoolArray
 
-    @classmethod
-    def of(cls, noises: Sequence[ArcNoise]) -> "_Noises":
-        """Return the noise of arcs as arrays."""
-        return cls(
-            np.array([noise.variance_factor for noise in noises]),
-            np.array([noise.autocorrelation_time for noise in noises]),
-            np.array([noise.low_frequency_time for noise in noises]),
-            np.array([noise.smoothed for noise in noises], dtype=bool),
-        )
-
-    def select(self, arcs: BoolArray) -> "_Noises":
-        """Return the noise of some arcs."""
-        factor, time, low_time, smoothed = self
-        return _Noises(factor[arcs], time[arcs], low_time[arcs], smoothed[arcs])
-
 
 class _MiddleFits(NamedTuple):
     """Arcs with the ellipses of their middle parts, the residuals of all points, and the noise.
@@ -106,15 +92,6 @@ class _MiddleFits(NamedTuple):
     compared: EllipseResiduals
     noise: _Noises
 
-    def select(self, arcs: BoolArray) -> "_MiddleFits":
-        """Return some arcs."""
-        if all(arcs.tolist()):
-            return self
-        stack, compared, noise = self.stack, self.compared, self.noise
-        return _MiddleFits(
-            stack.select(arcs), self.numbers[arcs], compared.rows(arcs), noise.select(arcs)
-        )
-
 
 class _ComparedEnds(NamedTuple):
     """Points of both ends of k arcs (k, 2), the ellipses that predict them, and their inliers."""
@@ -122,13 +99,6 @@ class _ComparedEnds(NamedTuple):
     points: EndPoints
     prediction: Prediction
     inliers: EndInliers
-
-    def select(self, arcs: BoolArray) -> "_ComparedEnds":
-        """Return some arcs."""
-        if all(arcs.tolist()):
-            return self
-        points, prediction, inliers = self
-        return _ComparedEnds(points.select(arcs), prediction.select(arcs), inliers.select(arcs))
 
 
 def screen_arcs(
@@ -185,31 +155,42 @@ def _fit_middles(
     ellipses = [arcs[i].ellipse for i in numbers]
     stack = ArcStack.of([split for split in splits if split is not None], ellipses)
     fits = _fit_middle(stack, numbers)
+    if fits is None:
+        return
     smoothed = fits.noise.smoothed
-    if not all(smoothed.tolist()):
-        yield fits.select(~smoothed)
-    if any(smoothed.tolist()):
-        fits = fits.select(smoothed)
-        stds = np.array([[split.profile.noise_std] for split in fits.stack.arcs])
-        points = smoothed_noise(fits.stack.points, fits.compared.normals, stds)
-        yield _fit_middle(fits.stack._replace(points=points), fits.numbers)
+    if not smoothed.any():
+        yield fits
+        return
+    yield select_rows(fits, ~smoothed)
+    stack, numbers, compared, _ = select_rows(fits, smoothed)
+    stds = np.array([[split.profile.noise_std] for split in stack.arcs])
+    points = smoothed_noise(stack.points, compared.normals, stds)
+    fits = _fit_middle(stack._replace(points=points), numbers)
+    if fits is not None:
+        yield fits
 
 
-def _fit_middle(stack: ArcStack, numbers: IntArray) -> _MiddleFits:
-    """Fit the ellipses of middle parts and estimate the noise; drop arcs without an ellipse."""
+def _fit_middle(stack: ArcStack, numbers: IntArray) -> _MiddleFits | None:
+    """Fit the ellipses of middle parts and estimate the noise.
+
+    Arcs without an ellipse are left out; None if there is no other.
+    """
     valid = stack.valid[:, stack.middle]
     compared = ellipse_residuals(stack.points[..., stack.middle], stack.parameters)
     stack = stack._replace(parameters=gauss_newton_step(compared, stack.parameters, valid))
     fitted = ~np.isnan(stack.parameters[:, 0])
-    if not all(fitted.tolist()):
-        stack, numbers, valid = stack.select(fitted), numbers[fitted], valid[fitted]
+    if not fitted.all():
+        stack, numbers, valid = select_rows((stack, numbers, valid), fitted)
+    if len(numbers) == 0:
+        return None
     compared = ellipse_residuals(stack.points, stack.parameters)
     normalised = compared.residuals[:, stack.middle] / np.sqrt(compared.variances[:, stack.middle])
     noises = [
         estimate_arc_noise(row[mask], split.profile.min_variance_factor)
         for row, mask, split in zip(normalised, valid, stack.arcs, strict=True)
     ]
-    return _MiddleFits(stack, numbers, compared, _Noises.of(noises))
+    noise = _Noises(*map(np.array, zip(*noises, strict=True)))
+    return _MiddleFits(stack, numbers, compared, noise)
 
 
 def _compare_ends(fits: _MiddleFits) -> Iterator[tuple[int, ScreenedArc | IdentifiedArc]]:
@@ -223,11 +204,11 @@ def _compare_ends(fits: _MiddleFits) -> Iterator[tuple[int, ScreenedArc | Identi
             return
         fits, ends, converged = _compare_once(fits)
         finished = converged | (remaining == 0)
-        if any(finished.tolist()):
-            yield from _screened_arcs(fits.select(finished), ends.select(finished))
-        if all(finished.tolist()):
+        if finished.all():
+            yield from _screened_arcs(fits, ends)
             return
-        fits = fits.select(~finished)
+        yield from _screened_arcs(*select_rows((fits, ends), finished))
+        fits = select_rows(fits, ~finished)
         compared = ellipse_residuals(fits.stack.points, fits.stack.parameters)
         fits = fits._replace(compared=compared)
 
@@ -255,20 +236,23 @@ def _compare_once(fits: _MiddleFits) -> tuple[_MiddleFits, _ComparedEnds, BoolAr
     valid = are_ellipses(parameters) & ~singular
     fits = fits._replace(stack=stack._replace(members=inliers.members, parameters=parameters))
     compared = _ComparedEnds(points, prediction, inliers)
-    return fits.select(valid), compared.select(valid), converged[valid]
+    if not valid.all():
+        return select_rows((fits, compared, converged), valid)
+    return fits, compared, converged
 
 
 def _predict(equations: FloatArray, fits: _MiddleFits) -> tuple[Prediction, BoolArray]:
     """Return the predictions of both ends (k, 2), and which arcs have singular equations (k,)."""
     covariance = inverse_information(equations)
     singular = np.isnan(covariance[..., 0, 0])
+    no_difference = np.zeros(2)  # between the ends of an arc
     covariance[singular] = 0.0
     offset = (covariance @ equations[..., PARAMETERS:])[..., 0]
     prediction = Prediction(
         offset,
         covariance * fits.noise.low_frequency_time[:, None, None, None],
-        fits.noise.autocorrelation_time[:, None],
-        fits.stack.parameters[:, 2:3],
+        fits.noise.autocorrelation_time[:, None] + no_difference,
+        fits.stack.parameters[:, 2:3] + no_difference,
     )
     singular_arcs: BoolArray = np.logical_or.reduce(singular, axis=1)
     return prediction, singular_arcs
@@ -318,12 +302,8 @@ def _select_probable(fits: _MiddleFits, ends: _ComparedEnds) -> BoolArray:
     probability = 1 / (1 + np.exp(-np.where(members, log_odds, 0.0)))
     contacts: BoolArray = np.logical_or.reduce(following, axis=-1)
     if contacts.any():
-        probability[contacts] *= departure_free_probability(
-            ends.points.select(contacts),
-            ends.prediction.select(contacts),
-            members[contacts],
-            following[contacts],
-        )
+        at_contacts = select_rows((ends.points, ends.prediction, members, following), contacts)
+        probability[contacts] *= departure_free_probability(*at_contacts)
     # The costs of a wrong decision: an inlier that is lost leaves the ellipse as it is, a wrong
     # one may shift it by sqrt(leverage) of its standard deviations.
     selected = members & (probability > np.sqrt(leverages) * (1 - probability))

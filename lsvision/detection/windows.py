@@ -25,10 +25,6 @@ class Windows(NamedTuple):
     starts: IntArray
     stops: IntArray
 
-    def select(self, which: IntArray) -> "Windows":
-        """Return the windows at some positions."""
-        return Windows(self.rows[which], self.starts[which], self.stops[which])
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class WindowCircles:

@@ -18,7 +18,11 @@ from lsvision.ellipse.parameters import (
     parameters_from_ellipse,
     split_parameters,
 )
-from lsvision.ellipse.robust_gauss_newton import WeightedSystem, regularised_step
+from lsvision.ellipse.robust_gauss_newton import (
+    WeightedSystem,
+    add_flattening_prior,
+    damped_step,
+)
 from lsvision.ellipse.smoothing import SmoothedArc
 from lsvision.geometry import Ellipse, Points
 from lsvision.geometry.noisy_points import as_vectors
@@ -52,7 +56,8 @@ def homogenise_arcs(smoothed: Sequence[SmoothedArc]) -> list[HomogenisedArc]:
     # The residual is linear in small changes of the parameters: one Gauss-Newton step is enough.
     parameter_jacobian(normals, w, out=rows[:, :PARAMETERS])
     equations = WeightedSystem(rows, 1 / (stds * stds)).normal_equations()
-    fitted = parameters + regularised_step(equations, parameters)
+    add_flattening_prior(equations, parameters)
+    fitted = parameters + damped_step(equations, parameters)
     return [
         HomogenisedArc(
             as_vectors(points),

@@ -35,10 +35,6 @@ MAX_RELATIVE_STEP = 0.1
 """Damping: a step of this fraction of m costs as much as a residual of one sigma."""
 DAMPING = IDENTITY / MAX_RELATIVE_STEP**2
 """Information that damps a step, for m = 1 mm. Units: 1/mm^2."""
-PRIOR_WEIGHTS = np.array([0.0, 0.0, 0.0, 1.0, 1.0]) / FLATTENING_PRIOR_STD**2
-"""Information of the prior on the flattening, for m = 1 mm. Units: 1/mm^2."""
-DAMPED_PRIOR = DAMPING + np.diag(PRIOR_WEIGHTS)
-"""Sum of `DAMPING` and the diagonal matrix of `PRIOR_WEIGHTS`. Units: 1/mm^2."""
 VARIANCE_FLOOR_FRACTION = 0.05
 """Fraction of the total variance added along any normal: as for a normal that is 13 deg wrong."""
 
@@ -72,13 +68,6 @@ class EllipseResiduals(NamedTuple):
     def normalised_squares(self) -> FloatArray:
         """Squared residuals over the inflated variances."""
         return self.residuals * self.residuals / self.inflated_variances
-
-    def rows(self, which: IntArray | BoolArray | list[int] | slice) -> "EllipseResiduals":
-        """Return the residuals of some arcs of a stack, or of some points of one arc."""
-        residuals, normals, w, variances, inflated = self
-        return EllipseResiduals(
-            residuals[which], normals[which], w[which], variances[which], inflated[which]
-        )
 
 
 def ellipse_residuals(points: NoisyPoints, parameters: FloatArray) -> EllipseResiduals:
@@ -175,15 +164,6 @@ def damped_step(equations: FloatArray, parameters: FloatArray) -> FloatArray:
     return solve_positive_definite(damped, equations[..., PARAMETERS])
 
 
-def regularised_step(equations: FloatArray, parameters: FloatArray) -> FloatArray:
-    """Return the `damped_step` (..., 5) of equations to which the flattening prior is added."""
-    m = _mean_semi_axes(parameters)
-    inverse = 1 / (m * m)
-    information = equations[..., :PARAMETERS] + inverse * DAMPED_PRIOR
-    weights = PRIOR_WEIGHTS * (inverse if isinstance(inverse, float) else inverse[..., 0])
-    return solve_positive_definite(information, equations[..., PARAMETERS] - weights * parameters)
-
-
 def _mean_semi_axes(parameters: FloatArray) -> Any:
     """Return m of ellipses (..., 5) as (..., 1, 1); that of a single ellipse is a number."""
     if parameters.size == PARAMETERS:
@@ -234,7 +214,8 @@ def gauss_newton_step(
     medians = row_medians(compared.normalised_squares, members)
     factor = as_column([max(median * MAD_TO_STD**2, 1.0) for median in medians])
     equations = WeightedSystem.of(compared, factor).normal_equations(members)
-    refined = parameters + regularised_step(equations, parameters)
+    add_flattening_prior(equations, parameters)
+    refined = parameters + damped_step(equations, parameters)
     for row in refined.reshape(-1, PARAMETERS):
         if not is_ellipse(row):
             row.fill(np.nan)

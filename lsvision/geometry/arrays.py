@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
+Stack = TypeVar("Stack", bound=tuple[Any, ...])
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -74,6 +75,28 @@ def stack_with_mask(arrays: Sequence[npt.NDArray[Any]]) -> tuple[npt.NDArray[Any
         return arrays[0][None], np.ones((1, len(arrays[0])), dtype=bool)
     indices, valid = padded_rows([len(array) for array in arrays])
     return stack_padded(arrays, indices), valid
+
+
+def select_rows(stack: Stack, rows: BoolArray | IntArray | list[int]) -> Stack:
+    """Return some rows of all arrays and lists of a named tuple, and of named tuples in it.
+
+    Fields of another type are the same for all rows.
+
+    Examples
+    --------
+    >>> select_rows((np.array([1, 2, 3]), ["a", "b", "c"], 7), np.array([True, False, True]))
+    (array([1, 3]), ['a', 'c'], 7)
+    """
+
+    def select(field: Any) -> Any:
+        if isinstance(field, tuple):
+            return select_rows(field, rows)
+        if isinstance(field, list):
+            return [field[index] for index in np.arange(len(field))[rows]]
+        return field[rows] if hasattr(field, "__getitem__") else field
+
+    fields = map(select, stack)
+    return type(stack)(*fields) if hasattr(stack, "_fields") else type(stack)(fields)
 
 
 def apply_in_groups(
