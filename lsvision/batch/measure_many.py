@@ -41,6 +41,8 @@ def measure_many(
         As `measure_cylinders`, and if `jobs` is below 1.
     LsvisionError
         If a profile ended its process twice (out of memory); names it.
+    Exception
+        What reading `profiles` raises, after the measurements of those before.
 
     Examples
     --------
@@ -81,6 +83,15 @@ def _measure_group(options: dict[str, Any], profiles: list[Profile]) -> list[Mea
 
 
 def _split_into_groups(profiles: Iterator[Profile]) -> Iterator[list[Profile]]:
-    """Yield the profiles in groups, each the task of a process."""
-    while group := list(islice(profiles, PROFILES_AT_ONCE)):
+    """Yield groups of profiles; if taking one fails, first those that were taken before."""
+    while True:
+        group: list[Profile] = []
+        try:
+            group.extend(islice(profiles, PROFILES_AT_ONCE))
+        except Exception:
+            if group:
+                yield group
+            raise
+        if not group:
+            return
         yield group

@@ -62,17 +62,33 @@ def run_tasks(
     Finished
         If a process ends (killed, out of memory, a crash), the tasks in flight are tried once
         more, one at a time; one that ends its process again has the value `EndedProcess`.
+
+    Raises
+    ------
+    Exception
+        What `tasks` raises, after the results of the tasks before; what `function` raises, at once.
     """
     if jobs == 1:
         yield from (Finished(task, function(task)) for task in tasks)
         return
-    remaining = iter(tasks)
+    failures: list[Exception] = []
+    remaining = _until_failure(tasks, failures)
     while True:
         lost: list[Task] = []
         yield from _run_pool(function, remaining, jobs, lost, ordered=ordered)
         if not lost:
-            return
+            break
         yield from _run_one_by_one(function, lost)
+    if failures:
+        raise failures[0]
+
+
+def _until_failure(tasks: Iterable[Task], failures: list[Exception]) -> Iterator[Task]:
+    """Yield tasks; if taking one fails, append the exception to `failures` instead."""
+    try:
+        yield from tasks
+    except Exception as failure:  # noqa: BLE001 - raised after the results of the tasks before it
+        failures.append(failure)
 
 
 def _run_pool(

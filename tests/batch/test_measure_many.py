@@ -41,6 +41,20 @@ def test_an_endless_generator_is_read_a_bounded_number_ahead():
     assert len(taken) <= (1 + 2 * IN_FLIGHT_PER_JOB) * PROFILES_AT_ONCE
 
 
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_generator_that_fails_costs_no_profile_before(jobs):
+    before = profiles(PROFILES_AT_ONCE + 3)
+
+    def failing():
+        yield from before
+        raise OSError("unplugged")
+
+    found = []
+    with pytest.raises(OSError, match="unplugged"):
+        found.extend(lsv.measure_many(failing(), jobs=jobs))
+    assert len(found) == len(before)
+
+
 def test_slips_are_reported():
     with pytest.raises(ValueError, match="expected jobs >= 1, got 0"):
         lsv.measure_many([], jobs=0)

@@ -67,3 +67,18 @@ def test_an_exception_of_a_task_reaches_the_caller(jobs):
 
 def test_by_default_there_is_a_process_for_each_core():
     assert default_jobs() == len(os.sched_getaffinity(0))
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize("ends", [False, True])
+def test_a_source_that_fails_costs_no_result_of_the_tasks_before(jobs, ends, tmp_path):
+    def failing():
+        for k in range(10):
+            yield k, str(tmp_path), "once" if ends and jobs > 1 and k == 8 else "never"
+        raise OSError("unplugged")
+
+    results = run_tasks(ends_its_process, failing(), jobs, ordered=True)
+    done = []
+    with pytest.raises(OSError, match="unplugged"):
+        done.extend(value for _, value in results)
+    assert sorted(done) == list(range(10))
