@@ -12,7 +12,12 @@ import numpy as np
 
 from lsvision.geometry import FloatArray
 from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints
-from lsvision.statistics.correlation import estimate_correlation, neighbour_correlation
+from lsvision.statistics.correlation import (
+    UNCORRELATED,
+    Correlation,
+    estimate_correlation,
+    neighbour_correlation,
+)
 from lsvision.statistics.robust import SIGNIFICANT_SIGMAS, upper_mad_std
 
 GRAZING_INCIDENCE_DEG = 45.0
@@ -26,6 +31,9 @@ MAX_INCIDENCE_STD_FACTOR = 4.0
 MIN_SCORE_SIGMAS = 2.0
 """Score (Breusch and Pagan), in standard deviations, above which errors are taken to increase with
 incidence: by chance in 2 % of the arcs."""
+ROUNDING = 4 * float(np.finfo(float).eps)
+"""Largest rms of residuals that consist of rounding, relative to the coordinates: those of exact
+points are a third of an eps, and how they correlate says nothing of a sensor."""
 
 
 class ArcNoise(NamedTuple):
@@ -98,3 +106,18 @@ def errors_grow_with_incidence(normalised: FloatArray, normals: ComplexArray) ->
     excess = np.minimum(squares * (len(squares) / squares.sum()), SIGNIFICANT_SIGMAS**2) - 1
     spread = math.sqrt(2 * float(inclination @ inclination))
     return float(inclination @ excess) > MIN_SCORE_SIGMAS * spread
+
+
+def estimate_arc_correlation(
+    residuals: FloatArray, normalised: FloatArray, parameters: FloatArray
+) -> Correlation:
+    """Return the correlation of the residuals of an ellipse, none if they consist of rounding.
+
+    `residuals` (n,) are in mm, `normalised` (n,) those over their standard deviations;
+    `parameters` (5,) are those of the ellipse, see `lsvision.ellipse.parameters`.
+    """
+    x, y, m = parameters[:3].tolist()
+    rounding = ROUNDING * (math.hypot(x, y) + m)
+    if float(residuals @ residuals) <= len(residuals) * rounding * rounding:
+        return UNCORRELATED
+    return estimate_correlation(normalised)

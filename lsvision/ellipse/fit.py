@@ -13,6 +13,7 @@ from typing import Literal
 
 import numpy as np
 
+from lsvision.ellipse.arc_noise import estimate_arc_correlation
 from lsvision.ellipse.arc_solutions import SolvedArc, StartedArc, solve_arcs
 from lsvision.ellipse.outcomes import apply_to_successes, catch_error, replace_some, unwrap
 from lsvision.ellipse.parameters import (
@@ -37,7 +38,7 @@ from lsvision.errors import LsvisionError, TooFewPoints
 from lsvision.geometry import Ellipse, FloatArray, Points, as_readonly_array
 from lsvision.geometry.arrays import TINY, require_coordinates, require_covariances
 from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints, as_complex
-from lsvision.statistics.correlation import Correlation, estimate_correlation
+from lsvision.statistics.correlation import Correlation
 from lsvision.statistics.numerical_failures import report_numerical_failure, require_finite
 from lsvision.statistics.robust import SIGNIFICANT_SIGMAS
 
@@ -372,7 +373,7 @@ def _build_fit(arc: SolvedArc, variance: Literal["given", "estimated"]) -> Ellip
     _, problem, solution = arc
     count, normalised = len(problem.points), solution.residuals
     residuals = normalised * problem.stds
-    correlation = estimate_correlation(normalised)
+    correlation = estimate_arc_correlation(residuals, normalised, solution.parameters)
     dof = float(max(count - PARAMETERS, 1)) + problem.prior_residual_count
     reduced_chi2 = float(normalised @ normalised) / dof
     if variance == "given":

@@ -75,6 +75,10 @@ class Correlation:
     neighbours_correlated: bool
 
 
+UNCORRELATED = Correlation(1.0, math.inf, neighbours_correlated=False)
+"""Independent errors: each point is an effective one."""
+
+
 def estimate_correlation(normalised: FloatArray) -> Correlation:
     """Estimate the correlation of the residuals of a fit, in order along the line.
 

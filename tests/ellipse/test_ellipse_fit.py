@@ -41,6 +41,19 @@ def test_both_residuals_vanish_at_the_truth(residual):
     assert fit.rms < CONVERGED
 
 
+def test_the_rounding_of_exact_points_does_not_show_correlated_errors(rng):
+    settings = FittingSettings(reweightings=0, max_evaluations=20, tolerance=1e-3)
+    for phi_deg in rng.uniform(5, 50, 30):
+        truth = pipe(phi_deg, rng.uniform(10, 40))
+        points = upper_arc(truth, degrees=150.0, count=200)
+        fit = fit_ellipse(points, truth, SENSOR.covariances(points), settings=settings)
+        assert fit.rms < 1e-12
+        assert fit.variance_factor == 1.0
+        inexact = points + 1e-9 * np.sin(np.linspace(0, 30, len(points)))[:, None]
+        fit = fit_ellipse(inexact, truth, SENSOR.covariances(points), settings=settings)
+        assert fit.variance_factor > 2.0
+
+
 def fits_of_many(truth, rng, runs=RUNS, known_radius=None):
     exact = upper_arc(truth)
     for _ in range(runs):
