@@ -104,9 +104,10 @@ def contradicted_radius_reason(section: CylinderSection) -> str | None:
     points, known = contradicting_radius(section.fit), section.fit.problem.known_radius
     if points is None or known is None:
         return None
+    where = "they" if section.fit.problem.known_phi is None else "with the known tilt they"
     return (
         f"the known radius of {known.radius:.4g} mm contradicts the points: "
-        f"they give {points.radius:.4g} +/- {points.std:.2g} mm"
+        f"{where} give {points.radius:.4g} +/- {points.std:.2g} mm"
     )
 
 

@@ -19,7 +19,7 @@ nominal radius may be wrong by the tolerance of a tube, and a section may be ova
 
 
 class RadiusOfPoints(NamedTuple):
-    """Radius of the points without a prior, and its standard uncertainty. Units: mm."""
+    """Radius of the points without a prior on it, and its standard uncertainty. Units: mm."""
 
     radius: float
     std: float

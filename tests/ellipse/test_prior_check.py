@@ -85,3 +85,13 @@ def test_a_pipe_of_another_radius_is_rejected_with_both(sensor):
     wrong = measure_cylinders(profile, sensor=sensor, known_radius=17.0)
     assert not wrong.cylinders
     assert wrong.reason.startswith("the known radius of 17 mm contradicts the points: they give 1")
+
+
+def test_a_rejection_names_the_known_tilt_with_which_the_radius_does_not_agree():
+    scene = Scene((Tube.of(13.0, 1.57, 0.6, (0.0, -400.0)),))
+    section = simulate_section(scene, SENSOR, SectionSettings(), rng=np.random.default_rng(5))
+    profile = Profile(section.profile.points)
+    assert measure_cylinders(profile, known_radius=(13.0, 0.05)).cylinders
+    wrong = measure_cylinders(profile, known_radius=(13.0, 0.05), known_phi=(0.0, 0.1))
+    assert not wrong.cylinders
+    assert "contradicts the points: with the known tilt they give 11." in wrong.reason
