@@ -25,6 +25,18 @@ def test_a_marker_lies_so_many_spans_from_the_heights(value, gap, repeats, span)
     assert find_lost_markers(heights_above(value, 0.9 * gap, repeats, span)) == ()
 
 
+@pytest.mark.parametrize("bits", [15, 16, 23, 24, 31, 32, 63, 64])
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_the_limits_of_integers_are_markers_near_the_heights(bits, sign):
+    """At a tenth of a span, where -9999 needs a whole one."""
+    for limit in (2.0**bits, 2.0**bits - 1):
+        span = max(100.0, limit / 1e6)
+        heights = sign * heights_above(-limit, 0.2, 2, span)
+        assert find_lost_markers(heights) == (-sign * limit,)
+    near = sign * heights_above(-(2.0**bits) * 0.98, 0.2, 2, max(100.0, 2.0**bits / 1e6))
+    assert (find_lost_markers(near) == ()) == (bits < 60)
+
+
 def test_a_marker_repeats_more_often_than_rounded_heights():
     heights = np.repeat(np.linspace(-170.0, -169.0, 51), 2)
     assert find_lost_markers(np.append(heights, np.full(5, -200.3))) == (-200.3,)
