@@ -38,31 +38,12 @@ def scan_lines(
         for number, (tube, shape) in enumerate(zip(scan.cylinders, shapes, strict=True), 1):
             lines += [f"  {number}: {line}" for line in _remarks(tube, shape)]
     else:
-        lines = [f"{profiles}: no cylinder found: {_reason_without_cylinder(scan)}"]
+        lines = [f"{profiles}: no cylinder found: {scan.reason}"]
         if len(rejected) > 1 and not verbose:
             lines[0] += f" ({len(rejected)} tracks rejected: -v lists them)"
     if verbose and rejected:
         lines += [f"rejected: {len(rejected)}", *rejected]
     return lines
-
-
-def _reason_without_cylinder(scan: "ScanMeasurement") -> str:
-    """Return the reason of the longest track, or else of the first section without a cylinder.
-
-    Arcs in several sections of which no two form a track hint at wrong poses.
-    """
-    if scan.rejections:
-        sections = {section for rejection in scan.rejections for section in rejection.sections}
-        longest = max(scan.rejections, key=lambda rejection: len(rejection.sections))
-        if len(longest.sections) > 1 or len(sections) < 2:
-            return longest.reason
-        return (
-            f"{len(sections)} sections show an arc, and no two of them lie on one cylinder: do the "
-            "poses (their order, unit and convention, the hand-eye file), or feed and step, belong "
-            "to these profiles?"
-        )
-    empty = [section for section in scan.measurements if not section.cylinders]
-    return empty[0].reason if empty else "no arcs of two sections match"
 
 
 def _remarks(tube: "ScannedCylinder", shape: "TubeShape | None") -> list[str]:

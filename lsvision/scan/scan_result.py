@@ -256,6 +256,33 @@ class ScanMeasurement(Result):
     rejections: tuple[ScanRejection, ...]
     measurements: tuple[Measurement, ...]
 
+    @property
+    def reason(self) -> str:
+        """Reason why there is no cylinder; empty if there is one.
+
+        That of the longest track, or else of the first section without a cylinder. Arcs in several
+        sections of which no two form a track hint at wrong poses.
+
+        Examples
+        --------
+        >>> ScanMeasurement((), (), (Measurement((), ()),)).reason
+        'no valid point'
+        """
+        if self.cylinders:
+            return ""
+        if self.rejections:
+            sections = {section for track in self.rejections for section in track.sections}
+            longest = max(self.rejections, key=lambda track: len(track.sections))
+            if len(longest.sections) > 1 or len(sections) < 2:
+                return longest.reason
+            return (
+                f"{len(sections)} sections show an arc, and no two of them lie on one cylinder: do "
+                "the poses (their order, unit and convention, the hand-eye file), or feed and "
+                "step, belong to these profiles?"
+            )
+        empty = [section for section in self.measurements if not section.cylinders]
+        return empty[0].reason if empty else "no arcs of two sections match"
+
     def to_dict(self) -> Record:
         """Return cylinders and rejections as plain numbers and text, ready for JSON.
 
@@ -287,6 +314,8 @@ class ScanMeasurement(Result):
         return tube_cells(self.cylinders)
 
     def _notes(self) -> list[str]:
+        if not self.cylinders and not self.rejections:
+            return [f"no cylinder found: {self.reason}"]
         rejected = rejection_notes(self.rejections, "track", has_cylinders=bool(self.cylinders))
         return [*twin_notes(self.cylinders), *rejected]
 

@@ -20,8 +20,8 @@ MIN_LIMIT_GAP, MIN_KNOWN_GAP, MIN_ZERO_GAP, MIN_UNKNOWN_GAP = 0.1, 1.0, 2.0, 4.0
 limit of an integer type, a value such as -9999, 0, and any other value (a floor without noise
 under a pipe is 3 spans from it)."""
 _BITS = (15, 16, 23, 24, 31, 32)
-"""Sizes of the integer types (with and without sign) in which sensors store distances; the limits of
-64 bits are beyond `_HUGE`."""
+"""Sizes of the integer types (with and without sign) in which sensors store distances; the limits
+of 64 bits are beyond `_HUGE`."""
 _LIMITS = frozenset(
     limit
     for k in _BITS

@@ -201,6 +201,15 @@ def test_an_arc_in_one_section_only_is_rejected_with_the_reason(pipe: Tube) -> N
     assert "in section 0 alone" in scan.rejections[0].reason
 
 
+def test_a_scan_without_arcs_says_why(pipe: Tube) -> None:
+    profiles, poses = profiles_of(Scene((pipe,)), feed(3, 4.0)), feed(3, 4.0)
+    scan = measure_scan(profiles, poses, known_radius=0.85 * pipe.cylinder.radius)
+    assert not scan.cylinders
+    assert "contradicts the points" in scan.reason
+    assert str(scan) == f"no cylinder found: {scan.reason}"
+    assert measure_scan(profiles, poses).reason == ""
+
+
 def test_a_cylinder_detected_in_few_sections_is_rejected(pipe: Tube) -> None:
     profiles, poses = profiles_of(Scene((pipe,)), feed(6, 4.0)), feed(6, 4.0)
     measurements = measure_sections(profiles)
