@@ -5,11 +5,12 @@ limited to a trust region and controlled as in MINPACK's lmder (More, Garbow, Hi
 """
 
 import math
+from collections.abc import Callable
 from operator import mul
 
 import numpy as np
 
-from lsvision.ellipse.parameters import PARAMETERS
+from lsvision.ellipse.parameters import PARAMETERS, add_step_on_cone
 from lsvision.ellipse.robust_gauss_newton import solve_positive_definite
 from lsvision.geometry import FloatArray
 
@@ -52,6 +53,9 @@ class LevenbergMarquardt:
         Largest number of evaluations.
     tolerance : float
         Relative decrease of chi^2 in a step, below which the iteration has converged.
+    on_cone : bool
+        Whether steps change b linearly, as for a known radius: its prior is else a curved valley,
+        so narrow that the iteration may end before its lowest point.
 
     Attributes
     ----------
@@ -69,12 +73,21 @@ class LevenbergMarquardt:
     """
 
     __slots__ = (
-        "_damping", "_max_evaluations", "_predicted", "_region", "_slope", "_squared_scales",
-        "_step_size", "_tolerance", "converged", "cost", "equations", "evaluations", "finished",
-        "last_step", "parameters", "trial",
+        "_add_step", "_damping", "_max_evaluations", "_predicted", "_region", "_slope",
+        "_squared_scales", "_step_size", "_tolerance", "converged", "cost", "equations",
+        "evaluations", "finished", "last_step", "parameters", "trial",
     )  # fmt: skip
 
-    def __init__(self, initial_guess: FloatArray, max_evaluations: int, tolerance: float) -> None:
+    def __init__(
+        self,
+        initial_guess: FloatArray,
+        max_evaluations: int,
+        tolerance: float,
+        *,
+        on_cone: bool = False,
+    ) -> None:
+        self._add_step: Callable[[FloatArray, FloatArray], FloatArray]
+        self._add_step = add_step_on_cone if on_cone else np.add
         self.trial = self.parameters = initial_guess
         self.equations = np.empty(0)
         self.last_step: FloatArray | None = None
@@ -108,7 +121,7 @@ class LevenbergMarquardt:
         self.finished |= self.evaluations >= self._max_evaluations
         if not self.finished:
             step = self._next_step()
-            self.trial = self.parameters + step
+            self.trial = self._add_step(self.parameters, step)
             if first:
                 self._region = min(self._region, self._step_size)
             if self._damping == 0 and self._predicted <= UNEVALUATED_FRACTION * self._tolerance:

@@ -224,6 +224,18 @@ def semi_minor_gradient(parameters: FloatArray) -> FloatArray:
     return _semi_axis_gradient(parameters, -1.0)
 
 
+def add_step_on_cone(parameters: FloatArray, step: FloatArray) -> FloatArray:
+    """Return parameters (5,) plus a step, where b changes by its gradient times the step.
+
+    Ellipses of the same b form the cone m = b + h, which a straight step leaves; m is changed so
+    that it does not. Units: mm.
+    """
+    moved: FloatArray = parameters + step
+    b = semi_minor(parameters) + float(semi_minor_gradient(parameters) @ step)
+    moved[2] = b + abs(deviator_from_parameters(moved))
+    return moved
+
+
 def semi_major_gradient(parameters: FloatArray) -> FloatArray:
     """Return the derivative of a by the parameters, (5,); at a circle in the direction p > 0."""
     return _semi_axis_gradient(parameters, 1.0)

@@ -27,6 +27,9 @@ from lsvision.geometry.noisy_points import ComplexArray, as_complex
 
 MAX_EVALUATIONS = 100
 """Largest number of evaluations of the residuals, by default."""
+NARROW_PRIOR = 1e-3
+"""Largest standard deviation of a narrow prior on the radius, as a fraction of it. With 1e-2 the
+fit stops at circles, the apex of the cone, and without it at other ellipses."""
 DEFAULT_TOLERANCE = 1e-10
 """Relative decrease of chi^2 in a step, below which the iteration has converged."""
 
@@ -118,6 +121,12 @@ class EllipseProblem:
         """Number of residuals of the priors."""
         tilt = 0 if self.known_phi is None else self.known_phi.residual_count
         return tilt + (self.known_radius is not None)
+
+    @property
+    def has_narrow_prior(self) -> bool:
+        """Whether the radius is known so well that its prior is a narrow valley."""
+        known = self.known_radius
+        return known is not None and known.std <= NARROW_PRIOR * known.radius
 
     def prior_rows(self, parameters: FloatArray) -> FloatArray:
         """Return the rows of the priors at parameters (5,).
@@ -292,7 +301,10 @@ def minimise(
     ]
 
     def solve(arcs: list[tuple[EllipseProblem, FloatArray]]) -> list[Solution | LsvisionError]:
-        searches = [LevenbergMarquardt(guess, max_evaluations, tolerance) for _, guess in arcs]
+        searches = [
+            LevenbergMarquardt(guess, max_evaluations, tolerance, on_cone=problem.has_narrow_prior)
+            for problem, guess in arcs
+        ]
         return _solve(ProblemStack.of([problem for problem, _ in arcs]), searches)
 
     return apply_to_successes(solve, starts)

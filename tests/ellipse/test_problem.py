@@ -7,11 +7,12 @@ import pytest
 from hypothesis import given
 from scipy.optimize import approx_fprime, brentq, least_squares
 
-from lsvision import Ellipse
+from lsvision import Ellipse, Profile, measure_cylinders
 from lsvision.ellipse import parameters as module
 from lsvision.ellipse.fit import FittingSettings, fit_ellipse
 from lsvision.ellipse.outcomes import unwrap
 from lsvision.ellipse.parameters import (
+    add_step_on_cone,
     ellipse_from_parameters,
     orthogonal_residuals_and_normals,
     parameters_from_ellipse,
@@ -25,7 +26,9 @@ from lsvision.ellipse.problem import EllipseProblem, RadiusPrior, Solution, mini
 from lsvision.errors import FitFailed, TooFewPoints
 from lsvision.geometry import orthogonal_residuals, radial_residuals
 from lsvision.geometry.noisy_points import as_complex
+from lsvision.simulate import random_section
 from tests.alike import assert_same_ellipse
+from tests.bench.core.scenes import make_scene
 from tests.ellipse.arcs import about, measured, pipe, upper_arc
 from tests.strategies import PROPERTY, ellipses
 from tests.tolerances import BRUTE_FORCE, DIFFERENCES, MACHINE, PUBLISHED
@@ -352,3 +355,37 @@ def test_after_a_large_newton_step_the_nearest_points_are_found_in_closed_form(
     (alone,), _, _ = orthogonal_residuals_and_normals(near[None], at[:1])
     np.testing.assert_array_equal(others, [alone, alone])
     np.testing.assert_allclose(signed, orthogonal_residuals(point, ellipse), atol=1e-6)
+
+
+@pytest.mark.parametrize("seed", [700_044, 700_373])
+@pytest.mark.parametrize("given", [True, False])
+def test_an_exactly_known_radius_is_no_narrow_valley_for_the_fit(seed, given):
+    section = random_section("single", seed)
+    (tube,) = section.truth.tubes
+    profile, sensor = Profile(section.profile.points), section.sensor if given else None
+    (found,) = measure_cylinders(profile, sensor=sensor, known_radius=tube.radius).cylinders
+    assert found.fit.converged
+    problem, parameters = found.fit.problem, found.fit.parameters
+    (best,) = minimise([problem], parameters[None], 2000, 1e-13)
+    costs = [np.square(problem.evaluate(each)[0]).sum() for each in (parameters, best.parameters)]
+    assert costs[0] - costs[1] < 0.02
+
+
+def test_a_roughly_known_radius_does_not_stop_the_fit_at_a_circle():
+    scene = make_scene("D", 12, 5_550_123)
+    radius = scene.tubes[0].radius
+    (found,) = measure_cylinders(
+        scene.points, known_radius=(1.01 * radius, 0.01 * radius)
+    ).cylinders
+    assert found.fit.converged
+    assert found.phi > 0.05
+
+
+def test_a_step_on_the_cone_changes_b_by_its_gradient(rng):
+    for _ in range(20):
+        parameters = np.array([3.0, -400.0, 20.0, *rng.normal(0, 2, 2)])
+        step = rng.normal(0, 1, 5)
+        moved = add_step_on_cone(parameters, step)
+        change = semi_minor(moved) - semi_minor(parameters)
+        assert change == pytest.approx(semi_minor_gradient(parameters) @ step, abs=1e-12)
+        np.testing.assert_allclose(np.delete(moved - parameters - step, 2), 0, atol=1e-12)
