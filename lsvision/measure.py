@@ -292,7 +292,7 @@ def _check_screened(
     if screened is None:
         return Rejection(arc.arc, "no ellipse fits the middle part of the arc")
     noise_std = search.profile.noise_std * screened.variance_factor**0.5
-    reason = tangential_end_reason(search.profile, arc, screened, noise_std)
+    reason = tangential_end_reason(search.profile, arc, screened, noise_std, screened.mixed_points)
     return screened if reason is None else Rejection(arc.arc, reason)
 
 

@@ -35,7 +35,11 @@ line beyond a rounded corner at most 0, the valleys of a corrugated sheet up to 
 
 
 def tangential_end_reason(
-    profile: PreparedProfile, arc: IdentifiedArc, screened: "ScreenedArc", noise_std: float
+    profile: PreparedProfile,
+    arc: IdentifiedArc,
+    screened: "ScreenedArc",
+    noise_std: float,
+    mixed_points: int = 0,
 ) -> str | None:
     """Return why an arc whose line continues tangentially is not a cylinder; None if it does not.
 
@@ -50,14 +54,19 @@ def tangential_end_reason(
         The same arc after screening: a fillet begins at its ends.
     noise_std : float
         Standard deviation of a point. Units: mm.
+    mixed_points : int
+        Number of points beyond an end that are left out, since a sensor that smooths along the line
+        has mixed the arc into them: near its end each line continues tangentially.
     """
     count = max(POINTS_BEYOND, int(BEYOND_FRACTION * len(arc.indices)))
     covered = np.zeros(len(profile.points), dtype=bool)
     covered[arc.indices] = covered[screened.indices] = True
     longest = covered.nonzero()[0]
     turns_deg = [
-        math.degrees(_end_turn(*end, arc.ellipse, max(POINTS_BEYOND, count // 2)))
-        for end in _split_ends(profile, longest, count)
+        math.degrees(
+            _end_turn(inner, beyond[mixed_points:], arc.ellipse, max(POINTS_BEYOND, count // 2))
+        )
+        for inner, beyond in _split_ends(profile, longest, count + mixed_points)
     ]
     if min(turns_deg) >= MIN_TURN_DEG:
         return None

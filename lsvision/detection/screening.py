@@ -63,13 +63,15 @@ class ScreenedArc(NamedTuple):
 
     `points` have the noise of a smoothing sensor if neighbouring errors are correlated; the
     `ellipse` (mm, rad) is that of all inliers; `variance_factor` is the variance of the residuals
-    over that of the noise model.
+    over that of the noise model; `mixed_points` is the number of points near an edge in which a
+    sensor that smooths along the line mixes the surfaces on both sides.
     """
 
     indices: IntArray
     points: NoisyPoints
     ellipse: Ellipse
     variance_factor: float
+    mixed_points: int = 0
 
 
 class _Noises(NamedTuple):
@@ -288,7 +290,13 @@ def _screened_arcs(
         else:
             variance_factor = float(fits.noise.variance_factor[arc])
             inliers = stack.select_inliers(arc, selected[arc])
-            yield number, ScreenedArc(*inliers, ellipse, variance_factor)
+            mixed_points = _count_mixed_points(float(fits.noise.autocorrelation_time[arc]))
+            yield number, ScreenedArc(*inliers, ellipse, variance_factor, mixed_points)
+
+
+def _count_mixed_points(autocorrelation_time: float) -> int:
+    """Return the number of points near an edge that contain the surface beyond it."""
+    return round(EDGE_POINTS_PER_CORRELATION * (autocorrelation_time - 1))
 
 
 def _select_probable(fits: _MiddleFits, ends: _ComparedEnds) -> BoolArray:
@@ -307,7 +315,8 @@ def _select_probable(fits: _MiddleFits, ends: _ComparedEnds) -> BoolArray:
     # The costs of a wrong decision: an inlier that is lost leaves the ellipse as it is, a wrong
     # one may shift it by sqrt(leverage) of its standard deviations.
     selected = members & (probability > np.sqrt(leverages) * (1 - probability))
-    dropped = np.rint(EDGE_POINTS_PER_CORRELATION * (fits.noise.autocorrelation_time[:, None] - 1))
+    times = fits.noise.autocorrelation_time.tolist()
+    dropped = np.array([_count_mixed_points(time) for time in times], dtype=int)[:, None]
     # A contact: enough connected points beyond the last inlier, or enough rejected inliers.
     rejected = (members & ~selected).sum(axis=-1)
     contact = np.maximum(following.sum(axis=-1), rejected) >= MIN_CONTACT_POINTS

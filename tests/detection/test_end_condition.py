@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from lsvision import Profile
+from lsvision import Profile, measure_cylinders
 from lsvision.detection.end_condition import find_connected_beyond, tangential_end_reason
 from lsvision.detection.profile_preparation import prepare_profile
 from tests.detection.scenes import arc_points, circle, exact, identified, walk
@@ -69,6 +69,32 @@ def test_where_both_ends_turn_less_than_20_deg_it_is_a_sheet():
     assert reason([15] * 20, [-12] * 20) == (
         "continues tangentially at both ends (turns 12 and 15 deg)"
     )
+
+
+@pytest.mark.parametrize("mixed", [0, 4, 12])
+def test_points_into_which_a_sensor_mixes_the_arc_do_not_count(mixed):
+    """Nor do they make the line end, if it goes on tangentially beyond them."""
+    for count, is_rejected in ((mixed + 5, False), (mixed + 6, True), (mixed + 20, True)):
+        points, start, stop = sides([0.0] * count, KINK)
+        arc = identified(start, stop, circle())
+        reason = tangential_end_reason(exact(points), arc, arc, 0.01, mixed)
+        assert (reason is not None) == is_rejected, (count, reason)
+
+
+def test_most_pipes_whose_ends_a_filter_has_bent_are_found():
+    """A Gaussian filter over 3.8 columns, one-sided at the ends of the profile.
+
+    With all points beyond the ends every third one would go on tangentially.
+    """
+    found = 0
+    for seed in range(40):
+        rng = np.random.default_rng([41, seed])
+        x = np.arange(-15.5, 15.51, 0.22)
+        y = np.sqrt(16.0**2 - x * x) - 400 + 0.08 * rng.normal(size=len(x))
+        weights = np.exp(-((x[:, None] - x) ** 2) / (2 * (3.8 * 0.22) ** 2))
+        smooth = weights @ y / weights.sum(axis=1)
+        found += len(measure_cylinders(np.column_stack([x, smooth])).cylinders)
+    assert found >= 0.8 * 40
 
 
 def test_fewer_than_six_points_beyond_are_nothing():
