@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.calibration.observations import Observations, States
-from lsvision.calibration.rotations import nearest_rotations, rotations_from_vectors
+from lsvision.calibration.rotations import find_nearest_rotations, rotations_from_vectors
 from lsvision.geometry import FloatArray, IntArray
 
 MAX_STEPS = 40
@@ -181,7 +181,7 @@ def _damped_steps(jacobian: FloatArray, residual: FloatArray, damping: FloatArra
 
 def _apply_steps(observations: Observations, states: States, steps: FloatArray) -> States:
     """Return the states changed by one step each."""
-    rotations = nearest_rotations(rotations_from_vectors(steps[:, 3:6]) @ states.rotations)
+    rotations = find_nearest_rotations(rotations_from_vectors(steps[:, 3:6]) @ states.rotations)
     shape = (*states.targets.shape[:2], -1)
     targets = observations.update_targets(states.targets, steps[:, 6:].reshape(shape))
     return States(rotations, states.translations + steps[:, :3], targets)

@@ -17,7 +17,7 @@ from lsvision.calibration.observations import (
     points_in_sensor_frame,
 )
 from lsvision.calibration.rotations import (
-    nearest_rotations,
+    find_nearest_rotations,
     rotations_from_vectors,
     vectors_from_rotations,
 )
@@ -94,7 +94,7 @@ class BoardObservations:
     def update_targets(self, targets: FloatArray, steps: FloatArray) -> FloatArray:
         """Return the boards translated and rotated from the left."""
         board = targets[..., 3:].reshape(*targets.shape[:-1], 3, 3)
-        rotated = nearest_rotations(rotations_from_vectors(steps[..., 3:]) @ board)
+        rotated = find_nearest_rotations(rotations_from_vectors(steps[..., 3:]) @ board)
         flat = rotated.reshape(*targets.shape[:-1], 9)
         return np.concatenate([targets[..., :3] + steps[..., :3], flat], axis=-1)
 
@@ -119,7 +119,7 @@ class BoardObservations:
         usable = (angle > PAIR_ANGLES[0]) & (angle < PAIR_ANGLES[1])
         weights = masks[:, first] * masks[:, second] * usable
         moment = np.einsum("qk,ki,kj->qij", weights, alpha, beta)
-        rotations = nearest_rotations(moment + 1e-12 * np.eye(3))
+        rotations = find_nearest_rotations(moment + 1e-12 * np.eye(3))
         # (R_A - 1) t = R t_B - t_A, Park and Martin Eq. (25), for each usable pair.
         flange_shift = np.einsum("kji,kj->ki", RB[first], tB[second] - tB[first])
         camera_shift = self.origins[first] - np.einsum("kij,kj->ki", camera, self.origins[second])
@@ -140,7 +140,7 @@ class BoardObservations:
             weights = masks * (self.groups == group)
             total = np.maximum(weights.sum(axis=1), 1e-12)[:, None]
             mean = np.einsum("qn,qni->qi", weights, origins) / total
-            rotation = nearest_rotations(
+            rotation = find_nearest_rotations(
                 np.einsum("qn,qnij->qij", weights, boards) + 1e-12 * np.eye(3)
             )
             targets.append(np.concatenate([mean, rotation.reshape(-1, 9)], axis=-1))

@@ -16,7 +16,10 @@ from lsvision.calibration.bundle_adjustment_problem import (
     LaserView,
     tilt_axes,
 )
-from lsvision.calibration.laser_plane_initial_guess import fit_plane, laser_points_on_boards
+from lsvision.calibration.laser_plane_initial_guess import (
+    fit_plane,
+    intersect_laser_rays_with_boards,
+)
 from lsvision.geometry import FloatArray, Points
 from lsvision.statistics.correlation import debiased_autocorrelation_time
 from lsvision.statistics.robust import mad_std
@@ -146,7 +149,7 @@ def _solve_plane_only(
     views: Sequence[LaserView], state: BundleAdjustmentState
 ) -> BundleAdjustmentResult:
     """Return the plane fitted to the lines, with camera and boards from the corners alone."""
-    laser_points = laser_points_on_boards(state.camera, state.camera_from_boards, views)
+    laser_points = intersect_laser_rays_with_boards(state.camera, state.camera_from_boards, views)
     state = replace(state, plane=fit_plane(np.concatenate(laser_points)), bow=np.zeros(SHAPE_TERMS))
     problem = BundleAdjustmentProblem(views, state, (False, False), [1.0] * len(views))
     corner, line = problem.residuals_in_pixels(np.zeros(problem.size))

@@ -25,10 +25,10 @@ from lsvision.calibration.camera_uncertainty import covariance_by_camera
 from lsvision.calibration.laser_line_on_board import LineOnBoardSettings, find_laser_views
 from lsvision.calibration.laser_plane_initial_guess import (
     OUTLIER_DISTANCE_PX,
+    find_plane_inlier_views,
     fit_plane,
     guess_board_poses,
-    laser_points_on_boards,
-    plane_inlier_views,
+    intersect_laser_rays_with_boards,
 )
 from lsvision.calibration.laser_plane_result import CalibratedLaserView, LaserPlaneCalibration
 from lsvision.calibration.lens_blur import estimate_blur_from_views
@@ -178,8 +178,8 @@ def fit_laser_plane(
     )
     image_indices = sources.image_indices(len(views))
     poses = guess_board_poses(camera, views)
-    laser_points = laser_points_on_boards(camera, poses, views)
-    inlier_mask, distances = plane_inlier_views(laser_points, camera.focal_length)
+    laser_points = intersect_laser_rays_with_boards(camera, poses, views)
+    inlier_mask, distances = find_plane_inlier_views(laser_points, camera.focal_length)
     inliers = np.flatnonzero(inlier_mask).tolist()
     rejected = _rejected_views(image_indices, inlier_mask, distances)
     plane = fit_plane(np.concatenate([laser_points[k] for k in inliers]))

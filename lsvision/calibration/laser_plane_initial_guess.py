@@ -1,4 +1,4 @@
-"""Linear initial guess of the laser plane, with rejection of outlying views."""
+"""Initial guess of the laser plane from linear least squares, with rejection of outlying views."""
 
 from collections.abc import Sequence
 from itertools import combinations
@@ -14,26 +14,30 @@ from lsvision.geometry.arrays import BoolArray
 from lsvision.sensors.camera import Camera
 
 MIN_SINGULAR_VALUE_RATIO = 0.02
-"""Smallest ratio of the second to the first singular value of points that determine a plane."""
+"""Smallest ratio of the second to the first singular value (root sums of squares across and along
+the main direction) of points that determine a plane. Below it, the plane's tilt about the main
+direction is more than 50 times less precise than its tilt about the other one."""
 
 OUTLIER_DISTANCE_PX = 10.0
-"""Smallest distance of an outlying view's line from the plane of the others; noise is far
-smaller."""
+"""Distance (root mean square) of a view's line from the plane of the others, above which the view
+may be an outlier; far larger than the noise of a laser line. Units: px."""
 
 OUTLIER_FACTOR = 5.0
-"""Smallest ratio of that distance to the median one, since the initial camera may be inaccurate."""
+"""Ratio of a view's distance to the median one of all views, above which the view may be an
+outlier: an inaccurate initial camera makes all distances large."""
 
 MIN_VIEWS_FOR_REJECTION = 4
-"""Smallest number of views of which one can be rejected."""
+"""Smallest number of views of which any is rejected: of three, each two give a plane, and
+none shows which view is wrong."""
 
 
 def fit_plane(points: Points) -> Plane:
-    """Return the least-squares plane of points, at a positive distance from the origin.
+    """Return the least-squares plane of points; its normal points away from the origin.
 
     Parameters
     ----------
     points : (n, 3) ndarray
-        Points in space. Units: mm.
+        Points. Units: mm.
 
     Returns
     -------
@@ -43,7 +47,7 @@ def fit_plane(points: Points) -> Plane:
     Raises
     ------
     DegenerateGeometry
-        If the points lie on one line.
+        If the points lie on one line, within `MIN_SINGULAR_VALUE_RATIO`.
 
     Examples
     --------
@@ -51,12 +55,13 @@ def fit_plane(points: Points) -> Plane:
     5.0
     """
     centre = points.mean(axis=0)
-    _, extents, axes = np.linalg.svd(points - centre, full_matrices=False)
-    if not extents[1] > MIN_SINGULAR_VALUE_RATIO * extents[0]:
+    _, singular_values, axes = np.linalg.svd(points - centre, full_matrices=False)
+    if not singular_values[1] > MIN_SINGULAR_VALUE_RATIO * singular_values[0]:
+        width, length = singular_values[[1, 0]] / np.sqrt(len(points))
         raise DegenerateGeometry(
-            f"the laser lines of all views lie on one line (spread {extents[1]:.3g} of "
-            f"{extents[0]:.3g} mm), through which any plane may pass: move the board nearer and "
-            "farther and tilt it, so that the line lands elsewhere"
+            f"the laser lines of all views lie on one line (rms width {width:.3g} mm, rms length "
+            f"{length:.3g} mm), so that the plane may have any tilt about it: move the board "
+            "nearer and farther and tilt it, so that the laser lines differ"
         )
     normal = axes[2]
     distance = float(normal @ centre)
@@ -64,32 +69,48 @@ def fit_plane(points: Points) -> Plane:
 
 
 def guess_board_poses(camera: Camera, views: Sequence[LaserView]) -> tuple[Pose, ...]:
-    """Return ``camera_from_board`` of each view, in closed form."""
+    """Return ``camera_from_board`` of each view (mm), from its corners, without iteration."""
     boards = [TargetView(view.points, view.pixels, camera.size) for view in views]
     return tuple(guess_camera_from_board(board, camera.rays(board.pixels)) for board in boards)
 
 
-def laser_points_on_boards(
+def intersect_laser_rays_with_boards(
     camera: Camera, camera_from_boards: Sequence[Pose], views: Sequence[LaserView]
 ) -> tuple[Points, ...]:
-    """Return the points in which the rays of each view's laser line meet its board, taken as flat.
+    """Return the 3D points of the laser line of each view, on its board.
 
-    One array (m, 3) for each view, in the camera frame. Units: mm.
+    The points are those where the rays of the line's pixels meet the plane z = 0 of the board.
+
+    Parameters
+    ----------
+    camera : Camera
+        Camera that took the views.
+    camera_from_boards : sequence of Pose
+        Pose of the board in each view. Units: mm.
+    views : sequence of LaserView
+        Views with m pixels of the laser line each.
+
+    Returns
+    -------
+    tuple of (m, 3) ndarray
+        Points of each view, camera frame. Units: mm.
     """
     laser_points = []
     for view, pose in zip(views, camera_from_boards, strict=True):
-        rays, normal = camera.rays(view.line_pixels), pose.rotation[:, 2]
-        laser_points.append(rays * (normal @ pose.translation / (rays @ normal))[:, None])
+        rays, board_normal = camera.rays(view.line_pixels), pose.rotation[:, 2]
+        # Multiples of the rays at which they meet the board's plane.
+        ranges = board_normal @ pose.translation / (rays @ board_normal)
+        laser_points.append(rays * ranges[:, None])
     return tuple(laser_points)
 
 
-def plane_inlier_views(
+def find_plane_inlier_views(
     laser_points: Sequence[Points], focal_length: float
 ) -> tuple[BoolArray, FloatArray]:
-    """Return the mask of views whose lines lie in the plane of the majority (least median).
+    """Return which views have laser lines in the plane of the majority, and all distances from it.
 
-    Each pair of views gives a plane; the one with the smallest median distance of all views is
-    used, so that almost half of the views may be outliers.
+    The plane is the one of a pair of views from which the median distance of all views is smallest
+    (least median of squares), so that almost half of the views may be outliers.
 
     Parameters
     ----------
@@ -101,24 +122,25 @@ def plane_inlier_views(
     Returns
     -------
     inliers : (n,) ndarray of bool
-        Mask of the inlier views; all True for fewer than four views.
+        Mask of the inlier views; all True for fewer than `MIN_VIEWS_FOR_REJECTION` views.
     distances : (n,) ndarray
-        Root mean square distance from that plane in the image. Units: px.
+        Root mean square distance of each view's points from that plane, as it appears in the image;
+        0 for fewer views, infinite if no pair of views determines a plane. Units: px.
     """
-    scales = [focal_length / float(points[:, 2].mean()) for points in laser_points]
-    best_distances = np.zeros(len(laser_points))
-    if len(laser_points) < MIN_VIEWS_FOR_REJECTION:
-        return best_distances == 0, best_distances
-    best_distances = best_distances + np.inf
-    for first, second in combinations(range(len(laser_points)), 2):
+    count = len(laser_points)
+    if count < MIN_VIEWS_FOR_REJECTION:
+        return np.ones(count, dtype=bool), np.zeros(count)
+    px_per_mm = [focal_length / float(points[:, 2].mean()) for points in laser_points]
+    best_distances = np.full(count, np.inf)
+    for pair in combinations(laser_points, 2):
         try:
-            plane = fit_plane(np.concatenate([laser_points[first], laser_points[second]]))
+            plane = fit_plane(np.concatenate(pair))
         except DegenerateGeometry:
             continue
         distances = np.array(
             [
                 scale * float(np.sqrt(np.mean(plane.signed_distances(points) ** 2)))
-                for scale, points in zip(scales, laser_points, strict=True)
+                for scale, points in zip(px_per_mm, laser_points, strict=True)
             ]
         )
         if np.median(distances) < np.median(best_distances):

@@ -14,7 +14,7 @@ from lsvision.calibration.observations import (
     States,
     masked_least_squares,
 )
-from lsvision.calibration.rotations import nearest_rotations
+from lsvision.calibration.rotations import find_nearest_rotations
 from lsvision.geometry import BoolArray, FloatArray, IntArray, Plane, Pose
 
 MAX_LINE_SLOPE = np.radians(60.0)
@@ -156,7 +156,7 @@ class PlaneObservations:
         length = np.maximum(np.linalg.norm(raw, axis=(1, 2)), 1e-12)[:, None, None]
         normals = np.broadcast_to(normal, (len(masks), count, 3))
         targets = np.concatenate([normals, solution[:, 9:, None]], axis=-1)
-        return States(nearest_rotations(raw / length), solution[:, 6:9], targets)
+        return States(find_nearest_rotations(raw / length), solution[:, 6:9], targets)
 
 
 def _rotate_to_mount(states: States, vectors: FloatArray) -> FloatArray:

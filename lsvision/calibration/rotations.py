@@ -1,4 +1,7 @@
-"""Stacks of rotations with any leading shape; scipy's `Rotation` takes one leading axis."""
+"""Conversions of stacks of rotations, arrays with any leading axes ``...``.
+
+Scipy's `Rotation`, with which the conversions are made, takes a single leading axis.
+"""
 
 import itertools
 
@@ -8,7 +11,10 @@ from lsvision.geometry import FloatArray
 
 
 def cross_matrices(vectors: FloatArray) -> FloatArray:
-    """Return matrices [v]x with ``[v]x w = v x w``; (..., 3) -> (..., 3, 3)."""
+    """Return the matrices [v] of vectors v with which ``[v] @ w`` is the cross product ``v x w``.
+
+    Shapes: (..., 3) to (..., 3, 3); units are those of the vectors.
+    """
     x, y, z = np.moveaxis(vectors, -1, 0)
     zero = np.zeros_like(x)
     rows = [(zero, -z, y), (z, zero, -x), (-y, x, zero)]
@@ -16,7 +22,7 @@ def cross_matrices(vectors: FloatArray) -> FloatArray:
 
 
 def rotations_from_vectors(vectors: FloatArray) -> FloatArray:
-    """Return rotation matrices of rotation vectors; (..., 3) rad -> (..., 3, 3)."""
+    """Return the rotation matrices (..., 3, 3) of rotation vectors (..., 3). Units: rad."""
     from scipy.spatial.transform import Rotation
 
     rotations: FloatArray = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix()
@@ -24,28 +30,36 @@ def rotations_from_vectors(vectors: FloatArray) -> FloatArray:
 
 
 def vectors_from_rotations(rotations: FloatArray) -> FloatArray:
-    """Return rotation vectors of rotations, angles in [0, pi]; (..., 3, 3) -> (..., 3) rad."""
+    """Return the rotation vectors (..., 3) of rotation matrices (..., 3, 3).
+
+    Their lengths are angles in [0, pi]. Units: rad.
+    """
     from scipy.spatial.transform import Rotation
 
-    vectors: FloatArray = Rotation.from_matrix(rotations.reshape(-1, 3, 3)).as_rotvec()
-    return vectors.reshape(rotations.shape[:-1])
+    rotation_vectors: FloatArray = Rotation.from_matrix(rotations.reshape(-1, 3, 3)).as_rotvec()
+    return rotation_vectors.reshape(rotations.shape[:-1])
 
 
-def nearest_rotations(matrices: FloatArray) -> FloatArray:
-    """Return the proper rotations nearest to matrices in the Frobenius norm; (..., 3, 3)."""
+def find_nearest_rotations(matrices: FloatArray) -> FloatArray:
+    """Return the rotation matrices nearest to matrices (..., 3, 3) in the Frobenius norm."""
     u, _, vh = np.linalg.svd(matrices)
+    # If the nearest orthogonal matrix is a reflection, the axis of the least singular value flips.
     u[..., :, 2] *= np.linalg.det(u @ vh)[..., None]
     nearest: FloatArray = u @ vh
     return nearest
 
 
-def cube_rotations() -> FloatArray:
-    """Return the 24 rotations of a cube (24, 3, 3), at most 63 deg from any rotation."""
+def list_cube_rotations() -> FloatArray:
+    """Return the rotation matrices (24, 3, 3) that map a cube onto itself.
+
+    They are initial guesses for an unknown rotation: one of them is at most 63 deg from it.
+    """
     rotations = []
-    for order in itertools.permutations(range(3)):
+    for columns in itertools.permutations(range(3)):
         for signs in itertools.product((1.0, -1.0), repeat=3):
             matrix = np.zeros((3, 3))
-            matrix[range(3), order] = signs
+            matrix[range(3), columns] = signs
+            # The other half of the 48 signed permutations are reflections.
             if np.linalg.det(matrix) > 0:
                 rotations.append(matrix)
     return np.array(rotations)

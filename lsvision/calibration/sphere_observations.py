@@ -23,7 +23,7 @@ from lsvision.calibration.observations import (
     masked_least_squares,
     points_in_sensor_frame,
 )
-from lsvision.calibration.rotations import cube_rotations, nearest_rotations
+from lsvision.calibration.rotations import find_nearest_rotations, list_cube_rotations
 from lsvision.geometry import BoolArray, FloatArray, IntArray, Pose
 
 ARC = np.radians(np.linspace(-60.0, 60.0, 61))
@@ -132,7 +132,7 @@ class SphereObservations:
         given rotation with linear translation and c needs three.
         """
         linear = self._linear_rotations(masks)[:, None]
-        cube = np.broadcast_to(cube_rotations(), (len(masks), 24, 3, 3))
+        cube = np.broadcast_to(list_cube_rotations(), (len(masks), 24, 3, 3))
         rotations = np.concatenate([linear, cube], axis=1)
         return self._states_with_rotations(rotations, masks)
 
@@ -146,7 +146,7 @@ class SphereObservations:
         first, second = solution[:, 0:3], solution[:, 3:6]
         raw = np.stack([first, second, np.cross(first, second)], axis=-1)
         length = np.linalg.norm(raw, axis=(1, 2))[:, None, None]
-        return nearest_rotations(raw / np.maximum(length, 1e-12))
+        return find_nearest_rotations(raw / np.maximum(length, 1e-12))
 
     def _states_with_rotations(self, rotations: FloatArray, masks: FloatArray) -> States:
         """Return states with given rotations (q, k, 3, 3), all else by linear least squares."""

@@ -1,4 +1,4 @@
-"""``lsvision paper``: the paper's tables and figures, run again, as one page."""
+"""``lsvision paper``: the experiments of Chen and Liu (2016) repeated, as one HTML report."""
 
 import sys
 from pathlib import Path
@@ -9,23 +9,26 @@ import typer
 from lsvision.cli.messages import print_lines
 from lsvision.cli.outputs import STDOUT, check_outputs, write_output
 
-DEFAULT_PAGE = Path("report.html")
+DEFAULT_REPORT_PATH = Path("report.html")
+"""Default of --out, in the current folder."""
 
 
 def paper(
     out: Annotated[
         Path,
         typer.Option(
-            "--out", "-o", metavar="F.html", help="The page, one HTML file that needs no other."
+            "--out", "-o", metavar="F.html", help="Report, as one self-contained HTML file."
         ),
-    ] = DEFAULT_PAGE,
+    ] = DEFAULT_REPORT_PATH,
     json: Annotated[
-        Path | None, typer.Option("--json", metavar="F", help="The same numbers as JSON.")
+        Path | None,
+        typer.Option("--json", metavar="F", help="Write the numbers of the report as JSON, too."),
     ] = None,
     full: Annotated[
         bool,
         typer.Option(
-            "--full", help="More sections, for narrower confidence intervals: about ten minutes."
+            "--full",
+            help="Simulate more sections, for narrower confidence intervals; takes ten minutes.",
         ),
     ] = False,
     noise_mm: Annotated[
@@ -34,26 +37,28 @@ def paper(
             metavar="MM",
             min=0.001,
             max=0.3,
-            help="Noise of a point, one sigma along the ray at 400 mm.",
+            help="Noise of a point: one sigma along the ray, at a distance of 400 mm.",
         ),
     ] = 0.1,
     seed: Annotated[
-        int, typer.Option(metavar="N", min=0, help="Seed of the first measurement.")
+        int,
+        typer.Option(metavar="N", min=0, help="Random seed of the first simulated measurement."),
     ] = 0,
 ) -> None:
-    """Run the paper's experiments again and assess its results.
+    """Repeat the experiments of the paper on simulated data, and compare their results.
 
-    Its Tables 1-5 and Figures 5-16 on the simulator: the paper's pipeline as published, lsvision
-    from one section, with a known radius, from two sections and from twenty, each beside the
-    published number and the Cramer-Rao bound. Takes a minute or two; the same command gives the
-    same numbers, except for times.
+    The report has the paper's Tables 1-5 and Figures 5-16. It compares the paper's pipeline as
+    published with lsvision from one section, from one with a known radius, from two sections and
+    from twenty. Each result stands beside the published one and the Cramer-Rao bound. Takes a
+    minute or two; the same command gives the same numbers, except for times.
 
     \b
       lsvision paper --out report.html
       lsvision paper --full --out report.html --json report.json
       lsvision paper --noise-mm 0.02 --out low_noise.html
     """  # noqa: D301 - the backspace makes click keep the line breaks
-    check_outputs((), (), streams=(out, json))
+    # Before the experiments, so that no minutes of work are lost to a wrong path.
+    check_outputs(outputs=(), sources=(), streams=(out, json))
     from lsvision.studies.chen_liu_2016 import (
         ExperimentSizes,
         report_json,
@@ -63,7 +68,7 @@ def paper(
 
     sizes = ExperimentSizes.full() if full else ExperimentSizes.quick()
     report = run_experiments(sizes, noise_mm=noise_mm, seed=seed, progress=_log_progress)
-    _log_progress("drawing the page")
+    _log_progress("drawing the report")
     write_output(out, report_page(report))
     if json is not None:
         write_output(json, report_json(report))
@@ -71,6 +76,6 @@ def paper(
 
 
 def _log_progress(text: str) -> None:
-    """Write a line of progress on stderr."""
+    """Write a line of progress to stderr at once; stdout may be the report."""
     sys.stderr.write(f"{text}\n")
     sys.stderr.flush()

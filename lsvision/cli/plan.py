@@ -1,4 +1,4 @@
-"""``lsvision plan``: what accuracy to expect before measuring."""
+"""``lsvision plan``: predicted accuracy of a measurement, before it is made."""
 
 import math
 from dataclasses import dataclass, replace
@@ -18,13 +18,15 @@ if TYPE_CHECKING:
     )
 
 SPACINGS_MM = (0.5, 1.0, 2.0, 5.0, 10.0)
-"""Spacings of the proposals for a target accuracy without a given spacing. Units: mm."""
+"""Spacings for which a scan is proposed if a target is given without --spacing: steps of about two,
+from fine to coarse. Units: mm."""
 
 UNDETERMINED_DEG = 50.0
-"""Standard deviation from which theta counts as undetermined; a uniform guess has 52 deg."""
+"""Standard deviation from which theta is reported as not determinable: a direction guessed at
+random has 52 deg (180 deg / sqrt(12)). Units: deg."""
 
 DEFAULT_PITCH_MM = 0.6
-"""Default of --pitch with --range-std: that of the paper. Units: mm."""
+"""Default of --pitch with --range-std: the point spacing of the paper's sensor. Units: mm."""
 
 
 def plan(
@@ -37,66 +39,76 @@ def plan(
         ),
     ] = 0.0,
     phi_deg: Annotated[
-        float, typer.Option(metavar="DEG", help="Tilt of the pipe from the laser plane's normal.")
+        float,
+        typer.Option(metavar="DEG", help="Angle of the pipe's axis from the laser plane's normal."),
     ] = 20.0,
-    standoff: Annotated[float, typer.Option(metavar="MM", help="Sensor to pipe centre.")] = 400.0,
+    standoff: Annotated[
+        float, typer.Option(metavar="MM", help="Distance of the sensor from the pipe's centre.")
+    ] = 400.0,
     sensor: Annotated[
-        str | None, typer.Option(metavar="lps36hi|lps36", help="lps36hi (default) or lps36.")
+        str | None, typer.Option(metavar="lps36hi|lps36", help="Model of the sensor [lps36hi].")
     ] = None,
     range_std: Annotated[
         float | None,
         typer.Option(
-            metavar="MM", help="Noise without --sensor: one sigma along the ray at the standoff."
+            metavar="MM",
+            help="Noise of any other sensor: one sigma along the ray at the standoff.",
         ),
     ] = None,
     pitch: Annotated[
         float | None,
         typer.Option(
-            metavar="MM", help="Spacing of the points in X at the standoff; else the sensor's own."
+            metavar="MM",
+            help="Spacing of the points in X at the standoff [the sensor's; 0.6 with --range-std].",
         ),
     ] = None,
     sections: Annotated[
-        int | None, typer.Option(metavar="N", help="Number of parallel sections, fitted jointly.")
+        int | None,
+        typer.Option(metavar="N", help="Number of parallel sections fitted jointly [1]."),
     ] = None,
     spacing: Annotated[
-        float | None, typer.Option(metavar="MM", help="Distance from section to section [1].")
+        float | None,
+        typer.Option(
+            metavar="MM", help="Distance between sections [1; several if a target is given]."
+        ),
     ] = None,
     feed_std_deg: Annotated[
-        float, typer.Option(metavar="DEG", help="One sigma of the feed direction.")
+        float,
+        typer.Option(
+            metavar="DEG", help="One sigma of the direction in which the sensor is moved."
+        ),
     ] = 0.0,
     pose_std: Annotated[
         float, typer.Option(metavar="MM", help="One sigma of each section's position, per axis.")
     ] = 0.0,
     known_radius: Annotated[
-        bool, typer.Option("--known-radius", help="Take the radius as exactly known.")
+        bool, typer.Option("--known-radius", help="Assume that the radius is known exactly.")
     ] = False,
     target_phi_deg: Annotated[
         float | None,
-        typer.Option(metavar="DEG", help="Return the number of sections for this sigma of phi."),
+        typer.Option(metavar="DEG", help="Find the fewest sections for this sigma of phi."),
     ] = None,
     target_radius: Annotated[
         float | None,
-        typer.Option(
-            metavar="MM", help="Return the number of sections for this sigma of the radius."
-        ),
+        typer.Option(metavar="MM", help="Find the fewest sections for this sigma of the radius."),
     ] = None,
 ) -> None:
     """Predict the one-sigma errors of a pipe's radius and direction, without measuring.
 
-    Numbers are the Cramer-Rao bound: what the best possible fit reaches.
+    The errors are Cramer-Rao bounds: no unbiased fit has smaller ones.
 
     \b
     One section of a 19 mm pipe under an LPS 36 HI:
       lsvision plan --radius 19 --theta-deg 20 --phi-deg 20 --standoff 400
     Twenty sections, 1 mm apart, any sensor with 0.1 mm noise along the ray:
       lsvision plan --radius 19 --range-std 0.1 --sections 20 --spacing 1
-    Number and length of the sections for 0.05 deg:
+    Number of sections, and length of the scan, for a phi within 0.05 deg:
       lsvision plan --radius 19 --phi-deg 20 --target-phi-deg 0.05
     """  # noqa: D301 - the backspace makes click keep the line breaks
     from lsvision.planning import Feed
 
     try:
-        view = _build_view(sensor, range_std, standoff, pitch)
+        view = _build_view(sensor, range_std, standoff=standoff, pitch=pitch)
         target = _build_target(target_phi_deg, target_radius)
         if spacing is not None and sections is None and target is None:
             raise ValueError("expected --sections or a target with --spacing, got neither")
@@ -107,35 +119,45 @@ def plan(
             feed_std=math.radians(feed_std_deg),
         )
         request = _PlanRequest(
-            (radius_mm, math.radians(theta_deg), math.radians(phi_deg)),
-            view,
-            0.0 if known_radius else None,
+            pipe=(radius_mm, math.radians(theta_deg), math.radians(phi_deg)),
+            view=view,
+            known_radius_std=0.0 if known_radius else None,
         )
         predictions = request.predict(feed)
         spacings = SPACINGS_MM if spacing is None else (spacing,)
-        scans = [] if target is None else request.shortest_scans(target, feed, spacings)
+        scans = [] if target is None else request.find_shortest_scans(target, feed, spacings)
     except ValueError as error:
         raise typer.BadParameter(str(error)) from error
     typer.echo(
         f"pipe of radius {radius_mm:g} mm, theta {theta_deg:g} deg, phi {phi_deg:g} deg, "
         f"under {view.sensor.name} at {standoff:g} mm; errors are one sigma"
     )
-    typer.echo(_table(predictions))
+    typer.echo(_format_table(predictions))
     if scans:
-        typer.echo("fewest sections that reach the target, by their spacing:")
-        typer.echo(_table(scans))
+        typer.echo("fewest sections that reach the target accuracy, for each spacing:")
+        typer.echo(_format_table(scans))
 
 
 @dataclass(frozen=True)
 class _PlanRequest:
-    """Pipe (radius, theta, phi), view of the sensor, and std of a known radius."""
+    """Measurement whose accuracy is predicted.
+
+    Parameters
+    ----------
+    pipe : (float, float, float)
+        Radius, theta and phi. Units: mm, rad, rad.
+    view : SensorView
+        Sensor, and its position relative to the pipe.
+    known_radius_std : float, optional
+        Standard deviation of the known radius; None if the radius is unknown. Units: mm.
+    """
 
     pipe: tuple[float, float, float]
     view: "SensorView"
     known_radius_std: float | None
 
     def predict(self, feed: "Feed") -> "list[SectionPrediction | ScanPrediction]":
-        """Return the prediction for one section, and for the scan if it has more."""
+        """Return the prediction for one section, then that for the scan if it has several."""
         from lsvision.planning import plan_scan, plan_section
 
         section = plan_section(*self.pipe, view=self.view, known_radius_std=self.known_radius_std)
@@ -146,10 +168,10 @@ class _PlanRequest:
         )
         return [section, scan]
 
-    def shortest_scans(
+    def find_shortest_scans(
         self, target: "AccuracyTarget", feed: "Feed", spacings: tuple[float, ...]
     ) -> "list[SectionPrediction | ScanPrediction]":
-        """Return the shortest scan at each spacing."""
+        """Return the prediction of the shortest scan that reaches the target at each spacing."""
         from lsvision.planning import sections_needed
 
         return [
@@ -157,16 +179,17 @@ class _PlanRequest:
                 *self.pipe,
                 target=target,
                 view=self.view,
-                feed=replace(feed, spacing=step),
+                feed=replace(feed, spacing=spacing),
                 known_radius_std=self.known_radius_std,
             )
-            for step in spacings
+            for spacing in spacings
         ]
 
 
 def _build_view(
-    sensor: str | None, range_std: float | None, standoff: float, pitch: float | None
+    sensor: str | None, range_std: float | None, *, standoff: float, pitch: float | None
 ) -> "SensorView":
+    """Return the view of a named sensor, or of a generic one with the given noise (mm)."""
     from lsvision.planning import SensorView
     from lsvision.sensors.profile_sensor import ProfileSensor, find_sensor
 
@@ -174,6 +197,7 @@ def _build_view(
         return SensorView(sensor=find_sensor(sensor or "lps36hi"), standoff=standoff, pitch=pitch)
     if sensor is not None:
         raise ValueError("expected --sensor or --range-std, got both")
+    # Its measuring range is unknown: a wide one, so that it limits the view as little as possible.
     generic_sensor = ProfileSensor(
         name=f"a sensor with {range_std:g} mm noise",
         range_std=range_std,
@@ -188,6 +212,7 @@ def _build_view(
 
 
 def _build_target(phi_deg: float | None, radius_mm: float | None) -> "AccuracyTarget | None":
+    """Return the target standard deviations (deg, mm); None if neither is given."""
     from lsvision.planning import AccuracyTarget
 
     if phi_deg is None and radius_mm is None:
@@ -201,11 +226,13 @@ def _build_target(phi_deg: float | None, radius_mm: float | None) -> "AccuracyTa
 _HEADER = ("sections", "spacing mm", "length mm", "points", "radius mm", "theta deg", "phi deg")
 
 
-def _table(predictions: "list[SectionPrediction | ScanPrediction]") -> str:
-    return "\n".join(text_table([_HEADER, *map(_row, predictions)]))
+def _format_table(predictions: "list[SectionPrediction | ScanPrediction]") -> str:
+    """Return a table with one row per prediction, its standard deviations in the last columns."""
+    return "\n".join(text_table([_HEADER, *map(_format_row, predictions)]))
 
 
-def _row(prediction: "SectionPrediction | ScanPrediction") -> tuple[str, ...]:
+def _format_row(prediction: "SectionPrediction | ScanPrediction") -> tuple[str, ...]:
+    """Return the cells of a prediction under `_HEADER`; a section has no spacing."""
     from lsvision.draw import format_std
     from lsvision.planning import ScanPrediction
 

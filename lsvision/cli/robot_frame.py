@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 from lsvision.cli.robot_poses import (
     PoseFile,
     RobotOptions,
+    format_uncertainty_caption,
     parse_pose_file,
     read_calibration,
-    uncertainty_caption,
 )
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def robot_frame_table(placed: "Sequence[tuple[PlacedCylinder, PlacedCylinder]]")
             (f"{number}{sign}", *placed_cells(twin)) for sign, twin in zip("+-", twins, strict=True)
         ]
     first, _ = placed[0]
-    caption = uncertainty_caption(
+    caption = format_uncertainty_caption(
         calibrated=first.includes_calibration, in_base=first.frame == "base"
     )
     return [f"{first.frame} frame, {caption}:", *text_table(rows)]

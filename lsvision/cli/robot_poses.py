@@ -1,4 +1,4 @@
-"""Options of a robot that carries the sensor: poses of its flange, and the hand-eye file."""
+"""Options for a sensor on a robot: the file of flange poses, and the hand-eye file."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,74 +15,81 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class RobotOptions:
-    """Poses of a robot that carries the sensor, and the pose of the sensor on it."""
+    """Options for the poses of a robot's flange, and for the pose of the sensor on the flange."""
 
     poses: Annotated[
         Path | None,
-        typer.Option(metavar="F", help="Poses of the robot's flange, one per profile."),
+        typer.Option(metavar="F", help="File of the flange's poses in the base, one per profile."),
     ] = None
     convention: Annotated[
         str | None,
         typer.Option(
             metavar="NAME",
-            help="Convention of the poses, never guessed: ur, kuka, fanuc, abb, ros, matrix, ...",
+            help="Convention of --poses, never guessed: ur, kuka, fanuc, abb, ros, matrix, ...",
         ),
     ] = None
     flange_from_section: Annotated[
         Path | None,
         typer.Option(
             metavar="F",
-            help="Hand-eye file, its errors propagated; without it, --poses are of the section.",
+            help="Hand-eye file, whose errors are propagated; without it, --poses are the poses of "
+            "the section frame itself.",
         ),
     ] = None
 
     @property
     def files(self) -> list[Path]:
-        """Return the files that the options name."""
+        """Paths given by the options, for the check that no output overwrites an input."""
         return [file for file in (self.poses, self.flange_from_section) if file is not None]
 
 
 @dataclass(frozen=True)
 class PoseFile:
-    """File of poses, and their convention."""
+    """File of robot poses, and the name of the convention in which they are written."""
 
     path: Path
     convention: str
 
     def read(self, count: int, item: str = "profile") -> "list[Pose]":
-        """Return the poses of the flange.
+        """Read the poses, and check their number.
 
         Parameters
         ----------
         count : int
             Expected number of poses.
         item : str
-            Noun for an item with a pose, for the message.
+            What each pose belongs to, in the singular, for the message.
+
+        Returns
+        -------
+        list of Pose
+            ``base_from_flange`` of each item, in the order of the file. Units: mm.
 
         Raises
         ------
         UnreadableFile
-            If the file cannot be read, or holds another number of poses.
+            If the file cannot be read, or does not hold `count` poses.
         """
         from lsvision.io.robot_poses import read_robot_poses
         from lsvision.results.summaries import counted
 
-        flanges = read_robot_poses(self.path, self.convention)
-        if len(flanges) != count:
+        flange_poses = read_robot_poses(self.path, self.convention)
+        if len(flange_poses) != count:
             raise UnreadableFile(
                 f"{self.path}: expected {counted(count, 'pose')}, one for each "
-                f"{item}, got {len(flanges)}: leave out items without a partner"
+                f"{item}, got {len(flange_poses)}: leave out each pose without a {item}, and each "
+                f"{item} without a pose"
             )
-        return flanges
+        return flange_poses
 
 
 def parse_pose_file(robot: RobotOptions) -> PoseFile | None:
-    """Return ``--poses`` with ``--convention``; None without both.
+    """Return the file of ``--poses`` in ``--convention``; None if neither is given.
 
     Raises
     ------
     typer.BadParameter
-        If one of them is missing, or the convention is unknown.
+        If only one of the two is given, or the convention is unknown.
     """
     if robot.poses is not None:
         return PoseFile(robot.poses, parse_convention(robot.convention))
@@ -92,7 +99,14 @@ def parse_pose_file(robot: RobotOptions) -> PoseFile | None:
 
 
 def parse_convention(name: str | None, option: str = "--convention") -> str:
-    """Return the name of a pose convention, checked.
+    """Return the name of a pose convention if it is known.
+
+    Parameters
+    ----------
+    name : str, optional
+        Value of the option; None if it was not given.
+    option : str
+        Option that gave the name, for the message.
 
     Raises
     ------
@@ -104,34 +118,44 @@ def parse_convention(name: str | None, option: str = "--convention") -> str:
     if name not in CONVENTIONS:
         raise typer.BadParameter(
             f"expected {option} {', '.join(CONVENTIONS)}, got {name or 'none'}: the same "
-            "numbers mean another pose in each"
+            "numbers denote a different pose in each convention"
         )
     return name
 
 
 def read_calibration(path: Path) -> "HandEye":
-    """Return the calibration in the hand-eye file of a profile sensor on the flange.
+    """Return the hand-eye calibration of a profile sensor on the flange, read from a file.
 
     Raises
     ------
     LsvisionError
-        If it is invalid, of another schema, of a camera, or of a fixed sensor.
+        If the file is invalid or has another schema, or if it calibrates a camera or a sensor that
+        is not on the flange.
     """
     from lsvision.calibration.hand_eye_result import HandEye
 
     calibration = HandEye.load(path)
     try:
+        # The property raises an error for a camera, and for a sensor that is not on the flange.
         _ = calibration.flange_from_section
     except ValueError as error:
         raise LsvisionError(
-            f"{path}: {error}: calibrate with lsvision calibrate hand-eye sphere or plane, the "
-            "sensor on the flange"
+            f"{path}: {error}: calibrate the sensor on the flange, with lsvision calibrate "
+            "hand-eye sphere or plane"
         ) from error
     return calibration
 
 
-def uncertainty_caption(*, calibrated: bool, in_base: bool) -> str:
-    """Return a caption: which errors the standard deviations of a table include."""
+def format_uncertainty_caption(*, calibrated: bool, in_base: bool) -> str:
+    """Return the caption that states which errors the standard deviations of a table include.
+
+    Parameters
+    ----------
+    calibrated : bool
+        Whether the sensor's pose on the robot comes from a calibration with known errors.
+    in_base : bool
+        Whether the results are in the base frame, so that errors of the robot's poses count.
+    """
     if not calibrated:
         return "one sigma, the sensor's pose on the robot taken as exact"
     sources = "calibration's and the robot's" if in_base else "calibration's"

@@ -271,10 +271,10 @@ def _write_clouds(
     """Write the PLY files that the options name."""
     if points_ply is None and surfaces_ply is None:
         return
-    from lsvision.draw.scan_ply import coloured_points, coloured_surfaces
+    from lsvision.draw.scan_ply import colour_points, colour_surfaces
     from lsvision.io.ply import write_ply
 
     if points_ply is not None:
-        write_ply(points_ply, *coloured_points(scan_result, points))
+        write_ply(points_ply, *colour_points(scan_result, points))
     if surfaces_ply is not None:
-        write_ply(surfaces_ply, *coloured_surfaces(scan_result))
+        write_ply(surfaces_ply, *colour_surfaces(scan_result))

@@ -9,9 +9,9 @@ import typer
 from lsvision.cli.robot_poses import (
     PoseFile,
     RobotOptions,
+    format_uncertainty_caption,
     parse_pose_file,
     read_calibration,
-    uncertainty_caption,
 )
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ def motion_uncertainty_caption(motion: Encoder | Robot) -> str:
     """Return a caption: which errors the standard deviations of the table include."""
     if isinstance(motion, Encoder):
         return "one sigma"
-    return uncertainty_caption(calibrated=motion.calibration is not None, in_base=True)
+    return format_uncertainty_caption(calibrated=motion.calibration is not None, in_base=True)
 
 
 def _parse_direction(text: str) -> tuple[float, float, float]:

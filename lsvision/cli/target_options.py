@@ -1,4 +1,4 @@
-"""Options of a calibration target, shared by the commands that print or detect one."""
+"""Options that describe a calibration target, for the commands that print or detect one."""
 
 import re
 from dataclasses import dataclass
@@ -10,11 +10,22 @@ if TYPE_CHECKING:
     from lsvision.calibration.target import Target
 
 TARGETS = ("charuco", "chessboard", "circles", "circles-asymmetric")
+"""Values of --target."""
+DEFAULT_COUNTS = (11, 8)
+"""Default columns and rows of squares of a ChArUco board: those of `ChArUco`."""
+DEFAULT_SQUARE_MM = 15.0
+"""Default edge of a square, as of `ChArUco`. Units: mm."""
+DEFAULT_MARKER_MM = 11.0
+"""Default edge of a marker in a square of `DEFAULT_SQUARE_MM`, as of `ChArUco`; in another square
+it is scaled with the square. Units: mm."""
+DEFAULT_DISC_RATIO, DEFAULT_ASYMMETRIC_DISC_RATIO = 0.5, 0.8
+"""Default diameter of a disc relative to the spacing. In an asymmetric grid, that of `CircleGrid`:
+its nearest discs are sqrt(2) spacings apart, so that they may be larger."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TargetOptions:
-    """Kind and dimensions of a calibration target."""
+    """Options for the kind and the dimensions of a calibration target."""
 
     target_name: Annotated[
         str, typer.Option("--target", metavar="NAME", help=f"Kind of target: {', '.join(TARGETS)}.")
@@ -23,18 +34,23 @@ class TargetOptions:
         str | None,
         typer.Option(
             metavar="NxM",
-            help="Squares of a ChArUco board [11x8], inner corners of a chessboard, discs of a "
-            "grid.",
+            help="Columns x rows: squares of a ChArUco board [11x8], inner corners of a "
+            "chessboard, discs of a grid.",
         ),
     ] = None
     square: Annotated[
         float | None,
-        typer.Option(metavar="MM", help="Edge of a square or spacing of discs [15]: measure it!"),
+        typer.Option(
+            metavar="MM",
+            help="Edge of a square or spacing of discs, as measured on the print [15].",
+        ),
     ] = None
     marker: Annotated[
         float | None,
         typer.Option(
-            metavar="MM", help="Edge of a marker [11/15 of a square], or a disc's diameter."
+            metavar="MM",
+            help="Edge of a marker [11/15 of a square], or diameter of a disc [0.5 of the "
+            "spacing, 0.8 if asymmetric].",
         ),
     ] = None
     dictionary: Annotated[
@@ -42,12 +58,13 @@ class TargetOptions:
     ] = "DICT_4X4_100"
 
     def parse(self) -> "Target":
-        """Return the target that the options describe.
+        """Return the target that the options describe; lengths in mm.
 
         Raises
         ------
         typer.BadParameter
-            For an unknown name, invalid counts, or lengths that contradict each other.
+            If the name is unknown, the counts are invalid or missing, or a length is not possible
+            beside the others.
         """
         from lsvision.calibration.target import ChArUco, Chessboard, CircleGrid
 
@@ -56,24 +73,26 @@ class TargetOptions:
             raise typer.BadParameter(f"expected --target {', '.join(TARGETS)}, got {name!r}")
         if name != "charuco" and (self.counts is None or self.square is None):
             raise typer.BadParameter(f"expected --counts NxM and --square MM with --target {name}")
-        columns, rows = (11, 8) if self.counts is None else _parse_counts(self.counts)
-        edge = 15.0 if self.square is None else self.square
+        columns, rows = DEFAULT_COUNTS if self.counts is None else _parse_counts(self.counts)
+        square = DEFAULT_SQUARE_MM if self.square is None else self.square
         try:
             if name == "charuco":
-                marker = edge * 11 / 15 if self.marker is None else self.marker
-                return ChArUco(columns, rows, edge, marker, self.dictionary)
+                default_marker = square * DEFAULT_MARKER_MM / DEFAULT_SQUARE_MM
+                marker = default_marker if self.marker is None else self.marker
+                return ChArUco(columns, rows, square, marker, self.dictionary)
             if name == "chessboard":
-                return Chessboard(columns, rows, edge)
+                return Chessboard(columns, rows, square)
             asymmetric = name == "circles-asymmetric"
-            default_diameter = edge * (0.8 if asymmetric else 0.5)
-            diameter = default_diameter if self.marker is None else self.marker
-            return CircleGrid(columns, rows, edge, diameter, asymmetric)
+            ratio = DEFAULT_ASYMMETRIC_DISC_RATIO if asymmetric else DEFAULT_DISC_RATIO
+            diameter = square * ratio if self.marker is None else self.marker
+            return CircleGrid(columns, rows, square, diameter, asymmetric)
         except ValueError as error:
             raise typer.BadParameter(str(error)) from None
 
 
 def _parse_counts(text: str) -> tuple[int, int]:
+    """Return columns and rows from a text such as ``11x8``."""
     match = re.fullmatch(r"(\d+)[xX](\d+)", text.strip())
     if not match:
-        raise typer.BadParameter(f"expected --counts NxM, as 11x8, got {text!r}")
+        raise typer.BadParameter(f"expected --counts NxM, for example 11x8, got {text!r}")
     return int(match[1]), int(match[2])

@@ -1,4 +1,7 @@
-"""Order of points along the laser line, where it is not the order of the sensor's columns."""
+"""Order of points along the laser line, where it is not the order of the sensor's columns.
+
+Y points away from the surface, towards the sensor: of two lines, the nearer has the larger Y.
+"""
 
 import math
 
@@ -8,86 +11,122 @@ from lsvision.geometry import BoolArray, IntArray, Points
 from lsvision.geometry.noisy_points import as_complex
 from lsvision.statistics.robust import upper_median
 
-HALF = 0.5
-"""Ratio below which a quantity is small: progress along X over the travel, a path length over
-another one, the distance of the ends over the width, a spacing over the typical one."""
+MIN_PROGRESS_RATIO = 0.5
+"""Smallest ratio of the distance in X between first and last point to the sum of all steps in X, at
+which the points are in order along X; an overhang or noise in X reverses only few steps."""
+MAX_PATH_RATIO = 0.5
+"""Ratio of the path lengths in a new and in the present order, below which the new one is used: a
+wrong order at least doubles the path, since it jumps between two lines at most steps."""
+MAX_CLOSURE_RATIO = 0.5
+"""Ratio of the distance in X between first and last point to the width, below which the path is
+closed."""
+MAX_COLUMN_SPACING_RATIO = 0.5
+"""Ratio of a spacing in X to the median one, below which two points belong to one column."""
 MAX_CLIMB_WIDTHS = 5.0
-"""Travel along Y over the width of a profile above which two returns per column are searched;
-one line with clutter and jumps has at most 3."""
-RETURN_STEPS = 10.0
-"""Smallest distance of two returns of a column along Y, in medians of the distance of points from
-the nearer of their neighbours; 5 sigma on a flat line."""
+"""Ratio of the sum of all steps in Y (absolute) to the width of a profile, above which two returns
+per column are looked for; one line with clutter and jumps has at most 3."""
+MIN_RETURN_DISTANCE_STEPS = 10.0
+"""Smallest distance in Y of two returns of a column, in units of the typical step: the median of
+the distances in Y of each point from the nearer of its neighbours. 5 sigma on a flat line."""
 
 
 def order_along_line(points: Points) -> IntArray | None:
-    """Return the order in which each of the valid points follows its neighbour on the line.
+    """Return the indices that sort points along the laser line; None if their order is kept.
 
-    None means the given order: x progresses, or sorting by x would not make the path of the points
-    much shorter. Two returns per column, and the two sides of a closed section, are two lines, of
-    which the one nearer to the sensor comes first.
+    The order is kept where the points progress along X, and where sorting them by X would not
+    halve their path. Two returns per column, and the two sides of a closed section, are two lines;
+    the one nearer to the sensor comes first.
+
+    Parameters
+    ----------
+    points : (n, 2) ndarray
+        Valid points, in the order of the sensor. Units: mm.
+
+    Returns
+    -------
+    (n,) ndarray of int, or None
+        Permutation of the points' indices.
     """
     if len(points) <= 2:
         return None
     x = points[:, 0]
     travel = float(np.abs(x[1:] - x[:-1]).sum())
-    if abs(float(x[-1] - x[0])) >= HALF * travel:
+    end_distance = abs(float(x[-1] - x[0]))
+    if end_distance >= MIN_PROGRESS_RATIO * travel:
         return _separate_returns(points)
     by_x: IntArray = x.argsort(kind="stable")
-    lines = _separate_returns(points[by_x])
-    sorted_lines = by_x if lines is None else by_x[lines]
-    if _path_length(points[sorted_lines]) < HALF * _path_length(points):
-        return sorted_lines
-    closed = abs(float(x[-1] - x[0])) < HALF * float(x[by_x[-1]] - x[by_x[0]])
-    return _sides_of_loop(points, int(by_x[0]), int(by_x[-1])) if closed else None
+    separated = _separate_returns(points[by_x])
+    new_order = by_x if separated is None else by_x[separated]
+    if _path_length(points[new_order]) < MAX_PATH_RATIO * _path_length(points):
+        return new_order
+    leftmost, rightmost = int(by_x[0]), int(by_x[-1])
+    closed = end_distance < MAX_CLOSURE_RATIO * float(x[rightmost] - x[leftmost])
+    return _split_loop(points, leftmost, rightmost) if closed else None
 
 
-def _sides_of_loop(points: Points, leftmost: int, rightmost: int) -> IntArray:
-    """Return the order with the two sides of a closed path, both from left to right."""
+def _split_loop(points: Points, leftmost: int, rightmost: int) -> IntArray:
+    """Return the order of a closed path as two lines, one for each side, from left to right.
+
+    `leftmost` and `rightmost` are the indices of the points at which the sides meet.
+    """
     path = np.roll(np.arange(len(points)), -leftmost)
-    turn = (rightmost - leftmost) % len(points)
-    return _nearest_first(points, path[: turn + 1], path[turn + 1 :][::-1])
+    side_end = (rightmost - leftmost) % len(points) + 1
+    return _join_lines(points, path[:side_end], path[side_end:][::-1])
 
 
 def _separate_returns(points: Points) -> IntArray | None:
-    """Return the order with the nearer of two lines first; None where there is one line."""
+    """Return the order of points along X as two lines, one for each return of a column.
+
+    None if the points are one line.
+    """
     x, y = points.T
     climb = float(np.abs(y[1:] - y[:-1]).sum())
     if climb <= MAX_CLIMB_WIDTHS * abs(float(x[-1] - x[0])):
         return None
-    first = _is_first_line(points) if x[0] <= x[-1] else _is_first_line(points[::-1])[::-1]
-    order = _nearest_first(points, first.nonzero()[0], (~first).nonzero()[0])
-    return order if _path_length(points[order]) < HALF * _path_length(points) else None
+    # The lines are followed towards +X, so that the order of the columns does not matter.
+    ascending = x[0] <= x[-1]
+    mask = _follow_two_lines(points) if ascending else _follow_two_lines(points[::-1])[::-1]
+    order = _join_lines(points, mask.nonzero()[0], (~mask).nonzero()[0])
+    shorter = _path_length(points[order]) < MAX_PATH_RATIO * _path_length(points)
+    return order if shorter else None
 
 
-def _is_first_line(points: Points) -> BoolArray:
-    """Return which points lie on the first of two lines: each joins the line nearer along Y."""
+def _follow_two_lines(points: Points) -> BoolArray:
+    """Return the mask (n,) of the points on the same line as the first point.
+
+    Each point is assigned to the line whose last point is nearer in Y.
+    """
     x, y = points.T
-    near, next_but_one = np.abs(y[1:] - y[:-1]), np.abs(y[2:] - y[:-2])
-    limit = RETURN_STEPS * upper_median(np.minimum(near[1:], next_but_one))
+    steps, double_steps = np.abs(y[1:] - y[:-1]), np.abs(y[2:] - y[:-2])
+    min_distance = MIN_RETURN_DISTANCE_STEPS * upper_median(np.minimum(steps[1:], double_steps))
     spacing = np.abs(x[1:] - x[:-1])
-    same_column = spacing < HALF * upper_median(np.append(spacing[spacing > 0], 0.0))
-    second_of_column = np.append(False, same_column & (near > limit))
-    ends: list[float | None] = [float(y[0]), None]
+    median_spacing = upper_median(np.append(spacing[spacing > 0], 0.0))
+    same_column = spacing < MAX_COLUMN_SPACING_RATIO * median_spacing
+    second_returns = same_column & (steps > min_distance)
+    last_y: list[float | None] = [float(y[0]), None]
     lines = [0]
-    for height, is_second in zip(y[1:].tolist(), second_of_column[1:].tolist(), strict=True):
-        distances = [limit if end is None else abs(height - end) for end in ends]
+    for point_y, is_second in zip(y[1:].tolist(), second_returns.tolist(), strict=True):
+        # The second line, as long as it has no point, begins at `min_distance` from the first.
+        distances = [min_distance if last is None else abs(point_y - last) for last in last_y]
         # The second return of a column lies on the line that the first one is not on.
         line = 1 - lines[-1] if is_second else int(distances[1] < distances[0])
-        ends[line] = height
+        last_y[line] = point_y
         lines.append(line)
-    first: BoolArray = np.array(lines) == 0
-    return first
+    mask: BoolArray = np.array(lines) == 0
+    return mask
 
 
-def _nearest_first(points: Points, *lines: IntArray) -> IntArray:
-    """Return the order with the nearer line first, then the farther one from its lowest point on.
+def _join_lines(points: Points, *lines: IntArray) -> IntArray:
+    """Return the indices of the nearer of two lines, then those of the farther one.
 
-    The end of the nearer line is then not followed by points of the other on the same ellipse.
+    The farther line begins at its point farthest from the sensor (and its points before that one
+    come last): the end of the nearer line is then not followed by points on the same ellipse.
     """
     near, far = sorted(lines, key=lambda line: -points[line, 1].mean() if len(line) else math.inf)
     return np.concatenate([near, np.roll(far, -int(points[far, 1].argmin()) if len(far) else 0)])
 
 
 def _path_length(points: Points) -> float:
+    """Return the sum of the distances between successive points. Units: mm."""
     z = as_complex(points)
     return float(np.abs(z[1:] - z[:-1]).sum())

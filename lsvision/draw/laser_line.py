@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from lsvision.draw.figure_files import new_figure
 from lsvision.draw.photo import show_photo
-from lsvision.draw.titles import draw_legend, figure_of, printable_title, set_title
+from lsvision.draw.titles import draw_legend, get_figure, make_printable, set_title
 from lsvision.geometry import BoolArray, FloatArray, Points
 from lsvision.laser_line.extraction import LaserLine
 from lsvision.results.palette import LASER_LINE, SATURATED
@@ -70,13 +70,13 @@ def draw_laser_line(
     if ax is not None:
         _draw_on_photo(ax, image, line)
         set_title(ax, title)
-        return figure_of(ax)
+        return get_figure(ax)
     size, photo_box, curve_boxes = _layout(np.shape(image), line.direction)
     figure = new_figure(size, dpi=DPI)
     photo = figure.add_axes(_figure_fractions(photo_box, size))
     _draw_on_photo(photo, image, line)
     left, top = LEFT_INCH / size[0], 1 - 0.2 / size[1]
-    heading = f"{printable_title(title)}\n{line_summary(line)}".lstrip()
+    heading = f"{make_printable(title)}\n{line_summary(line)}".lstrip()
     figure.suptitle(heading, x=left, y=top, ha="left",
                     va="top", fontsize=11, parse_math=False)  # fmt: skip
     for curve, box in zip(_curves(line), curve_boxes, strict=True):

@@ -11,7 +11,13 @@ import numpy as np
 from lsvision.draw.figure_files import new_figure
 from lsvision.draw.panel import draw_panel
 from lsvision.draw.rejected import RejectedArc, rejected_arcs
-from lsvision.draw.titles import draw_legend, figure_of, label_once, set_title, summary_title
+from lsvision.draw.titles import (
+    draw_legend,
+    format_summary_title,
+    get_figure,
+    label_once,
+    set_title,
+)
 from lsvision.ellipse.section import CylinderSection
 from lsvision.geometry import FloatArray, Points
 from lsvision.measure import Measurement
@@ -62,12 +68,12 @@ def draw_measurement(
     if ax is not None:
         draw_on_axes(ax, profile, measurement)
         set_title(ax, title)
-        return figure_of(ax)
+        return get_figure(ax)
     figure = new_figure(SIZE_INCH, dpi=DPI)
     axes = figure.add_axes((0.065, 0.085, 0.605, 0.785))
     draw_on_axes(axes, profile, measurement)
     rejected = rejected_arcs(profile.points, measurement)
-    heading = summary_title(len(measurement.cylinders), len(rejected), title)
+    heading = format_summary_title(len(measurement.cylinders), len(rejected), title)
     figure.suptitle(heading, x=0.065, y=0.96, ha="left", fontsize=13,
                     parse_math=False)  # fmt: skip
     draw_panel(figure, measurement.cylinders, rejected)

@@ -13,7 +13,13 @@ from lsvision.draw.measurement import draw_on_axes
 from lsvision.draw.panel import draw_panel
 from lsvision.draw.photo import show_photo
 from lsvision.draw.rejected import rejected_arcs
-from lsvision.draw.titles import draw_legend, figure_of, label_once, set_title, summary_title
+from lsvision.draw.titles import (
+    draw_legend,
+    format_summary_title,
+    get_figure,
+    label_once,
+    set_title,
+)
 from lsvision.ellipse.section import CylinderSection
 from lsvision.geometry import Points
 from lsvision.measure import Measurement
@@ -78,7 +84,7 @@ def draw_overlay(
         show_photo(ax, image)
         draw_on_photo(ax, light_section, profile, measurement)
         set_title(ax, title)
-        return figure_of(ax)
+        return get_figure(ax)
     figure = new_figure(SIZE_INCH, dpi=DPI)
     upper, lower = figure.subfigures(2, 1, height_ratios=HEIGHT_RATIOS)
     photo = upper.add_axes((0.065, 0.06, 0.915, 0.84))
@@ -86,7 +92,7 @@ def draw_overlay(
     photo.set_anchor("W")  # its left edge is aligned with that of the section
     draw_on_photo(photo, light_section, profile, measurement)
     rejected = rejected_arcs(profile.points, measurement)
-    figure.suptitle(summary_title(len(measurement.cylinders), len(rejected), title),
+    figure.suptitle(format_summary_title(len(measurement.cylinders), len(rejected), title),
                     x=0.065, y=0.985, ha="left", fontsize=13, parse_math=False)  # fmt: skip
     section = lower.add_axes((0.065, 0.085, 0.605, 0.785))
     draw_on_axes(section, profile, measurement)

@@ -7,7 +7,7 @@ import numpy as np
 
 from lsvision.draw.figure_files import new_figure
 from lsvision.draw.space import fit_into_area, scale_axes
-from lsvision.draw.titles import figure_of, label_once, set_title, summary_title
+from lsvision.draw.titles import format_summary_title, get_figure, label_once, set_title
 from lsvision.geometry import FloatArray, Points
 from lsvision.results.number_format import format_std, format_value, with_minus_signs
 from lsvision.results.palette import POINTS, cylinder_colour
@@ -87,12 +87,12 @@ def draw_scan(
             )
         _draw_in_space(ax, scan, points, vertical)
         set_title(ax, title)
-        return figure_of(ax)
+        return get_figure(ax)
     figure = new_figure(SIZE_INCH, dpi=DPI)
     axes = figure.add_axes(DRAWING, projection="3d")
     _draw_in_space(axes, scan, points, vertical)
     fit_into_area(axes, DRAWING)
-    figure.suptitle(summary_title(len(scan.cylinders), 0, title), x=0.03, y=0.96, ha="left",
+    figure.suptitle(format_summary_title(len(scan.cylinders), 0, title), x=0.03, y=0.96, ha="left",
                     fontsize=13, parse_math=False)  # fmt: skip
     figure.legend(*axes.get_legend_handles_labels(), loc="upper left", bbox_to_anchor=(0.02, 0.925),
                   ncols=4, frameon=False, fontsize=9, markerscale=2.5)  # fmt: skip

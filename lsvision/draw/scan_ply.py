@@ -1,4 +1,4 @@
-"""Points and surfaces of a scan with the colours of its picture."""
+"""Points and surfaces of a scan for PLY files, in the colours of the scan's figure."""
 
 import numpy as np
 
@@ -7,30 +7,33 @@ from lsvision.results.palette import cylinder_colour
 from lsvision.scan import ScanMeasurement
 from lsvision.scan.shape import triangulate_tube
 
-GREY = (0.6, 0.6, 0.6)
+UNASSIGNED_RGB = (0.6, 0.6, 0.6)
+"""Colour of points on no cylinder, grey: red, green, blue from 0 to 1."""
 
 
-def coloured_points(scan: ScanMeasurement, points: Points) -> tuple[Points, FloatArray]:
-    """Return all points of a scan in grey, then those of each cylinder in its colour.
+def colour_points(scan: ScanMeasurement, points: Points) -> tuple[Points, FloatArray]:
+    """Return the points of a scan, sorted by cylinder, and their colours.
 
     Parameters
     ----------
     scan : ScanMeasurement
         Measurement of the scan.
     points : (n, 3) ndarray
-        All points, base frame. Units: mm.
+        All measured points, base frame. Units: mm.
 
     Returns
     -------
     points : (m, 3) ndarray
-        Points, each once, base frame. Units: mm.
+        Points on no cylinder, grey; then those of each cylinder, in its colour. Each point occurs
+        once. Base frame. Units: mm.
     colours : (m, 3) ndarray
         Colour of each point: red, green, blue, 0 to 1.
     """
     cylinder_points = [tube.points for tube in scan.cylinders]
+    # The cylinders hold copies of the points, which are found again by their equal coordinates.
     assigned = {tuple(point) for array in cylinder_points for point in array.tolist()}
     unassigned = points[[tuple(point) not in assigned for point in points.tolist()]]
-    colours = [np.tile(GREY, (len(unassigned), 1))]
+    colours = [np.tile(UNASSIGNED_RGB, (len(unassigned), 1))]
     colours += [
         np.tile(cylinder_rgb(number), (len(array), 1))
         for number, array in enumerate(cylinder_points, 1)
@@ -38,8 +41,8 @@ def coloured_points(scan: ScanMeasurement, points: Points) -> tuple[Points, Floa
     return np.concatenate([unassigned, *cylinder_points]), np.concatenate(colours)
 
 
-def coloured_surfaces(scan: ScanMeasurement) -> tuple[Points, FloatArray, IntArray]:
-    """Return the surfaces of all cylinders as one mesh.
+def colour_surfaces(scan: ScanMeasurement) -> tuple[Points, FloatArray, IntArray]:
+    """Return the surfaces of all cylinders as one triangle mesh, each in its cylinder's colour.
 
     Parameters
     ----------
@@ -49,20 +52,21 @@ def coloured_surfaces(scan: ScanMeasurement) -> tuple[Points, FloatArray, IntArr
     Returns
     -------
     points : (n, 3) ndarray
-        Corners of the triangles, base frame. Units: mm.
+        Vertices of the triangles, base frame. Units: mm.
     colours : (n, 3) ndarray
-        Colour of each point: red, green, blue, 0 to 1.
+        Colour of each vertex: red, green, blue, 0 to 1.
     triangles : (m, 3) ndarray of int
-        Indices of the corners in `points`.
+        Indices of the three vertices of each triangle in `points`.
     """
+    # Empty arrays first, so that a scan without cylinders gives an empty mesh.
     points, colours = [np.zeros((0, 3))], [np.zeros((0, 3))]
-    triangles, count = [np.zeros((0, 3), dtype=np.int64)], 0
+    triangles, vertex_count = [np.zeros((0, 3), dtype=np.int64)], 0
     for number, tube in enumerate(scan.cylinders, 1):
-        corners, faces = triangulate_tube(tube)
-        points.append(corners)
-        colours.append(np.tile(cylinder_rgb(number), (len(corners), 1)))
-        triangles.append(faces + count)
-        count += len(corners)
+        vertices, tube_triangles = triangulate_tube(tube)
+        points.append(vertices)
+        colours.append(np.tile(cylinder_rgb(number), (len(vertices), 1)))
+        triangles.append(tube_triangles + vertex_count)
+        vertex_count += len(vertices)
     return np.concatenate(points), np.concatenate(colours), np.concatenate(triangles)
 
 

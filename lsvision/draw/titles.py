@@ -1,4 +1,4 @@
-"""Titles and legends, the same in all pictures, also in axes of the caller."""
+"""Titles and legends in one style for all figures, whether ours or axes given by the caller."""
 
 from typing import TYPE_CHECKING
 
@@ -9,57 +9,71 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MAX_TITLE_CHARACTERS = 95
+"""Number of characters kept of a longer title: about the width of the figure."""
 LAST_SUPPORTED_CHARACTER = "\u058f"
-"""Matplotlib's own font has no glyphs for most scripts beyond Armenian."""
+"""End of the Armenian block: the default font of matplotlib lacks most scripts after it."""
 
 
-def printable_title(title: str) -> str:
-    """Return a title with ``?`` for glyphs that the font lacks, and only its end if it is long.
+def make_printable(title: str) -> str:
+    """Return a title with ``?`` for characters without a glyph; ``...`` and its end if it is long.
 
     Examples
     --------
-    >>> printable_title("管.csv"), len(printable_title("folder/" * 40))
+    >>> make_printable("管.csv"), len(make_printable("folder/" * 40))
     ('?.csv', 98)
     """
-    text = "".join(c if c.isprintable() and c <= LAST_SUPPORTED_CHARACTER else "?" for c in title)
+    text = "".join(
+        character if character.isprintable() and character <= LAST_SUPPORTED_CHARACTER else "?"
+        for character in title
+    )
     return text if len(text) <= MAX_TITLE_CHARACTERS else "..." + text[-MAX_TITLE_CHARACTERS:]
 
 
-def summary_title(cylinders: int, rejected: int, title: str) -> str:
+def format_summary_title(cylinders: int, rejected: int, title: str) -> str:
     """Return a title followed by the numbers of cylinders and rejected arcs.
 
     Examples
     --------
-    >>> summary_title(2, 1, "pair.csv")
+    >>> format_summary_title(2, 1, "pair.csv")
     'pair.csv: 2 cylinders, 1 arc rejected'
     """
     summary = f"{cylinders or 'no'} cylinder{'' if cylinders in {0, 1} else 's'}"
     if rejected:
         summary += f", {counted(rejected, 'arc')} rejected"
-    text = printable_title(title)
+    text = make_printable(title)
     return f"{text}: {summary}" if text else summary
 
 
 def label_once(axes: "Axes", label: str) -> str | None:
-    """Return the label, or an ignored one if it is in the legend of the axes already."""
+    """Return the label; None, which adds no entry, if the legend of the axes has it already."""
     return None if label in axes.get_legend_handles_labels()[1] else label
 
 
 def draw_legend(axes: "Axes", *, marker_scale: float = 1.6, columns: int = 6) -> None:
-    """Put the legend of axes above them, where it hides nothing; in one row if it has few names."""
+    """Draw the legend above the axes, where it hides no data.
+
+    Parameters
+    ----------
+    axes : Axes
+        Axes whose labelled artists are listed.
+    marker_scale : float
+        Size of the markers in the legend relative to those in the axes.
+    columns : int
+        Largest number of entries in a row.
+    """
     axes.legend(
         loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, frameon=False, fontsize=9,
         borderaxespad=0.2, columnspacing=1.2, handlelength=1.8, markerscale=marker_scale,
     )  # fmt: skip
 
 
-def figure_of(ax: "Axes") -> "Figure":
-    """Return the figure of axes, also of axes in a subfigure."""
-    figure: Figure = ax.figure.figure
+def get_figure(axes: "Axes") -> "Figure":
+    """Return the top-level figure of the axes, also if they are in a subfigure."""
+    figure: Figure = axes.figure.figure
     return figure
 
 
-def set_title(ax: "Axes", title: str) -> None:
-    """Set the title of axes, ``?`` for glyphs that the font lacks; an empty one is ignored."""
+def set_title(axes: "Axes", title: str) -> None:
+    """Set the title of axes as `make_printable` returns it; an empty title is not set."""
     if title:
-        ax.set_title(printable_title(title), loc="left", parse_math=False, pad=24)
+        axes.set_title(make_printable(title), loc="left", parse_math=False, pad=24)

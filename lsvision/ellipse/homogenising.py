@@ -1,8 +1,11 @@
 """Homogenising (paper section 3.3.2): resampling of an arc at equal steps of arc length.
 
-The paper's spline over x fails on vertical flanks, where x does not increase; arc length always
-does. The local quadratics of smoothing are already evaluated at equal steps of arc length, so that
-no spline is needed.
+The paper resamples with a spline y(x), which fails on vertical flanks, where x does not increase;
+arc length always does. Smoothing (`lsvision.ellipse.smoothing`) already evaluates its local
+quadratics at equal steps of arc length, so that no spline is needed here.
+
+Symbols: the point c + E w of an ellipse for a unit vector w, with E given by m and d = p + iq (see
+`lsvision.ellipse.parameters`).
 """
 
 from collections.abc import Sequence
@@ -29,39 +32,52 @@ from lsvision.geometry.noisy_points import as_vectors
 
 
 class HomogenisedArc(NamedTuple):
-    """Smoothed points (k, 2), equally spaced along the arc, and their ellipse. Units: mm, rad."""
+    """Points of an arc at equal steps of arc length, and the ellipse fitted to them.
+
+    Parameters
+    ----------
+    points : (k, 2) ndarray
+        Smoothed points. Units: mm.
+    ellipse : Ellipse
+        Ellipse of these points; the screened ellipse if the fit to them is not an ellipse.
+        Units: mm, rad.
+    """
 
     points: Points
     ellipse: Ellipse
 
 
 def homogenise_arcs(smoothed: Sequence[SmoothedArc]) -> list[HomogenisedArc]:
-    """Return the smoothed points and ellipse of each arc, the initial guess of its refinement.
+    """Return the smoothed points of each arc, and the ellipse from which its refinement starts.
 
-    All parts of an arc have equal weight, whatever the sensor's sampling density.
+    The points are equally spaced, so that densely and sparsely sampled parts of an arc have equal
+    weight in the fit of that ellipse.
     """
     if not smoothed:
         return []
-    parameters = np.array([parameters_from_ellipse(arc.ellipse) for arc in smoothed])
+    screened = np.array([parameters_from_ellipse(arc.ellipse) for arc in smoothed])
     w = np.array([arc.directions for arc in smoothed])
+    # Jacobian and residuals in one array, as `WeightedSystem` has them.
     rows = np.empty((len(w), PARAMETERS + 1, w.shape[1]))
-    rows[:, PARAMETERS] = [arc.residuals for arc in smoothed]
+    jacobian, residuals = rows[:, :PARAMETERS], rows[:, PARAMETERS]
+    residuals[:] = [arc.residuals for arc in smoothed]
     stds = np.array([arc.stds for arc in smoothed])
-    centre, m, d = split_parameters(parameters)
+    centre, m, d = split_parameters(screened)
+    # E w is m w + d conj(w), and the outward normal there is along m w - d conj(w).
     mean_part, deviator_part = m * w, d * w.conj()
     normals = mean_part - deviator_part
     normals /= np.abs(normals)
-    mean_part += deviator_part
-    z = centre + mean_part + normals * rows[:, PARAMETERS]
+    offsets = mean_part + deviator_part
+    smoothed_points = centre + offsets + normals * residuals
     # The residual is linear in small changes of the parameters: one Gauss-Newton step is enough.
-    parameter_jacobian(normals, w, out=rows[:, :PARAMETERS])
+    parameter_jacobian(normals, w, out=jacobian)
     equations = WeightedSystem(rows, 1 / (stds * stds)).normal_equations()
-    add_flattening_prior(equations, parameters)
-    fitted = parameters + damped_step(equations, parameters)
+    add_flattening_prior(equations, screened)
+    fitted = screened + damped_step(equations, screened)
     return [
         HomogenisedArc(
             as_vectors(points),
-            ellipse_from_parameters(refined if is_ellipse(refined) else screened),
+            ellipse_from_parameters(refined if is_ellipse(refined) else initial),
         )
-        for points, refined, screened in zip(z, fitted, parameters, strict=True)
+        for points, refined, initial in zip(smoothed_points, fitted, screened, strict=True)
     ]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from lsvision.calibration.rotations import (
-    cube_rotations,
-    nearest_rotations,
+    find_nearest_rotations,
+    list_cube_rotations,
     rotations_from_vectors,
     vectors_from_rotations,
 )
@@ -34,11 +34,11 @@ def test_stacks_equal_single_rotations():
 
 
 def test_nearest_rotations_are_proper():
-    mirrored = nearest_rotations(np.diag([1.0, 1.0, -1.0]))
+    mirrored = find_nearest_rotations(np.diag([1.0, 1.0, -1.0]))
     assert np.linalg.det(mirrored) == pytest.approx(1)
 
 
 def test_a_cube_has_24_rotations():
-    cube = cube_rotations()
+    cube = list_cube_rotations()
     assert len({rotation.tobytes() for rotation in cube}) == 24
     np.testing.assert_allclose(np.linalg.det(cube), 1)

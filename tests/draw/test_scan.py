@@ -10,7 +10,7 @@ from mpl_toolkits.mplot3d.proj3d import proj_transform
 
 from lsvision.draw.figure_files import figure_bytes
 from lsvision.draw.scan import MIN_FACING, draw_scan
-from lsvision.draw.scan_ply import GREY, coloured_points, coloured_surfaces, cylinder_rgb
+from lsvision.draw.scan_ply import UNASSIGNED_RGB, colour_points, colour_surfaces, cylinder_rgb
 from lsvision.geometry import FloatArray, Points, Pose
 from lsvision.scan import ScanMeasurement, measure_scan
 from lsvision.scan.shape import triangulate_tube
@@ -117,11 +117,11 @@ def test_a_scan_without_cylinders_is_drawn() -> None:
 
 def test_each_point_is_in_the_cloud_once(seen) -> None:
     scan, points = seen
-    cloud, colours = coloured_points(scan, points)
+    cloud, colours = colour_points(scan, points)
     assert sorted(map(tuple, cloud.tolist())) == sorted(map(tuple, points.tolist()))
     for number, tube in enumerate(scan.cylinders, 1):
         assert (colours == cylinder_rgb(number)).all(axis=1).sum() == len(tube.points)
-    assert (colours == GREY).all(axis=1).sum() == len(points) - sum(
+    assert (colours == UNASSIGNED_RGB).all(axis=1).sum() == len(points) - sum(
         len(tube.points) for tube in scan.cylinders
     )
 
@@ -138,6 +138,6 @@ def test_the_surface_lies_on_the_cylinder_and_faces_outwards(seen) -> None:
 
 
 def test_surfaces_of_all_cylinders_are_one_mesh(seen) -> None:
-    corners, colours, triangles = coloured_surfaces(seen[0])
+    corners, colours, triangles = colour_surfaces(seen[0])
     assert len(np.unique(triangles)) == len(corners) == len(colours)
     assert len(np.unique(colours, axis=0)) == 2
