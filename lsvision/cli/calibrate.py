@@ -244,6 +244,6 @@ def _image_pairs(
         raise UnreadableFile(
             f"expected a line image for each of {len(boards)} board images ({boards[0].name} to "
             f"{boards[-1].name}), got {len(lines)} ({lines[0].name} to {lines[-1].name}): leave "
-            "out images without a partner"
+            "out images without a counterpart"
         )
     return boards, lines
