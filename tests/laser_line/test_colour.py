@@ -186,6 +186,11 @@ def on_a_print(kind, quality, seed):
 @pytest.mark.parametrize("quality", [None, 90, 75])
 @pytest.mark.parametrize("kind", ["blobs", "stripes", "text"])
 def test_on_other_prints_the_colour_is_used_at_the_resolution_that_it_has(kind, quality):
+    """Thin text in a JPEG image of low quality is as rough as the rounding: it is not recognised.
+
+    The luminance is used there: 0.32 px rms instead of the colour's 0.26, within its stds.
+    """
+    limit = {None: 0.17, 90: 0.17, 75: 0.35 if kind == "text" else 0.3}[quality]
     scores, errors = [], []
     for seed in range(4):
         image, truth = on_a_print(kind, quality, 10 + seed)
@@ -193,5 +198,5 @@ def test_on_other_prints_the_colour_is_used_at_the_resolution_that_it_has(kind, 
         errors.append(line.pixels[:, 1] - truth)
         scores.append(errors[-1] / line.std)
     assert np.isfinite(errors).mean() > 0.99
-    assert np.sqrt(np.nanmean(np.square(errors))) < (0.35 if quality == 75 else 0.17)
+    assert np.sqrt(np.nanmean(np.square(errors))) < limit
     assert np.nanpercentile(np.abs(scores), 95) < 3.5

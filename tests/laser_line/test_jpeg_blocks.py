@@ -121,6 +121,7 @@ def test_a_coloured_line_along_the_rows_is_located_in_the_luminance(tubes, laser
     place, light = tubes[0]
     for quality, sampling in (
         (75, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_420),
+        (90, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_420),
         (85, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_422),
         (75, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444),
     ):
