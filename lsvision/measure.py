@@ -129,7 +129,8 @@ def measure_cylinders(
     Returns
     -------
     Measurement
-        Deterministic. A profile without cylinders has at least one rejection with its reason.
+        Deterministic. Without cylinders, `Measurement.reason` says why; a profile with points has
+        at least one rejection.
 
     Raises
     ------

@@ -389,3 +389,17 @@ def test_an_open_or_closed_ring_is_measured(span_deg, order, rng):
     assert abs(pipe.radius - 20) < 0.2
     low, high = pipe.interval("radius", 0.999)
     assert low < 20 < high
+
+
+@pytest.mark.parametrize(
+    ("points", "reason", "rejections"),
+    [
+        (np.empty((0, 2)), "no valid point", 0),
+        (np.full((9, 2), np.nan), "all points are lost", 1),
+        ([[0.0, 300.0]], "too few points: 1, of which no 10 are connected", 1),
+    ],
+)
+def test_a_measurement_of_hardly_any_points_says_why(points, reason, rejections):
+    measurement = measure_cylinders(points)
+    assert (measurement.reason, len(measurement.rejections)) == (reason, rejections)
+    assert reason in str(measurement)

@@ -89,6 +89,8 @@ class Measurement(Result):
         return section_cells(self.cylinders)
 
     def _notes(self) -> list[str]:
+        if not self.cylinders and not self.rejections:
+            return [f"no cylinder found: {self.reason}"]
         return rejection_notes(self.rejections, "arc", has_cylinders=bool(self.cylinders))
 
     def _rows(self) -> list[Record]:
