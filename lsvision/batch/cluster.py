@@ -1,8 +1,6 @@
 """Tasks that run on a Dask cluster, a limited number of them at a time."""
 
 import contextlib
-import math
-import time
 from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
 from typing import Any, TypeVar
@@ -16,7 +14,9 @@ Value = TypeVar("Value")
 IN_FLIGHT_PER_THREAD = 3
 """Number of unfinished tasks per thread of the workers: one that runs, and others that wait."""
 CONNECT_TIMEOUT_S = 10.0
-"""Time limit for the answer of the scheduler, at the start and when it goes away. Units: s."""
+"""Time limit for the connection to the scheduler. Units: s."""
+ANSWER_TIMEOUT_S = 60.0
+"""Time limit for each answer of the scheduler, which may be busy. Units: s."""
 POLL_S = 1.0
 """How often the connection is checked while all workers are busy. Units: s."""
 
@@ -79,7 +79,7 @@ def _run_tasks(
     """Submit the remaining tasks as others finish, and yield the results."""
     in_flight: dict[Any, Task] = {}
     while True:
-        max_count = IN_FLIGHT_PER_THREAD * max(sum(client.nthreads().values()), 1)
+        max_count = IN_FLIGHT_PER_THREAD * max(_count_threads(client), 1)
         for task in islice(remaining, max(max_count - len(in_flight), 0)):
             in_flight[client.submit(function, task, pure=False)] = task
         if not in_flight:
@@ -88,34 +88,44 @@ def _run_tasks(
             yield Finished(in_flight.pop(future), _result_of_future(client, future))
 
 
-def _wait_for_any(client: Any, futures: list[Any]) -> list[Any]:
-    """Return the futures that are done, at least one.
+def _count_threads(client: Any) -> int:
+    """Return the number of threads of all workers.
 
-    The client itself would wait without limit for a scheduler that has gone away.
+    Raises
+    ------
+    OSError, TimeoutError
+        If the scheduler does not answer. The client itself would wait for it without limit.
     """
+    answer = client.sync(client.scheduler.ncores, callback_timeout=ANSWER_TIMEOUT_S)
+    return sum(answer.values())
+
+
+def _wait_for_any(client: Any, futures: list[Any]) -> list[Any]:
+    """Return the futures that are done, at least one."""
     import distributed
 
     wait: Any = distributed.wait  # without annotations
-    lost_since = math.inf
     while True:
         with contextlib.suppress(TimeoutError), client.as_current():
             return list(wait(futures, timeout=POLL_S, return_when="FIRST_COMPLETED").done)
-        now = time.monotonic()
-        lost_since = math.inf if client.status == "running" else min(lost_since, now)
-        if now - lost_since > CONNECT_TIMEOUT_S:
-            raise TimeoutError("no answer")
+        _count_threads(client)
 
 
 def _result_of_future(client: Any, future: Any) -> Any:
     """Return the result of a future, or `EndedProcess` if its task has ended several workers."""
     import distributed
 
-    try:
-        return future.result()
-    except distributed.KilledWorker:
-        return EndedProcess()
-    except distributed.CancelledError as error:
-        raise _scheduler_lost(client.scheduler.address, error) from None
+    while True:
+        try:
+            return future.result(timeout=ANSWER_TIMEOUT_S)
+        except distributed.KilledWorker:
+            return EndedProcess()
+        except distributed.CancelledError as error:
+            raise _scheduler_lost(client.scheduler.address, error) from None
+        except TimeoutError:  # the worker that held the result has ended: it is computed again
+            if future.status == "error":
+                raise
+            _count_threads(client)
 
 
 def _scheduler_lost(address: str, error: Exception) -> LsvisionError:

@@ -25,6 +25,22 @@ def ends_its_process(task):
     return number
 
 
+def large(task):
+    """The task reversed: of large tasks, both are larger than the buffer of a connection."""
+    return task[::-1]
+
+
+def local_function(_):
+    """A result that cannot be pickled."""
+    return lambda: None
+
+
+def pid_then_sleep(seconds):
+    """The id of the process, after a while."""
+    time.sleep(seconds)
+    return os.getpid()
+
+
 def fails(number):
     raise ValueError(f"task {number}")
 

@@ -23,7 +23,7 @@ distributed = pytest.importorskip("distributed")
 @pytest.fixture
 def cluster():
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None
+        n_workers=2, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=":0"
     ) as local:
         yield local
 
@@ -87,7 +87,11 @@ def scheduler(tmp_path):
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
-def test_a_scheduler_that_goes_away_is_told_and_costs_no_finished_file(tmp_path, scheduler):
+@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_scheduler_that_goes_away_is_reported_and_costs_no_finished_file(
+    tmp_path, scheduler, monkeypatch, end
+):
+    monkeypatch.setattr("lsvision.batch.cluster.ANSWER_TIMEOUT_S", 2.0)
     process, address = scheduler
     source, out = tmp_path / "in", tmp_path / "out"
     source.mkdir()
@@ -98,7 +102,7 @@ def test_a_scheduler_that_goes_away_is_told_and_costs_no_finished_file(tmp_path,
     def report(outcome):
         finished.append(outcome.name)
         if len(finished) == 2:
-            process.kill()
+            process.send_signal(end)
 
     with pytest.raises(LsvisionError, match=r"gone away .* finished files are kept"):
         run_batch(tasks, out, scheduler=address, report=report)

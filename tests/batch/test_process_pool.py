@@ -1,7 +1,12 @@
 """Tasks in processes: order, bounded look-ahead, and processes that end in the middle."""
 
 import itertools
+import multiprocessing
 import os
+import subprocess
+import sys
+import time
+from pathlib import Path
 
 import pytest
 
@@ -12,7 +17,14 @@ from lsvision.batch.process_pool import (
     default_jobs,
     run_tasks,
 )
-from tests.batch.tasks import ends_its_process, fails, slow_if_zero, square
+from tests.batch.tasks import (
+    ends_its_process,
+    fails,
+    large,
+    local_function,
+    slow_if_zero,
+    square,
+)
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
@@ -82,3 +94,61 @@ def test_a_source_that_fails_costs_no_result_of_the_tasks_before(jobs, ends, tmp
     with pytest.raises(OSError, match="unplugged"):
         done.extend(value for _, value in results)
     assert sorted(done) == list(range(10))
+
+
+def test_a_caller_that_stops_early_does_not_wait_for_results_on_their_way():
+    # ProcessPoolExecutor waits without limit for a result whose process is terminated meanwhile.
+    for delay in (0.0, 0.01, 0.03):
+        results = run_tasks(large, itertools.repeat(bytes(20_000_000)), 2, ordered=False)
+        next(results)
+        time.sleep(delay)
+        results.close()
+    assert multiprocessing.active_children() == []
+
+
+def test_large_tasks_and_large_results_do_not_block_each_other():
+    tasks = [bytes([number]) + bytes(3_000_000) for number in range(12)]
+    assert list(run_tasks(large, tasks, 2, ordered=True)) == [
+        Finished(task, task[::-1]) for task in tasks
+    ]
+
+
+def test_a_result_that_cannot_be_pickled_is_named():
+    with pytest.raises(RuntimeError, match="the result of a task cannot be pickled"):
+        list(run_tasks(local_function, range(3), 2, ordered=True))
+
+
+def test_an_exception_of_a_task_says_where_it_was_raised():
+    with pytest.raises(ValueError, match="task 0") as caught:
+        list(run_tasks(fails, range(3), 2, ordered=True))
+    assert "in fails" in caught.value.__notes__[0]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+def test_a_process_ends_with_its_parent_in_the_middle_of_a_task():
+    repository = Path(__file__).parents[2]
+    code = (
+        "import os\n"
+        "from lsvision.batch.process_pool import run_tasks\n"
+        "from tests.batch.tasks import pid_then_sleep\n"
+        "results = run_tasks(pid_then_sleep, [0, 0, 600, 600], 2, ordered=False)\n"
+        "print({next(results).value, next(results).value}, flush=True)\n"
+        "os.kill(os.getpid(), 9)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=repository, capture_output=True, text=True, timeout=60,
+        env={**os.environ, "PYTHONPATH": str(repository)}, check=False,
+    )  # fmt: skip
+    assert done.returncode == -9, done.stderr
+    deadline = time.monotonic() + 20
+    running = [int(pid) for pid in done.stdout.strip("{} \n").split(",")]
+    while any(map(_is_running, running)):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def _is_running(pid):
+    try:
+        return Path(f"/proc/{pid}/cmdline").read_bytes() != b""  # empty until it is waited for
+    except OSError:
+        return False
