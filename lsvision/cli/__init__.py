@@ -1,5 +1,8 @@
 """The command ``lsvision``: one module per command, heavy imports inside the commands."""
 
-from lsvision.cli.app import main
 
-__all__ = ["main"]
+def main() -> None:
+    """Run the command with the arguments of the process; see `lsvision.cli.app.main`."""
+    from lsvision.cli.app import main as run  # not needed by processes that import the script
+
+    run()

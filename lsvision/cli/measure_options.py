@@ -2,7 +2,7 @@
 
 import math
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -50,15 +50,20 @@ def build_measure_function(
     known_phi = parse_known_phi(known_phi_deg)
     if paper:
         return partial(_measure_profiles_paper, radius=search_range, known_radius=known)
-    from lsvision.measure import measure_profiles
-
     return partial(
-        measure_profiles,
+        _measure_profiles,
         radius=search_range,
         known_radius=known,
         known_phi=known_phi,
         sensor=sensor,
     )
+
+
+def _measure_profiles(profiles: "Sequence[Profile]", **options: Any) -> "list[Measurement]":
+    """Measure profiles; only a process that does so needs to import the packages for it."""
+    from lsvision.measure import measure_profiles
+
+    return measure_profiles(profiles, **options)
 
 
 def _measure_profiles_paper(

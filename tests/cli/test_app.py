@@ -64,6 +64,25 @@ def test_measure_imports_only_what_it_needs():
     assert result.stdout.splitlines()[-1] == "[]"
 
 
+def test_the_process_that_only_hands_out_files_does_not_import_what_measures_them():
+    code = (
+        "import sys; from lsvision.cli.app import app\n"
+        "files = ['fixtures/welded_pair.csv', 'fixtures/single.csv']\n"
+        "if __name__ == '__main__':\n"
+        "    try: app(['measure', *files, '--jobs', '2'])\n"
+        "    except SystemExit:\n"
+        "        print([m for m in ('lsvision.measure', 'lsvision.detection') if m in sys.modules])"
+    )
+    result = shell(code=code)
+    assert result.stdout.count("radius mm") == 2
+    assert result.stdout.splitlines()[-1] == "[]"
+
+
+def test_a_process_that_imports_the_script_does_not_import_the_command_line():
+    code = "import sys, lsvision.__main__; print('typer' in sys.modules)"
+    assert shell(code=code).stdout == "False\n"
+
+
 def test_version_is_reported(run):
     result = run("--version")
     assert result.exit_code == 0
