@@ -211,22 +211,36 @@ def _open_workers() -> Iterator[list[_Worker[Any]]]:
 
 
 def _start_worker(function: Callable[[Any], Any]) -> _Worker[Any]:
-    """Start a process that runs a function, with a single thread of linear algebra."""
+    """Start a process that runs a function."""
     context = multiprocessing.get_context("spawn")
     connection, other_end = context.Pipe()
     process = context.Process(target=_run_worker, args=(function, other_end), daemon=True)
+    with _settings_of_workers():
+        process.start()
+    other_end.close()  # or the end of the process would not be noticed
+    return _Worker(process, connection)
+
+
+@contextmanager
+def _settings_of_workers() -> Iterator[None]:
+    """Settings that a new process inherits: one thread of linear algebra, interrupts blocked.
+
+    An interrupt from the keyboard reaches all processes, also those that are still starting.
+    """
     variables = {name: os.environ.get(name) for name in THREAD_VARIABLES}
     os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
+    blockable = hasattr(signal, "pthread_sigmask")  # not on Windows
+    previous = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if blockable else set()
     try:
-        process.start()
+        yield
     finally:
-        other_end.close()  # or the end of the process would not be noticed
+        if blockable:
+            signal.pthread_sigmask(signal.SIG_SETMASK, previous)
         for name, value in variables.items():
             if value is None:
                 del os.environ[name]
             else:
                 os.environ[name] = value
-    return _Worker(process, connection)
 
 
 def _terminate(worker: _Worker[Any]) -> None:

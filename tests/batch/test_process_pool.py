@@ -147,6 +147,28 @@ def test_a_process_ends_with_its_parent_in_the_middle_of_a_task():
         time.sleep(0.05)
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+@pytest.mark.parametrize("delay", [0.0, 0.1, 0.3])
+def test_an_interrupt_reaches_only_the_parent_also_while_processes_start(delay):
+    repository = Path(__file__).parents[2]
+    code = (
+        "import os, signal, threading\n"
+        "from lsvision.batch.process_pool import run_tasks\n"
+        "from tests.batch.tasks import pid_then_sleep\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "def run():\n"
+        f"    threading.Timer({delay}, os.killpg, (0, signal.SIGINT)).start()\n"
+        "    list(run_tasks(pid_then_sleep, [600, 600], 2, ordered=False))\n"
+        "try: run()\n"
+        "except KeyboardInterrupt: print('interrupted')\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=repository, capture_output=True, text=True, timeout=60,
+        env={**os.environ, "PYTHONPATH": str(repository)}, check=False, start_new_session=True,
+    )  # fmt: skip
+    assert (done.stdout, done.stderr, done.returncode) == ("interrupted\n", "", 0)
+
+
 def _is_running(pid):
     try:
         return Path(f"/proc/{pid}/cmdline").read_bytes() != b""  # empty until it is waited for
