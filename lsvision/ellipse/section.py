@@ -11,6 +11,7 @@ import numpy as np
 
 from lsvision.ellipse.fit import EllipseFit
 from lsvision.ellipse.intervals import (
+    MAX_RADIUS_FACTOR,
     Quantity,
     are_thetas_determined,
     interval,
@@ -25,10 +26,14 @@ from lsvision.profile import Arc
 from lsvision.results.picture import draw_svg
 from lsvision.results.quantities import LEVEL, Estimate, Record, finite_or_none, json_numbers
 from lsvision.results.result import Result
+from lsvision.statistics.quantiles import squared_quantile
 
 SECTIONS_AT_ONCE = 32
 """Number of sections whose intervals are computed together: more need more memory and are no
 faster."""
+SKEWED_RADIUS_SIGMAS = 20.0
+"""Ratio of the radius to its `local_radius_std` below which the skewness of the likelihood counts.
+Short arcs determine 1 / b: there the upper half of the 95 % interval is longer by 2 / 20, 10 %."""
 THETA_UNKNOWN_STD = math.pi / math.sqrt(12)
 """Standard deviation of an undetermined direction, uniform in [0, pi). Units: rad."""
 
@@ -99,6 +104,23 @@ class CylinderSection(WithEllipse, Result):
     @property
     def radius_std(self) -> float:
         """Standard uncertainty of the radius. Units: mm.
+
+        Definition: `local_radius_std`; above a twentieth of the radius at least the upper half of
+        the 95 % interval over its number of standard deviations. There the likelihood is skewed:
+        the covariance of a fit that by chance came out small is too small.
+        """
+        std = self.local_radius_std
+        if self.fit.problem.known_radius is not None or self.radius > SKEWED_RADIUS_SIGMAS * std:
+            return std
+        _, high = self.interval("radius", LEVEL)
+        if high >= MAX_RADIUS_FACTOR * self.ellipse.semi_major:  # no end was found
+            return std
+        square = squared_quantile(1, np.array([self.fit.degrees_of_freedom]), LEVEL)
+        return max(std, (high - self.radius) / math.sqrt(square[0]))
+
+    @property
+    def local_radius_std(self) -> float:
+        """Standard uncertainty of the radius from the covariance at the estimate. Units: mm.
 
         Definition: rms change of b over the distribution of (m, p, q), by a cubature rule of third
         degree with six points. Far from a circle this is the linear approximation; near a circle,

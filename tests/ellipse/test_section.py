@@ -81,6 +81,32 @@ def test_far_from_a_circle_the_radius_has_the_linear_std(phi_deg, rng):
     assert section.radius_std == pytest.approx(math.sqrt(section.covariance[3, 3]), rel=1e-4)
 
 
+@pytest.mark.parametrize(("sigmas", "counts"), [(10, True), (19, True), (21, False), (26, False)])
+def test_a_std_above_a_twentieth_of_the_radius_is_the_upper_half_of_the_interval(sigmas, counts):
+    section = section_of(50.0, degrees=75.0)
+    section = scaled(section, section.radius / section.local_radius_std / sigmas)
+    upper_half = (section.interval("radius")[1] - section.radius) / 1.95996
+    assert 1.05 < upper_half / section.local_radius_std < 1.3
+    expected = upper_half if counts else section.local_radius_std
+    assert section.radius_std == pytest.approx(expected, rel=1e-3)
+
+
+def test_the_upper_half_of_an_estimated_noise_is_in_students_sigmas():
+    section = scaled(section_of(50.0, degrees=75.0), 4.0)
+    section = replace(section, fit=replace(section.fit, degrees_of_freedom=4.0))
+    assert section.radius < 20 * section.local_radius_std
+    upper_half = (section.interval("radius")[1] - section.radius) / 2.77645
+    assert section.radius_std == pytest.approx(upper_half, rel=1e-3)
+
+
+def test_an_interval_whose_search_has_failed_leaves_the_std_as_it_is(monkeypatch):
+    section = scaled(section_of(50.0, degrees=75.0), 4.0)
+    assert section.radius_std > section.local_radius_std
+    not_found = 50 * section.ellipse.semi_major
+    monkeypatch.setattr(CylinderSection, "interval", lambda *_: (0.0, not_found))
+    assert section.radius_std == section.local_radius_std
+
+
 @pytest.mark.parametrize("degrees", [60.0, 100.0, 140.0])
 @pytest.mark.parametrize("phi_deg", [0.0, 2.0, 5.0, 12.0])
 def test_near_a_circle_the_std_of_the_radius_is_that_of_the_distribution(phi_deg, degrees, rng):
@@ -88,7 +114,7 @@ def test_near_a_circle_the_std_of_the_radius_is_that_of_the_distribution(phi_deg
     for _ in range(8):
         section = section_of(phi_deg, rng, degrees=degrees)
         rms = rms_change_of_the_radius(section)
-        stds.append(section.radius_std / rms)
+        stds.append(section.local_radius_std / rms)
         linear.append(math.sqrt(section.covariance[3, 3]) / rms)
     # Six points for a kink are right to 12 % for any covariance (600 random ones: 0.88 to 1.10);
     # the linear approximation is up to 40 % off.
