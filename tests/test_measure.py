@@ -17,12 +17,14 @@ from lsvision import (
     measure_cylinders,
     read_profile,
 )
+from lsvision.ellipse.section import compute_intervals
+from lsvision.measure import measure_profiles
 from lsvision.simulate import Scene, SectionSettings, Tube, TubeRanges, simulate_section
 from lsvision.simulate.scene_kinds import random_section
 from lsvision.studies.chen_liu_2016 import measure_cylinders_paper
 from tests.alike import turn_between
 from tests.other_scenes import other_scene
-from tests.tolerances import FIVE_SIGMA, FOUR_SIGMA, spread_of_share
+from tests.tolerances import FIVE_SIGMA, FOUR_SIGMA, spread_of_rms, spread_of_share
 
 FIXTURES = Path(__file__).parents[1] / "fixtures"
 KINDS = ["single", "welded_pair", "planar", "complex", "welded_complex", "three_stacked", "empty"]
@@ -311,6 +313,34 @@ def test_radii_of_welded_tubes_in_clutter_have_valid_intervals():
     assert len(off) >= 117
     assert max(off) < FIVE_SIGMA
     assert np.mean(held) >= 0.95 - spread_of_share(0.95, len(held))
+
+
+def turned_arc(seed):
+    """60 deg of a circle, turned by up to 20 deg, with isotropic errors; its radius in mm."""
+    rng = np.random.default_rng([60, seed])
+    radius = rng.uniform(12, 30)
+    turn = np.radians(np.linspace(60, 120, 160) + rng.uniform(-20, 20))
+    points = radius * np.column_stack([np.cos(turn), np.sin(turn)]) - (0, 300)
+    return points + rng.uniform(0.06, 0.1) * rng.normal(size=points.shape), radius
+
+
+def test_hardly_determined_radii_are_not_those_that_seem_determined_by_chance():
+    """A third of the arcs is determined; a fit that came out small has a small covariance."""
+    points, radii = zip(*(turned_arc(seed) for seed in range(600, 900)), strict=True)
+    reported = [
+        (found, radius)
+        for measurement, radius in zip(measure_profiles(points), radii, strict=True)
+        for found in measurement.cylinders
+    ]
+    compute_intervals([found for found, _ in reported])
+    off = np.array([(found.radius - radius) / found.radius_std for found, radius in reported])
+    intervals = [(*found.interval("radius"), radius) for found, radius in reported]
+    held = np.mean([low <= radius <= high for low, high, radius in intervals])
+    print(f"{len(off)} of 300, {held:.1%} intervals hold, worst {np.abs(off).max():.1f}")
+    assert len(off) > 80
+    assert held >= 0.95 - spread_of_share(0.95, len(off))
+    assert np.abs(off).max() < FIVE_SIGMA
+    assert np.sqrt(np.mean(off**2)) < 1 + spread_of_rms(len(off))
 
 
 @pytest.mark.parametrize("spread_deg", [360.0, 240.0, 200.0])

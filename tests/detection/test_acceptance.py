@@ -155,14 +155,15 @@ def test_a_parabola_has_no_best_ellipse():
     )
 
 
-def section_of(low, high, *, radius=20.0, std=5.0, known_radius=None, known_phi=None):
+def section_of(low, high, *, radius=20.0, std=5.0, phi=0.0, known_radius=None, known_phi=None):
     problem = SimpleNamespace(known_radius=known_radius, known_phi=known_phi)
     return SimpleNamespace(
         fit=SimpleNamespace(
             problem=problem, parameter_covariance=np.diag([0, 0, 1, 0, 0]) * std**2
         ),
         radius=radius,
-        radius_std=std,
+        phi=phi,
+        local_radius_std=std,
         interval=lambda quantity: {"radius": (low, high)}[quantity],
     )
 
@@ -193,17 +194,26 @@ def test_what_is_known_bounds_the_radius(known):
 @pytest.mark.parametrize(
     ("sigmas", "reason"),
     [
-        (1.5, "radius not determinable: 20 +/- 13 mm; a longer arc is needed"),
-        (3.4, "radius not determinable: 20 +/- 5.9 mm; a longer arc is needed"),
-        (3.6, "radius not determinable: 5 to 100 mm (95 %); a longer arc is needed"),
+        (1.5, "radius not determinable: 20 +/- 13 mm untilted; a longer arc is needed"),
+        (2.1, "radius not determinable: 20 +/- 9.5 mm untilted; a longer arc is needed"),
+        (2.3, "radius not determinable: 5 to 100 mm (95 %); a longer arc is needed"),
         (5.9, "radius not determinable: 5 to 100 mm (95 %); a longer arc is needed"),
         (6.1, None),
         (8.0, None),
     ],
 )
-def test_a_radius_of_three_and_a_half_to_six_sigma_needs_its_interval(sigmas, reason):
+def test_a_radius_of_two_to_six_sigma_needs_its_interval(sigmas, reason):
     """Profile-likelihood intervals take time: fewer sigma are too few, more are enough."""
     assert undeterminable_radius_reason(section_of(5.0, 100.0, std=20 / sigmas)) == reason
+
+
+@pytest.mark.parametrize(("sigmas", "is_rejected"), [(4.2, True), (4.6, False), (9.0, False)])
+def test_a_tilt_by_which_a_short_arc_seems_determined_must_not_be_by_chance(sigmas, is_rejected):
+    """At 45 deg 1 / b is twice that of an untilted cylinder, with half as many sigma left to it."""
+    section = section_of(15.0, 30.0, std=20 / sigmas, phi=math.pi / 4)
+    reason = undeterminable_radius_reason(section)
+    untilted = "radius not determinable: 40 +/- 19 mm untilted; a longer arc is needed"
+    assert reason == (untilted if is_rejected else None)
 
 
 SENSOR = ProfileSensor(range_std=0.25)
@@ -229,7 +239,7 @@ def test_the_radius_of_45_deg_with_noise_is_not_determinable(sensor):
         if reason is not None:
             is_rejected += 1
             assert re.fullmatch(
-                r"radius not determinable: (\S+ to \S+ mm \(95 %\)|\S+ \+/- \S+ mm); "
+                r"radius not determinable: (\S+ to \S+ mm \(95 %\)|\S+ \+/- \S+ mm untilted); "
                 "a longer arc is needed",
                 reason,
             )
@@ -247,7 +257,7 @@ def test_a_radius_that_needs_no_interval_is_distinguished_from_a_bound_of_its_st
         profile = prepare_profile(Profile(short_arc(3, degrees)), SENSOR)
         section = fitted(profile, circle(20.0, (0.0, -400.0)))
         bound = 2 * section.fit.parameter_covariance[2:, 2:].trace()
-        assert section.radius_std**2 <= bound
+        assert section.local_radius_std**2 <= bound
 
 
 def test_points_with_noise_of_their_own_are_judged_by_it():
