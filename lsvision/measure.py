@@ -61,7 +61,7 @@ POINTS_AT_ONCE = 20_000
 groups need more memory and are hardly faster."""
 PROFILES_AT_ONCE = 32
 """Number of profiles in each task of a parallel process; twice as many are hardly faster."""
-_Number = float | Sequence[float] | None
+_NumberOrPair = float | Sequence[float] | None
 """A number, a pair such as (mean, std), or nothing."""
 
 
@@ -71,8 +71,10 @@ class Settings(ShowsChanges):
 
     Parameters
     ----------
-    range_image, candidates : settings
-        Steps before rough identification.
+    range_image : RangeImageSettings
+        Division of a profile into connected components.
+    candidates : CandidateSettings
+        Selection of the point sequences on which ellipses are tried, before rough identification.
     acceptance : AcceptanceSettings
         Limits for accepting a section as a cylinder.
     fitting : FittingSettings
@@ -129,8 +131,8 @@ def measure_cylinders(
     Returns
     -------
     Measurement
-        Deterministic. Without cylinders, `Measurement.reason` says why; a profile with points has
-        at least one rejection.
+        Equal arguments yield equal results. Without cylinders, `Measurement.reason` states why; a
+        profile with points then has at least one rejection.
 
     Raises
     ------
@@ -138,13 +140,13 @@ def measure_cylinders(
         If a radius is not positive, its range is reversed, a known phi is not a tilt (as one in
         degrees), or a sensor's name is unknown.
     TypeError
-        If an argument is of another kind.
+        If an argument is of another type.
 
     Warns
     -----
     UserWarning
         If the points seem to be in metres: they span less than 1 mm in x and y, with less than
-        0.002 mm from one to the next. No profile sensor is as fine.
+        0.002 mm from one to the next. No profile sensor has so small a pitch.
 
     Notes
     -----
@@ -214,7 +216,7 @@ def measure_profiles(
 
 def _measure(
     profiles: Sequence[Profile],
-    radii_and_tilt: tuple[_Number, _Number, _Number],
+    radii_and_tilt: tuple[_NumberOrPair, _NumberOrPair, _NumberOrPair],
     sensor: NoiseModel | None,
     settings: Settings,
 ) -> list[Measurement]:
@@ -230,7 +232,7 @@ def _measure(
 
 
 class _Search(NamedTuple):
-    """A prepared profile with the range of radii to search, in mm, and its connected components."""
+    """A prepared profile, the range of radii to search (mm) and the indices of each component."""
 
     profile: PreparedProfile
     radius_range: tuple[float, float]
@@ -265,7 +267,9 @@ def _find_cylinders(
         )
     )
     return [
-        _complete(search, [*rejections, *(next(results) for _ in profile_arcs)], settings)
+        _build_complete_measurement(
+            search, [*rejections, *(next(results) for _ in profile_arcs)], settings
+        )
         for search, (profile_arcs, rejections) in by_profile
     ]
 
@@ -289,7 +293,7 @@ def _measure_arcs(
 def _check_screened(
     search: _Search, arc: IdentifiedArc, screened: ScreenedArc | None
 ) -> ScreenedArc | Rejection:
-    """Return the screened arc if its line ends or turns away at both ends, else its rejection."""
+    """Return the screened arc, or its rejection if the laser line continues tangentially."""
     if screened is None:
         return Rejection(arc.arc, "no ellipse fits the middle part of the arc")
     noise_std = search.profile.noise_std * screened.variance_factor**0.5
@@ -301,7 +305,8 @@ def _fit_sections(
     arcs: Sequence[tuple[_Search, Arc, ScreenedArc]], priors: Priors, settings: Settings
 ) -> list[CylinderSection | Rejection]:
     """Return the cylinder of each screened arc, or the rejection of its identified span."""
-    # Smoothing, which also detects jumps, and homogenising, section 3.3.
+    # Smoothing, which also detects jumps, and homogenising (resampling at equal arc length),
+    # section 3.3.
     points = [arc.points for _, _, arc in arcs]
     smoothed = smooth_arcs(points, [arc.ellipse for _, _, arc in arcs])
     homogenised = homogenise_arcs(smoothed)
@@ -330,10 +335,10 @@ def _check_section(
     return section if reason is None else Rejection(section.arc, reason)
 
 
-def _complete(
+def _build_complete_measurement(
     search: _Search, results: Sequence[CylinderSection | Rejection], settings: Settings
 ) -> Measurement:
-    """Return the measurement of a profile: its cylinders, and a reason for each other segment."""
+    """Return the measurement of a profile: cylinders, and a rejection for each other segment."""
     cylinders = suppress_overlapping([r for r in results if isinstance(r, CylinderSection)])
     rejections = complete_rejections(
         search.profile,

@@ -20,26 +20,28 @@ from lsvision.geometry.noisy_points import NoisyPoints
 from lsvision.statistics.lost_markers import find_lost_markers
 
 MAX_COORDINATE_MM = 1e9
-"""Largest coordinate of a valid point: a thousand kilometres, far from overflow of its powers."""
+"""Largest coordinate of a valid point: a thousand kilometres, whose powers do not overflow."""
 MARKER_TOLERANCE = 1e-7
-"""Relative difference of a coordinate from a marker of lost points: single precision rounds."""
+"""Largest relative difference at which a coordinate equals a marker of lost points: coordinates in
+single precision are rounded."""
 MAX_NOISE_FACTOR, MAX_ESTIMATED_NOISE_FACTOR = 3.0, 4.0
-"""Largest scatter about an ellipse over the standard deviation of a noise model, and over that of
-an estimated noise, which is too small where a sensor smooths along the line."""
+"""Largest ratio of the scatter about an ellipse to the standard deviation of a point: for a noise
+model, and for an estimated noise, which is too small if the sensor smooths along the line."""
 MAX_RELATIVE_SCATTER = 1e-2
-"""Scatter over the radius that is always accepted: form deviation of pipes (below 1e-3), and errors
-common to neighbours, which the noise estimate does not contain (0.1 mm at a radius of 10 mm)."""
+"""Ratio of scatter to radius that is always accepted: it covers the form deviation of pipes (below
+1e-3) and errors common to neighbours, which the noise estimate does not contain (0.1 mm at a radius
+of 10 mm)."""
 
 METRES_EXTENTS, METRES_PITCH, MIN_STEPS = (1e-3, 1.0), 0.002, 5
-"""Range of the extent and largest pitch of a profile that is taken to be in metres, and smallest
-number of steps for that test. No profile sensor is as fine: the smallest fields of view are some
-mm wide, the finest pitch is 0.0025 mm. Units: mm."""
+"""Range of the extent (mm) and largest pitch (mm) of a profile that is taken to be in metres, and
+smallest number of steps between points for that test. No profile sensor reaches these values: the
+smallest fields of view are some mm wide, the finest pitch is 0.0025 mm."""
 
 MAX_PLAUSIBLE_COORDINATE_MM = 1e5
-"""Largest coordinate that is not questioned: lidars reach 100 m, and a profile in micrometres at a
-range of 0.1 m has this coordinate. Units: mm."""
+"""Largest coordinate without a warning: lidars reach 100 m, and a profile in micrometres at a range
+of 0.1 m has this coordinate. Units: mm."""
 MIN_ZERO_ROWS = 3
-"""Smallest number of points (0, 0) that look like lost points."""
+"""Smallest number of points at (0, 0) that causes the warning of markers of lost points."""
 
 
 @runtime_checkable
@@ -124,10 +126,10 @@ class Profile(ComparedByValue):
     Parameters
     ----------
     points : (n, 2) array_like or data frame
-        Section frame: X along the laser line, Y towards the sensor. Index = column of the
-        sensor, order kept; a lost point is a NaN row (values that are infinite or beyond 1e9 mm
-        count as lost, and a row with one lost coordinate is lost whole). Of a data frame the
-        columns x and z (or y): see `lsvision.geometry.arguments.as_section_points`. Units: mm.
+        Section frame: X along the laser line, Y towards the sensor. The index of a point is its
+        column in the sensor. A lost point is a row of NaN; a point with an infinite coordinate, or
+        one beyond 1e9 mm, becomes such a row. A data frame has columns x and z (or y): see
+        `lsvision.geometry.arguments.as_section_points`. Units: mm.
     noise : NoiseModel, optional
         Noise model of the points.
     lost : float or sequence of float, optional
@@ -171,7 +173,7 @@ class Profile(ComparedByValue):
         if not valid.all():
             rows = _mark_lost(rows, ~(valid[:, 0] & valid[:, 1]))
         if lost is None:
-            _warn_of_markers(rows)
+            _warn_about_markers(rows)
         else:
             for value in np.atleast_1d(np.asarray(lost, dtype=np.float64)):
                 is_marker: BoolArray = np.abs(rows - value) <= MARKER_TOLERANCE * abs(value)
@@ -205,8 +207,8 @@ def as_profile(points: Profile | npt.ArrayLike) -> Profile:
     UserWarning
         If the points seem to be in metres: the longer span is 0.001 to 1 mm, with less than
         0.002 mm from one point to the next along X. The finest profile sensors sold have a pitch
-        of 0.0025 mm; a profile of 0.2 m with 376 points has one of 0.0005 "mm". And if a point is
-        farther away than 100 m, as in micrometres.
+        of 0.0025 mm; a profile of 376 points over 0.2 m, given in metres, has one of 0.0005.
+        Also if a coordinate exceeds 100 m, which hints at micrometres.
     """
     profile = points if isinstance(points, Profile) else Profile(cast("Points", points))
     valid = profile.points[~np.isnan(profile.points[:, 0])]
@@ -215,7 +217,7 @@ def as_profile(points: Profile | npt.ArrayLike) -> Profile:
     if largest_coordinate > MAX_PLAUSIBLE_COORDINATE_MM:
         warnings.warn(
             f"expected a profile in mm, got coordinates up to {largest_coordinate:.3g} mm: "
-            "micrometres? divide the points by 1000",
+            "if they are in micrometres, divide the points by 1000",
             UserWarning,
             stacklevel=3,
         )
@@ -226,7 +228,7 @@ def as_profile(points: Profile | npt.ArrayLike) -> Profile:
     if len(steps) >= MIN_STEPS and np.median(steps) < METRES_PITCH:
         warnings.warn(
             f"expected a profile in mm, got one of {extent:.3g} mm with a point every "
-            f"{np.median(steps):.2g} mm: metres? multiply the points by 1000",
+            f"{np.median(steps):.2g} mm: if they are in metres, multiply the points by 1000",
             UserWarning,
             stacklevel=3,
         )
@@ -261,7 +263,8 @@ def _mark_lost(points: Points, lost: BoolArray) -> Points:
     return points_with_lost_rows
 
 
-def _warn_of_markers(points: Points) -> None:
+def _warn_about_markers(points: Points) -> None:
+    """Warn if (0, 0) or a known marker of lost points occurs among the points."""
     zeros = int(np.count_nonzero(~points.any(axis=1)))
     if zeros >= MIN_ZERO_ROWS:
         warnings.warn(
@@ -298,7 +301,7 @@ class PreparedProfile:
     noise_std : float
         Typical standard deviation of a point along its largest error. Units: mm.
     pitch : float
-        Typical spacing of neighbouring points along X; positive always. Units: mm.
+        Typical spacing of neighbouring points along X; always positive. Units: mm.
     min_variance_factor : float
         Smallest ratio of the true variances to those of `noisy_points`: 1 for a given noise
         model, less for an estimated one.

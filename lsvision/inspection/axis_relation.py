@@ -1,4 +1,8 @@
-"""Distance, angle, gap and flush of two cylinders in space, and the seam between them."""
+"""Distance, angle, gap and flush of two cylinders in space, and the seam between them.
+
+Gap is the distance between the surfaces; flush is the height of the second cylinder's crest over
+the first one's along a given direction.
+"""
 
 from __future__ import annotations
 
@@ -12,12 +16,13 @@ from lsvision.geometry import FloatArray
 from lsvision.inspection.relation import Relation, Seam
 from lsvision.inspection.uncertain import Length, Scalar
 
-STEP = 1e-6
-"""Step of the numerical derivatives. Units: mm or rad."""
-PARALLEL = 1e-9
+DERIVATIVE_STEP = 1e-6
+"""Step of the numerical derivatives by the parameters. Units: mm or rad."""
+PARALLEL_SINE = 1e-9
 """Sine of the angle below which two axes are parallel."""
 
 Range = tuple[float, float]
+"""Two positions along axes: (first, last) of one axis, or one on each of two axes. Units: mm."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,9 +63,9 @@ def relate_axes(
     """
     pair = _Pair.of(first, second)
     values = pair.values(np.zeros(10), up)
-    steps = STEP * np.eye(10)
+    steps = DERIVATIVE_STEP * np.eye(10)
     jacobian = np.array(
-        [(pair.values(step, up) - pair.values(-step, up)) / (2 * STEP) for step in steps]
+        [(pair.values(step, up) - pair.values(-step, up)) / (2 * DERIVATIVE_STEP) for step in steps]
     ).T
     covariance = jacobian @ pair.covariance @ jacobian.T
     dof = min(first.fit.degrees_of_freedom, second.fit.degrees_of_freedom)
@@ -101,7 +106,7 @@ def angle_between(fit: CylinderFit, direction: FloatArray) -> Length:
     # The rotation from the axis to the direction, in the basis of the axis' errors.
     rotation = fit.tangent_basis @ perpendicular
     angle = math.atan2(sine, float(unit @ fit.direction))
-    vector = rotation * (angle / sine) if sine > PARALLEL else rotation
+    vector = rotation * (angle / sine) if sine > PARALLEL_SINE else rotation
     return Length(vector, fit.covariance[2:4, 2:4], fit.degrees_of_freedom)
 
 
@@ -114,12 +119,12 @@ class _Pair:
     first, second : CylinderFit
         The cylinders.
     sign : float
-        1 if both directions point the same way, else -1.
+        1 if the angle between both directions is at most 90 deg, else -1.
     along : (float, float)
         Position on each axis, from ``point`` along ``direction``. Units: mm.
     frame : (2, 3) ndarray
-        Orthonormal vectors in which the offset of the axes is counted; where the axes cross, their
-        common normal and a zero row.
+        Orthonormal vectors along which the offset of the axes is resolved; for crossing axes, their
+        common normal and a row of zeros.
     crossing : bool
         Whether the common perpendicular lies within the observed length of both.
     """
@@ -210,7 +215,7 @@ class _Pair:
         cross = np.cross(u, v)
         sine = float(np.linalg.norm(cross))
         angle = math.atan2(sine, float(u @ v))
-        rotation = cross * (angle / sine) if sine > PARALLEL else cross
+        rotation = cross * (angle / sine) if sine > PARALLEL_SINE else cross
         rotated: FloatArray = _perpendicular_basis(self.mean_direction) @ rotation
         return rotated
 
@@ -233,7 +238,7 @@ def _nearest_approach(
     (point, u), (other_point, v) = first, second
     cosine = float(u @ v)
     squared_sine = 1 - cosine**2
-    if squared_sine < PARALLEL**2:
+    if squared_sine < PARALLEL_SINE**2:
         return None
     offset = other_point - point
     along_u, along_v = float(offset @ u), float(offset @ v)

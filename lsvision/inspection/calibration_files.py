@@ -46,9 +46,9 @@ def check_calibration_files(job: Job, job_path: Path) -> dict[str, dict[str, str
             raise LsvisionError(
                 f"{job_path}, line {line}: expected {name} with SHA-256 {stated[:12]}..., "
                 f"got {digest[:12]}...: if it was calibrated again, write "
-                f'{key}_sha256 = "{digest}" and raise the revision'
+                f'{key}_sha256 = "{digest}" and increase the revision'
             )
-        provenances[key] = {"file": name, "date": _date(content), "sha256": digest}
+        provenances[key] = {"file": name, "date": _read_date(content), "sha256": digest}
     return provenances
 
 
@@ -61,7 +61,7 @@ def calibration_age_days(
     return max((age.total_seconds() / 86400 for age in ages), default=None)
 
 
-def _date(content: bytes) -> str | None:
+def _read_date(content: bytes) -> str | None:
     """Return the date in the provenance of a calibration file; None if there is none."""
     try:
         date = parse_json(content.decode())["provenance"]["date"]

@@ -11,7 +11,7 @@ import numpy as np
 NOT_CLAIMED = (
     "ISO 22514-7 is not claimed: it does not cover a radius or an angle fitted to many points"
 )
-"""Note below every capability."""
+"""Note below every table of capability indices."""
 PROCESS_SIGMAS = 6.0
 """Width of a process in standard deviations, in Cp and Cpk."""
 
@@ -26,15 +26,17 @@ class Capability:
         Number of parts.
     mean, std : float
         Mean and standard deviation of the measured values, in their unit.
-    cp, cpk : float
-        Cp is NaN with one limit.
+    cp : float
+        Process capability: (upper - lower limit) / (6 std); NaN with only one limit.
+    cpk : float
+        Distance of the mean from the nearer limit, over 3 std; negative outside.
     cp_interval, cpk_interval : (float, float)
         At `level`: Cp by chi^2, Cpk by Bissell's approximation.
     measurement_fraction : float
         Fraction of `std` squared that the standard uncertainties of the measurements explain; NaN
         if they are not given.
     level : float
-        Probability of the intervals.
+        Level of confidence of the intervals.
     """
 
     count: int
@@ -65,7 +67,7 @@ def estimate_capability(
     stds : sequence of float
         Standard uncertainty of each value, without the part that is common to all.
     level : float
-        Probability of the intervals.
+        Level of confidence of the intervals.
 
     Raises
     ------
@@ -119,7 +121,7 @@ def binomial_interval(hits: int, count: int, level: float = 0.95) -> tuple[float
     hits, count : int
         Number of hits, and number of trials.
     level : float
-        Lower bound of the probability of the interval.
+        Level of confidence; the interval contains the probability at least that often.
 
     Examples
     --------

@@ -10,7 +10,7 @@ from lsvision.inspection.uncertain import two_sided_factor
 
 
 class Decision(StrEnum):
-    """Decision on a quantity, a part or a whole measurement.
+    """Decision on a quantity, a part or a whole measurement: OK, NG (not good) or undecided.
 
     Examples
     --------
@@ -66,8 +66,8 @@ def widen_interval(
     interval : (float, float)
         Its interval at `level`, which need not be symmetric about it.
     extra_std : float
-        Standard uncertainty that the fit does not contain, independent of it: of temperature,
-        repeatability.
+        Standard uncertainty that the fit does not contain and that is independent of it, such as
+        the effect of temperature.
     level : float
         Probability of the interval.
 

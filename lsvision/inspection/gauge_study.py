@@ -25,7 +25,19 @@ SIGMAS = 6.0
 
 @dataclass(frozen=True)
 class AnovaRow:
-    """A row of the table of the analysis of variance; F and p are NaN without an F test."""
+    """A row of the table of the analysis of variance.
+
+    Parameters
+    ----------
+    source : str
+        Source of the variation, such as ``operators``.
+    degrees_of_freedom : int
+        Degrees of freedom of the sum of squares.
+    sum_of_squares : float
+        Sum of the squared deviations, in the square of the measured unit.
+    f, p : float
+        F statistic and its p-value; NaN without an F test.
+    """
 
     source: str
     degrees_of_freedom: int
@@ -46,7 +58,7 @@ class Component:
     Parameters
     ----------
     name : str
-        Name of the component, as ``repeatability``.
+        Name of the component, such as ``repeatability``.
     variance : float
         Its variance; an estimate below 0 is set to 0.
     interval : (float, float)
@@ -78,7 +90,7 @@ class GaugeStudy(Result):
     tolerance : float, optional
         Width of the tolerance.
     level : float
-        Probability of the intervals.
+        Level of confidence of the intervals.
     """
 
     rows: tuple[AnovaRow, ...]
@@ -196,7 +208,7 @@ def study_gauge(
     tolerance : float, optional
         Width of the tolerance, in the same unit.
     level : float
-        Probability of the intervals.
+        Level of confidence of the intervals.
 
     Raises
     ------
@@ -219,13 +231,14 @@ def study_gauge(
 
 
 def _analyse_variance(table: FloatArray) -> tuple[AnovaRow, ...]:
+    """Return the rows of parts, operators, interaction and repeatability, with their F tests."""
     from scipy.stats import f
 
     p, o, r = table.shape
     dofs = (p - 1, o - 1, (p - 1) * (o - 1), p * o * (r - 1))
     squares = sums_of_squares(table)
     means = [square / dof for square, dof in zip(squares, dofs, strict=True)]
-    # Rows by whose mean square each row is divided in its F test.
+    # Indices of the rows whose mean squares are the divisors in the F tests of the first three.
     divisors = (2, 2, 3)
     names = ("parts", "operators", "interaction", "repeatability")
     rows = []
@@ -241,6 +254,7 @@ def _analyse_variance(table: FloatArray) -> tuple[AnovaRow, ...]:
 def _estimate_components(
     rows: Sequence[AnovaRow], shape: tuple[int, ...], *, pooled: bool, level: float
 ) -> tuple[Component, ...]:
+    """Return the components of the variance; `shape` is (parts, operators, trials)."""
     p, o, r = shape
     sums = [(row.sum_of_squares, row.degrees_of_freedom) for row in rows]
     if pooled:

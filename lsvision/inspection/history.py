@@ -10,6 +10,7 @@ from lsvision.inspection.append_only import append_record, read_records
 from lsvision.inspection.job import Job
 
 SUFFIX = ".history.jsonl"
+"""Suffix of the history's name, after that of the job file."""
 
 
 def history_path(job_path: Path) -> Path:

@@ -44,8 +44,8 @@ SCHEMA = 1
 class Job(JobTable):
     """Settings of a measurement and limits of its parts, as stated in one TOML file.
 
-    Parameters of the tables are named with their units; unknown keys are errors. Equal jobs have
-    equal hashes, however their files are laid out.
+    Keys end with the unit of their values; unknown keys are errors. Jobs with equal values have
+    equal hashes, whatever the order and layout of the keys in their files.
 
     Examples
     --------
@@ -75,7 +75,7 @@ class Job(JobTable):
 
     @model_validator(mode="after")
     def _check_parts(self) -> Job:
-        mistakes = [*_ambiguous_parts(self.parts), *_unknown_parts(self)]
+        mistakes = [*_find_ambiguous_parts(self.parts), *_find_unknown_parts(self)]
         if mistakes:
             raise MistakesError(mistakes)
         return self
@@ -141,7 +141,7 @@ class Job(JobTable):
             values = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
             raise InvalidJob(name, (syntax_mistake(error),)) from None
-        schema_mistakes = _newer_schema(values, text)
+        schema_mistakes = _check_schema(values, text)
         if schema_mistakes:
             raise InvalidJob(name, tuple(schema_mistakes))
         try:
@@ -177,7 +177,7 @@ class Job(JobTable):
         Parameters
         ----------
         key : str
-            Key of the quantity, as ``radius_mm``.
+            Key of the quantity, such as ``radius_mm``.
 
         Returns
         -------
@@ -191,7 +191,7 @@ class Job(JobTable):
         return stated.get(key, 0.0)
 
 
-def _ambiguous_parts(parts: tuple[Part, ...]) -> list[tuple[Location, str]]:
+def _find_ambiguous_parts(parts: tuple[Part, ...]) -> list[tuple[Location, str]]:
     """Return the mistakes of parts that have the same name or select the same cylinder."""
     mistakes: list[tuple[Location, str]] = []
     for (_, first), (number, second) in itertools.combinations(enumerate(parts), 2):
@@ -204,15 +204,15 @@ def _ambiguous_parts(parts: tuple[Part, ...]) -> list[tuple[Location, str]]:
             mistakes.append(
                 (
                     (*location, "order"),
-                    f"{first.name!r} and {second.name!r} are the same cylinder, order "
-                    f"{first.order}: give each its own",
+                    f"{first.name!r} and {second.name!r} select the same cylinder, order "
+                    f"{first.order}: give each part an order of its own",
                 )
             )
         if first.windows and second.windows and _overlap(first, second):
             mistakes.append(
                 (
                     (*location, f"{next(iter(second.windows))}_mm"),
-                    f"{first.name!r} and {second.name!r} are the same cylinder: their windows "
+                    f"{first.name!r} and {second.name!r} select the same cylinder: their windows "
                     "overlap; separate the windows",
                 )
             )
@@ -230,7 +230,7 @@ def _overlap(first: Part, second: Part) -> bool:
     return True
 
 
-def _unknown_parts(job: Job) -> list[tuple[Location, str]]:
+def _find_unknown_parts(job: Job) -> list[tuple[Location, str]]:
     """Return the mistakes of relations that name unknown parts."""
     names = [part.name for part in job.parts]
     mistakes: list[tuple[Location, str]] = []
@@ -247,7 +247,7 @@ def _unknown_parts(job: Job) -> list[tuple[Location, str]]:
     return mistakes
 
 
-def _newer_schema(values: dict[str, Any], text: str) -> list[Mistake]:
+def _check_schema(values: dict[str, Any], text: str) -> list[Mistake]:
     """Return the mistake of a schema that is newer than `SCHEMA`; an empty list otherwise."""
     version = values.get("schema", SCHEMA)
     if not isinstance(version, int) or version <= SCHEMA:

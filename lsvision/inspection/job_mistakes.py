@@ -1,8 +1,8 @@
 """Mistakes in a job file, each with its line and the remedy.
 
-`tomllib` keeps no positions, so that the line of a key is looked up in the text: keys are at the
-beginning of a line, below the header of their table. A style-preserving parser (tomlkit) would be
-one more dependency, and does not give line numbers either.
+`tomllib` does not return positions; therefore the line of a key is searched in the text: a key is
+at the beginning of a line, below the header of its table. A style-preserving parser (tomlkit) would
+be one more dependency, and does not return line numbers either.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ def describe_mistakes(error: ValidationError, text: str, model: type[BaseModel])
         else:
             location = _without_variants(detail["loc"])
             mistakes.append(
-                Mistake(_nearest_line(location, lines), _describe(location, detail, model))
+                Mistake(_nearest_line(location, lines), _describe_mistake(location, detail, model))
             )
     return sorted(dict.fromkeys(mistakes), key=lambda mistake: mistake.line or 0)
 
@@ -117,6 +117,7 @@ def find_line(location: Location, text: str) -> int | None:
 
 
 def _nearest_line(location: Location, lines: dict[Location, int]) -> int | None:
+    """Return the line of a location, or else of the innermost table around it, or None."""
     for length in range(len(location), 0, -1):
         if location[:length] in lines:
             return lines[location[:length]]
@@ -151,23 +152,23 @@ def _without_variants(location: Location) -> Location:
     return tuple(key for key in location if not (isinstance(key, str) and _VARIANT.match(key)))
 
 
-def _describe(location: Location, detail: Any, model: type[BaseModel]) -> str:
+def _describe_mistake(location: Location, detail: Any, model: type[BaseModel]) -> str:
     """Return what was expected, what was found, and the remedy, with the keys of the job file."""
     key = next((name for name in reversed(location) if isinstance(name, str)), "the job")
     kind, got = detail["type"], _format_value(detail["input"])
     if kind == "missing":
-        return f"{_path(location)} is missing: add it"
+        return f"{_format_location(location)} is missing: add it"
     if kind == "too_short":
-        return f"expected at least one [[{_path(location)}]], got none: add it"
+        return f"expected at least one [[{_format_location(location)}]], got none: add it"
     if kind == "extra_forbidden":
         return _unknown_key(key, location, known_keys(location, model))
     if kind == "value_error":
-        return f"{_path(location)}: {detail['ctx']['error']}"
+        return f"{_format_location(location)}: {detail['ctx']['error']}"
     expected = detail["msg"].removeprefix("Input should be ").removeprefix("a valid ")
-    return f"{_path(location)}: expected {expected}, got {got}"
+    return f"{_format_location(location)}: expected {expected}, got {got}"
 
 
-def _path(location: Location) -> str:
+def _format_location(location: Location) -> str:
     """Return a location as text, such as ``part 1, radius_mm``; tables of a list count from 1."""
     keys: list[str] = []
     for key in location:
@@ -179,12 +180,13 @@ def _path(location: Location) -> str:
 
 
 def _unknown_key(key: str, location: Location, known: list[str]) -> str:
+    """Return the message of an unknown key: the key with its unit, a similar one, or all known."""
     with_unit = [name for name in known if name in {f"{key}_{unit}" for unit in UNITS}]
     if with_unit:
-        return f"{_path(location)}: the unit is missing: write {' or '.join(with_unit)}"
+        return f"{_format_location(location)}: the unit is missing: write {' or '.join(with_unit)}"
     near = difflib.get_close_matches(key, known, n=1)
     remedy = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
-    return f"{_path(location)}: unknown key: {remedy}"
+    return f"{_format_location(location)}: unknown key: {remedy}"
 
 
 def known_keys(location: Location, model: type[BaseModel]) -> list[str]:

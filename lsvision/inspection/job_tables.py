@@ -18,10 +18,12 @@ from lsvision.inspection.limits import (
 )
 
 Window = tuple[Number, Number]
+"""Range (low, high) of a coordinate in which a part lies. Units: mm."""
 Name = Annotated[str, Field(min_length=1, max_length=80)]
 Count = Annotated[int, Field(strict=True, ge=1)]
 Std = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0)]
 Known = Positive | tuple[Positive, Std]
+"""A known value, or (value, standard uncertainty)."""
 Vector = tuple[Number, Number, Number]
 
 
@@ -34,7 +36,7 @@ class Source(JobTable):
 
 
 class Rig(JobTable):
-    """Calibration files, each with the SHA-256 of its content if it may not change unnoticed.
+    """Calibration files, and optionally the SHA-256 by which a change of each is detected.
 
     With a light section images are measured too; `laser` is the colour of the line in them.
     """
@@ -88,9 +90,7 @@ class Measure(JobTable):
 
             find_sensor(self.sensor)
         if isinstance(self.radius_mm, tuple) and self.radius_mm[0] >= self.radius_mm[1]:
-            raise ValueError(
-                f"radius_mm reversed: expected [least, largest], got {list(self.radius_mm)}"
-            )
+            raise ValueError(f"radius_mm reversed: expected [min, max], got {list(self.radius_mm)}")
         return self
 
 
@@ -99,6 +99,9 @@ class Part(JobTable):
 
     It is identified by position (`x_mm`, `y_mm`, `z_mm`: its centre lies in all windows that are
     given), by `order` (from the left, or in the order of the scan), or else by radius.
+    `direction_deg` and `position_mm` are the angle to `nominal_direction` and the distance from
+    `nominal_point_mm`; `length_seen_mm` is the length along the axis between the first and the last
+    measured point.
     """
 
     name: Name
@@ -129,18 +132,18 @@ class Part(JobTable):
     def _check(self) -> Part:
         for axis, window in self.windows.items():
             if window[0] >= window[1]:
-                raise ValueError(f"{axis}_mm reversed: expected [least, largest], got {[*window]}")
+                raise ValueError(f"{axis}_mm reversed: expected [min, max], got {[*window]}")
         if self.windows and self.order is not None:
             raise ValueError("expected a position (x_mm, y_mm, z_mm) or an order, got both")
         if not self.windows and self.order is None and self.expected_radius is None:
             raise ValueError(
-                "expected a way to identify the cylinder, got nothing: add x_mm = [least, "
-                "largest], order = 1, or a radius_mm with a nominal"
+                "expected a way to identify the cylinder, got nothing: add x_mm = [min, max], "
+                "order = 1, or a radius_mm with a nominal"
             )
         references = {"direction_deg": "nominal_direction", "position_mm": "nominal_point_mm"}
         for key, reference in references.items():
             if getattr(self, key) is not None and getattr(self, reference) is None:
-                raise ValueError(f"{key} is counted from {reference}: add it")
+                raise ValueError(f"{key} is measured from {reference}: add {reference}")
         if self.nominal_direction is not None and not math.hypot(*self.nominal_direction) > 0:
             raise ValueError("expected a non-zero nominal_direction, got 0, 0, 0")
         theta = self.theta_deg
@@ -200,12 +203,12 @@ class RelationLimits(JobTable):
 
 
 class DecisionRule(JobTable):
-    """Rule by which intervals become verdicts.
+    """Rule by which intervals are converted into verdicts.
 
-    `level` is the probability of the intervals, `undecided` the value of a one-bit output for an
-    undecided verdict. `additional` states whether cylinders that are not parts are reported
-    ("tell") or make the verdict NG ("ng"). `extra_std` holds standard uncertainties that the fit
-    does not contain, by key and in its unit.
+    `level` is the level of confidence of the intervals, `undecided` the value of a one-bit output
+    for an undecided verdict. `additional` states whether cylinders that are not parts are only
+    reported ("tell") or make the verdict NG ("ng"). `extra_std` holds standard uncertainties that
+    the fit does not contain: one for each key of a quantity, in the unit of that key.
     """
 
     level: Annotated[float, Field(strict=True, gt=0.5, lt=1)] = 0.95
@@ -223,7 +226,7 @@ class DecisionRule(JobTable):
 
 
 class Golden(JobTable):
-    """Reference part that is measured at least `every_hours`, within its tolerance.
+    """Reference part that must be measured within its tolerance at least every `every_hours`.
 
     Its measurements are recorded in the file `log`.
     """
@@ -235,7 +238,7 @@ class Golden(JobTable):
 
 
 class Address(JobTable):
-    """Address on which an output listens, or of a broker."""
+    """Network address on which an output listens, or address of a broker."""
 
     host: str = "127.0.0.1"
     port: Annotated[int, Field(strict=True, ge=1, le=65535)] | None = None

@@ -68,9 +68,9 @@ def judge(
     Returns
     -------
     Verdict
-        A missing part is NG, with the reasons of rejected arcs; one whose arc was found, but
-        whose radius is not determinable, is undecided. `Verdict.decision` compares to ``"OK"``,
-        ``"NG"`` and ``"undecided"``.
+        A missing part is NG, with the reasons of rejected arcs; a part whose arc was found, but
+        whose radius is not determinable, is undecided. `Verdict.decision` equals ``"OK"``,
+        ``"NG"`` or ``"undecided"``.
 
     Raises
     ------
@@ -249,7 +249,7 @@ def _judge_missing(
 def _rejection_reasons_at(part: Part, measurement: Measurement | ScanMeasurement) -> list[str]:
     """Return the reasons of the arcs rejected where the part should be, the longest arc first.
 
-    Reasons of all rejected arcs, if the part has no window in x, or the profile is not known.
+    If the part has no window in x, or the profile is not known, all rejected arcs count.
     """
     if isinstance(measurement, ScanMeasurement):
         scanned: Sequence[ScanRejection] = measurement.rejections

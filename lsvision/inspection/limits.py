@@ -50,7 +50,7 @@ class Limits(JobTable):
     """Limits of a quantity, in the unit of its key.
 
     Either a nominal value with deviations (`upper`, `lower`, as on a drawing; both may have the
-    same sign, as in a fit), or `min` and `max`, of which one is enough.
+    same sign, as in an ISO 286 fit of shaft and bore), or `min`, `max` or both.
 
     Examples
     --------
@@ -82,7 +82,7 @@ class Limits(JobTable):
                 if lower > upper
                 else f"expected different limits, got {lower:g} twice"
             )
-        # With two deviations the nominal may lie outside: a fit, such as -0.02 and -0.05.
+        # With two deviations the nominal may lie outside, as for a shaft with -0.02 and -0.05.
         two_deviations = self.upper is not None and self.lower is not None
         if self.nominal is not None and not two_deviations and not lower <= self.nominal <= upper:
             raise ValueError(

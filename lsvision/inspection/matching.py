@@ -25,7 +25,7 @@ class Matching:
     additional : tuple of int
         Indices of the cylinders that are not parts of the job.
     owners : mapping of str to str
-        By part whose only candidate is assigned already: the part to which it is assigned.
+        For each part whose only candidate was already assigned: the part that has this candidate.
     """
 
     cylinders: Mapping[str, int]
@@ -39,10 +39,10 @@ def match_parts(parts: Sequence[Part], cylinders: Sequence[CylinderOfJob]) -> Ma
     Parameters
     ----------
     parts : sequence of Part
-        Those with windows take the cylinder nearest to the middle of their windows among those
-        that lie in them, those with an order the one of that number; the remaining cylinders are
-        assigned to the others so that the sum of the deviations of the radii is smallest, each 20 %
-        at the most.
+        A part with windows is assigned the cylinder that lies in them and nearest to their middle;
+        a part with an order, the cylinder of that number. The remaining cylinders are assigned to
+        the other parts such that the sum of the relative deviations of the radii is smallest; each
+        deviation is at most 20 %.
     cylinders : sequence of CylinderSection or ScannedCylinder
         In the order of the measurement, that is from left to right in a profile.
     """

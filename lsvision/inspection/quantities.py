@@ -33,7 +33,7 @@ def measure_quantity(cylinder: CylinderOfJob, part: Part, key: str, level: float
     key : str
         One of `SECTION_KEYS` for a section, of `SCAN_KEYS` for a scan.
     level : float
-        Probability of the interval.
+        Level of confidence of the interval.
 
     Raises
     ------

@@ -169,7 +169,7 @@ class Relation(Result):
         name : {"distance", "angle", "gap", "flush"}
             Name of the quantity.
         level : float
-            Probability of the interval.
+            Level of confidence of the interval.
 
         Returns
         -------

@@ -22,8 +22,8 @@ SECTIONS = (2, 3, 5, 10, 20)
 """Numbers of sections that are tried."""
 SPACING_MM = 10.0
 """Distance of neighbouring sections of a planned scan. Units: mm."""
-PLANNED = ("radius_mm", "diameter_mm", "theta_deg", "phi_deg")
-"""Quantities whose uncertainty the planner predicts."""
+PLANNED_KEYS = ("radius_mm", "diameter_mm", "theta_deg", "phi_deg")
+"""Keys of the quantities whose uncertainty the planner predicts."""
 NUMBER_WORDS = {2: "two", 3: "three", 5: "five"}
 
 
@@ -69,14 +69,14 @@ def plan_remedies(verdict: Verdict, measurement: Measurement, job: Job) -> tuple
     Returns
     -------
     tuple of Remedy
-        One for each undecided radius, diameter, theta and phi. The planner's view is the
-        measured one (noise, pitch and position of the part); its prediction is scaled so that for
-        one section it is not better than what was measured.
+        One for each undecided radius, diameter, theta and phi. The planner is given the noise,
+        pitch and position of the measured part; its prediction is scaled such that, for one
+        section, it is at least the measured standard uncertainty.
     """
     remedies = []
     for item in verdict.parts:
         for quantity in item.quantities:
-            undecided = quantity.decision == Decision.UNDECIDED and quantity.key in PLANNED
+            undecided = quantity.decision == Decision.UNDECIDED and quantity.key in PLANNED_KEYS
             if undecided and item.cylinder is not None:
                 section = measurement.cylinders[item.cylinder]
                 remedies.append(_plan_remedy(item.name, quantity, section, job))
@@ -90,9 +90,9 @@ def _plan_remedy(item: str, verdict: QuantityVerdict, section: CylinderSection, 
     )
     if margin <= extra:
         reason = (
-            f"no scan would: the limit is nearer than extra_std alone ({extra:g}) allows"
+            f"no scan would decide: the limit is nearer than extra_std alone ({extra:g}) allows"
             if extra > 0
-            else "no scan would: the value lies at the limit"
+            else "no scan would decide: the value lies at the limit"
         )
         return Remedy(item, key, None, math.nan, reason)
     needed = math.sqrt(margin**2 - extra**2)
@@ -104,15 +104,15 @@ def _plan_remedy(item: str, verdict: QuantityVerdict, section: CylinderSection, 
             if std <= needed:
                 number = NUMBER_WORDS.get(sections, str(sections))
                 text = (
-                    f"{number} sections {SPACING_MM:g} mm apart would: {name} ± {format_std(std)} "
-                    f"{unit}"
+                    f"{number} sections {SPACING_MM:g} mm apart would decide: {name} ± "
+                    f"{format_std(std)} {unit}"
                 )
                 return Remedy(item, key, sections, std, text)
     except (LsvisionError, ValueError) as failure:
         return Remedy(item, key, None, math.nan, f"no prediction: {failure}")
     text = (
-        f"{SECTIONS[-1]} sections {SPACING_MM:g} mm apart would not: {name} needs ± {needed:.2g} "
-        f"{unit}"
+        f"{SECTIONS[-1]} sections {SPACING_MM:g} mm apart would not decide: {name} needs ± "
+        f"{needed:.2g} {unit}"
     )
     return Remedy(item, key, None, math.nan, text)
 

@@ -1,4 +1,4 @@
-"""Bias and repeatability of a measurement against a reference: a type-1 study."""
+"""Type-1 gauge study: bias and repeatability from repeated measurements of a reference part."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class RepeatStudy(Result):
     mean, std : float
         Mean and standard deviation of the values.
     reference : float
-        True value of the part.
+        Reference value of the part.
     bias_interval, std_interval : (float, float)
         Intervals of bias (Student's t) and standard deviation (chi^2), at `level`.
     p_value : float
@@ -42,7 +42,7 @@ class RepeatStudy(Result):
     tolerance : float, optional
         Width of the tolerance.
     level : float
-        Probability of the intervals.
+        Level of confidence of the intervals.
     """
 
     count: int
@@ -141,13 +141,13 @@ def study_repeats(
     values : sequence of float
         Two or more measured values of the same part.
     reference : float
-        True value of the part.
+        Reference value of the part.
     stds : sequence of float
         Standard uncertainty of each measurement.
     tolerance : float, optional
         Width of the tolerance.
     level : float
-        Probability of the intervals.
+        Level of confidence of the intervals.
 
     Raises
     ------

@@ -12,7 +12,7 @@ from lsvision.geometry import FloatArray
 from lsvision.inspection.relation import Relation
 from lsvision.inspection.uncertain import Length, Scalar
 
-DIRECTIONS = 720
+DIRECTION_COUNT = 720
 """Equally spaced directions among which the largest separation is searched first."""
 PARABOLA_STEPS = 4
 """Refinements of the direction by a parabola through three neighbours."""
@@ -107,7 +107,7 @@ def _separation(first: CylinderSection, second: CylinderSection, direction: Floa
     )
     offset = float(np.subtract(second.centre, first.centre) @ direction)
     gradients = np.concatenate([-direction, -gradient_1]), np.concatenate([direction, -gradient_2])
-    return Scalar(offset - support_1 - support_2, _std(gradients, (first, second)))
+    return Scalar(offset - support_1 - support_2, _propagate_std(gradients, (first, second)))
 
 
 def _crest_height(first: CylinderSection, second: CylinderSection) -> Scalar:
@@ -115,10 +115,10 @@ def _crest_height(first: CylinderSection, second: CylinderSection) -> Scalar:
     (support_1, gradient_1), (support_2, gradient_2) = _support(first, UP), _support(second, UP)
     gradients = np.concatenate([-UP, -gradient_1]), np.concatenate([UP, gradient_2])
     height = second.centre[1] + support_2 - first.centre[1] - support_1
-    return Scalar(height, _std(gradients, (first, second)))
+    return Scalar(height, _propagate_std(gradients, (first, second)))
 
 
-def _std(
+def _propagate_std(
     gradients: tuple[FloatArray, FloatArray], sections: tuple[CylinderSection, CylinderSection]
 ) -> float:
     """Return the std of a quantity from its gradients by the parameters of both fits."""
@@ -130,13 +130,13 @@ def _std(
 
 
 def _direction_of_gap(first: CylinderSection, second: CylinderSection) -> FloatArray:
-    """Return the unit vector of the largest separation of the ellipses: of their shortest distance.
+    """Return the unit vector along the shortest distance of the ellipses: of largest separation.
 
     For ellipses that overlap it is the direction of the shortest displacement that separates them.
     """
-    angles = np.linspace(0, 2 * math.pi, DIRECTIONS, endpoint=False)
+    angles = np.linspace(0, 2 * math.pi, DIRECTION_COUNT, endpoint=False)
     angle = float(angles[np.argmax(_separations(first, second, angles))])
-    step = 2 * math.pi / DIRECTIONS
+    step = 2 * math.pi / DIRECTION_COUNT
     for _ in range(PARABOLA_STEPS):
         before, middle, after = _separations(
             first, second, angle + step * np.array([-1.0, 0.0, 1.0])

@@ -151,7 +151,7 @@ def two_sided_factor(level: float, degrees_of_freedom: float = math.inf) -> floa
     Parameters
     ----------
     level : float
-        Probability of the interval.
+        Level of confidence of the interval.
     degrees_of_freedom : float
         Infinite: the normal quantile; else Student's.
 

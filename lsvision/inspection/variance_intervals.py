@@ -26,7 +26,7 @@ def mean_square_interval(
         One coefficient, mean square and number of degrees of freedom for each term; coefficients
         may be negative.
     level : float
-        Probability of the interval; exact for a single mean square, else approximate.
+        Level of confidence of the interval; exact for a single mean square, else approximate.
 
     Returns
     -------

@@ -11,11 +11,12 @@ from lsvision.results.quantities import Estimate, Record, finite_or_none
 from lsvision.results.result import Result
 
 VERDICT_SCHEMA = "lsvision.verdict/1"
+"""Name and version of the JSON form of a verdict."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class QuantityVerdict(Result):
-    """Verdict on one quantity. Units: that of its estimate.
+    """Verdict on one quantity, in the unit of its estimate.
 
     Parameters
     ----------
@@ -40,7 +41,7 @@ class QuantityVerdict(Result):
 
     @property
     def key(self) -> str:
-        """Key of the quantity in the job: name and unit, as ``phi_deg``."""
+        """Key of the quantity in the job: name and unit, such as ``phi_deg``."""
         return f"{self.estimate.quantity.name}_{self.estimate.quantity.unit}"
 
     @property
@@ -116,7 +117,7 @@ class ItemVerdict(Result):
 
     @property
     def decision(self) -> Decision:
-        """`decided`, or the worst of the quantities."""
+        """`decided` if it is given, else the worst decision on the quantities."""
         if self.decided is not None:
             return self.decided
         return worst(quantity.decision for quantity in self.quantities)
@@ -197,7 +198,7 @@ class Verdict(Result):
     additional_is_ng : bool
         Whether an additional cylinder makes the verdict NG.
     undecided_passes : bool
-        Value of a one-bit output for an undecided verdict.
+        Whether a one-bit output is true for an undecided verdict.
 
     Examples
     --------
@@ -237,7 +238,7 @@ class Verdict(Result):
 
     @property
     def passed(self) -> bool:
-        """Value of a one-bit output."""
+        """Whether a one-bit output is true: OK, or undecided if `undecided_passes`."""
         undecided = self.decision == Decision.UNDECIDED and self.undecided_passes
         return self.decision == Decision.OK or undecided
 

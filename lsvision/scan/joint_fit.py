@@ -1,8 +1,9 @@
 """One cylinder for each track of arcs, fitted jointly to the points of all its sections.
 
-The twin is selected on a few sections, then points are assigned and the cylinder is fitted in
-turn. The track with the most points comes first; each point belongs to one cylinder only. A scan
-of a single section yields that section's own cylinder, with its twin.
+One section fits two cylinders equally well, the twins, whose axes are tilted to opposite sides of
+the section's normal. The twin is selected on a few sections of the track; then assignment of points
+and fit of the cylinder alternate. The track with the most points comes first; each point belongs to
+one cylinder only. A scan of a single section yields the cylinder of that section, with its twin.
 """
 
 import itertools
@@ -160,8 +161,8 @@ def _check_recognised_fraction(
         return joint_fit
     return ScanRejection(
         tuple(sorted(recognised)),
-        f"recognised in {len(recognised)} of {section_count} sections that have points there, "
-        f"needs {settings.min_recognised_fraction:.0%}",
+        f"recognised in {len(recognised)} of {section_count} sections with points on the cylinder, "
+        f"expected at least {settings.min_recognised_fraction:.0%}",
     )
 
 
@@ -244,7 +245,10 @@ def _mean_square_residual(fit: CylinderFit) -> float:
 
 
 def _initial_guesses(track: Track) -> list[Cylinder]:
-    """Return the cylinder through the centres, if they differ, and both twins of the best arc."""
+    """Return the cylinder through the arcs' centres, if they differ, and two more.
+
+    These are the twins of the arc whose axis has the smallest standard uncertainty.
+    """
     best = min(track, key=lambda observation: observation.twins_std)
     radius = median(np.array([observation.radius for observation in track]))
     centres = np.array([observation.centre for observation in track])
@@ -301,6 +305,7 @@ def _assign_and_fit(
 
 
 def _rejection_reason(joint_fit: JointFit, settings: JointFitSettings) -> str | None:
+    """Return why a joint fit is rejected; None if it is accepted."""
     fit = joint_fit.fit
     if joint_fit.normalised_rms > settings.max_normalised_rms:
         return (

@@ -19,7 +19,7 @@ from lsvision.statistics.robust import mad_std
 GAUSS_NEWTON_ITERATIONS = 5
 """Gauss-Newton steps for the section shifts; two or three reach `MIN_STEP_MM`."""
 MIN_STEP_MM = 1e-9
-"""Largest change of a shift and of the radius in the last step. Units: mm."""
+"""Change of the shifts and of the radius below which the iteration stops. Units: mm."""
 SHIFT_PRIOR_STD_RADII = 0.5
 """Prior standard deviation of a section's shift. Units: radii."""
 

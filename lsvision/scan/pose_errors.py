@@ -18,8 +18,8 @@ from lsvision.scan.cloud import ScanCloud
 MAX_POSE_STD_MM = 1e3
 """Largest permissible standard uncertainty of a position: a metre. Units: mm."""
 MAX_FEED_STD = 1.0
-"""Largest standard uncertainty of the feed's direction, up to which the small-angle approximation
-is tolerable. Units: rad."""
+"""Largest standard uncertainty of the feed's direction for which small-angle approximations are
+tolerable. Units: rad."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -37,7 +37,7 @@ class PoseErrors:
         Units: rad.
     calibration : HandEye, optional
         Calibration used for the poses, ``base_from_flange @ flange_from_section``. Its six
-        errors are constant in the flange frame and turn with the flange; the robot errors,
+        errors are constant in the flange frame and so rotate with the flange; the robot's errors,
         ``robot_std``, are independent between sections.
     """
 

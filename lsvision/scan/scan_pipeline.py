@@ -128,14 +128,14 @@ def measure_scan(  # noqa: PLR0913 - the options of `measure_cylinders`, the pos
     DegenerateGeometry
         If all sections lie in one plane: identical poses, or a feed along the laser plane.
     FitFailed
-        If numbers overflow: poses, standard uncertainties or points of impossible size.
+        If numbers overflow because poses, standard uncertainties or points are extremely large.
 
     Notes
     -----
     **Systematic errors that the residuals do not show.** A feed direction wrong by 0.5 deg turns
     the axis by 0.45 deg and changes the radius by 0.1 mm (R = 25 mm, tilt 20 deg) without any
-    effect on the residuals; a feed 1 % too long, 0.2 deg and 0.03 mm. Calibrate the feed, or
-    state its uncertainty as `feed_std`.
+    effect on the residuals; a feed 1 % too long turns the axis by 0.2 deg and changes the radius by
+    0.03 mm. Calibrate the feed, or state its uncertainty as `feed_std`.
 
     Examples
     --------

@@ -215,8 +215,8 @@ class ScanRejection(Result):
 
         Examples
         --------
-        >>> ScanRejection((3, 4), "measured in two sections").to_dict()
-        {'sections': [3, 4], 'reason': 'measured in two sections'}
+        >>> ScanRejection((3, 4), "residual rms 5.1 times the noise, limit 4.0").to_dict()
+        {'sections': [3, 4], 'reason': 'residual rms 5.1 times the noise, limit 4.0'}
         """
         return {"sections": list(self.sections), "reason": self.reason}
 
@@ -260,8 +260,9 @@ class ScanMeasurement(Result):
     def reason(self) -> str:
         """Reason why there is no cylinder; empty if there is one.
 
-        That of the longest track, or else of the first section without a cylinder. Arcs in several
-        sections of which no two form a track hint at wrong poses.
+        It is the reason of the longest rejected track, or else of the first section without a
+        cylinder. If several sections show arcs, but no two of them form a track, the poses are
+        probably wrong, and the reason lists what to check.
 
         Examples
         --------
@@ -276,9 +277,9 @@ class ScanMeasurement(Result):
             if len(longest.sections) > 1 or len(sections) < 2:
                 return longest.reason
             return (
-                f"{len(sections)} sections show an arc, and no two of them lie on one cylinder: do "
-                "the poses (their order, unit and convention, the hand-eye file), or feed and "
-                "step, belong to these profiles?"
+                f"{len(sections)} sections show an arc, and no two of them lie on one cylinder: "
+                "check that the poses (their order, unit and convention, the hand-eye file), or "
+                "feed and step, belong to these profiles"
             )
         empty = [section for section in self.measurements if not section.cylinders]
         return empty[0].reason if empty else "no arcs of two sections match"

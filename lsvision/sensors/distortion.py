@@ -1,8 +1,8 @@
 """Lens distortion: OpenCV's model of up to 14 coefficients, and its inverse.
 
-Not OpenCV's own functions, for two reasons: ``cv2.undistortPoints`` stops after five iterations
-with errors of up to 0.27 px, and OpenCV 4 and 5 take different arguments to prevent that; and the
-Jacobian is needed to propagate the covariance of a laser line's pixels into the section.
+OpenCV's own functions are not used, for two reasons: ``cv2.undistortPoints`` stops after five
+iterations with errors of up to 0.27 px, which OpenCV 4 and 5 prevent by different arguments; and
+the Jacobian is needed to propagate the covariance of a laser line's pixels into the section.
 """
 
 import math

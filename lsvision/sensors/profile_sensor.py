@@ -13,7 +13,7 @@ from lsvision.geometry import FloatArray, Points
 from lsvision.profile import NoiseModel
 
 MIN_RANGE_FRACTION = 1e-3
-"""Smallest range over the reference range: points nearer to the origin get its covariance."""
+"""Smallest ratio of range to reference range; nearer points get the covariance at this range."""
 MAX_RANGE_MM = 1e12
 """Largest coordinate relative to the origin, against overflow at invalid points. Units: mm."""
 LATERAL_STD_RATIO = 0.05
@@ -28,7 +28,7 @@ class ProfileSensor:
     Parameters
     ----------
     name : str
-        Name in messages.
+        Name of the sensor for messages.
     range_std : float
         Standard deviation along the ray at `reference_range`. Units: mm.
     reference_range : float
@@ -106,7 +106,7 @@ class ProfileSensor:
 LPS36HI = ProfileSensor(
     name="LPS 36 HI",
     # Resolution 0.1 mm at 200 mm to 0.9 mm at 600 mm (Leuze; the paper's section 4 has 0.9 mm):
-    # grows exactly with range squared, 0.4 mm at 400 mm. DERIVED: a resolution cell is taken
+    # grows exactly with range squared, 0.4 mm at 400 mm. Derived: a resolution cell is taken
     # as uniform, one sigma = 0.4 / sqrt(12).
     range_std=0.115,
     reference_range=400.0,
@@ -120,7 +120,7 @@ LPS36HI = ProfileSensor(
 
 LPS36 = ProfileSensor(
     name="LPS 36",
-    # Resolution 3 mm at 800 mm (Leuze). DERIVED as above: 0.75 mm at 400 mm, / sqrt(12).
+    # Resolution 3 mm at 800 mm (Leuze). Derived as above: 0.75 mm at 400 mm, / sqrt(12).
     range_std=0.217,
     reference_range=400.0,
     quantum=0.1,  # numbers of the standard connection are in 1/10 mm

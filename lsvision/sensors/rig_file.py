@@ -21,6 +21,7 @@ from lsvision.geometry import Plane
 from lsvision.sensors.camera import Camera
 
 SCHEMA = "lsvision/light-section/1"
+"""Name and version of the format of a rig file."""
 UNITS = {"length": "mm", "pixel": "px", "angle": "rad"}
 MAX_SIZE_PX = 1 << 20
 """Largest side of an image, the limit of OpenCV's decoders. Units: px."""

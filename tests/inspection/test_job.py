@@ -77,10 +77,10 @@ def test_the_hash_is_that_of_the_content_not_of_the_layout():
         ("{ min = 29.8, max = 30.2 }", "{ min = 30, max = 30 }",
          "line 18: part 2, diameter_mm: expected different limits, got 30 twice"),
         ("x_mm = [0, 40]", "x_mm = [-10, 40]",
-         "line 17: 'left' and 'right' are the same cylinder: their windows overlap; separate "
+         "line 17: 'left' and 'right' select the same cylinder: their windows overlap; separate "
          "the windows"),
         ("x_mm = [0, 40]", "x_mm = [40, 0]",
-         "line 15: part 2: x_mm reversed: expected [least, largest], got [40.0, 0.0]"),
+         "line 15: part 2: x_mm reversed: expected [min, max], got [40.0, 0.0]"),
         ("x_mm = [0, 40]", "x_mm = [0, 40]\norder = 2",
          "line 15: part 2: expected a position (x_mm, y_mm, z_mm) or an order, got both"),
         ('["left", "right"]', '["left", "middle"]',
@@ -98,13 +98,14 @@ def test_the_hash_is_that_of_the_content_not_of_the_layout():
          "line 8: part 1: theta_deg is periodic: expected both limits, less "
          "than 180 deg apart"),
         ("phi_deg = { max = 2 }", "direction_deg = { max = 2 }",
-         "line 8: part 1: direction_deg is counted from nominal_direction: add it"),
+         "line 8: part 1: direction_deg is measured from nominal_direction: add "
+         "nominal_direction"),
         ("phi_deg = { max = 2 }", "nominal_direction = [0, 0, 0]",
          "line 8: part 1: expected a non-zero nominal_direction, got 0, 0, 0"),
         ('sensor = "lps36hi"', 'sensor = "lps36hi"\nrange_std_mm = 0.05',
          "line 4: measure: expected sensor or range_std_mm, got both: leave one out"),
         ("[10, 40]", "[40, 10]",
-         "line 4: measure: radius_mm reversed: expected [least, largest], got [40.0, 10.0]"),
+         "line 4: measure: radius_mm reversed: expected [min, max], got [40.0, 10.0]"),
         ("revision = 3", "revision = 3\nschema = 2",
          "line 3: expected schema 1 or older, got 2: install a newer lsvision"),
         ("level = 0.95", "level = 95", "line 25: decision, level: expected less than 1, got 95"),
@@ -142,7 +143,7 @@ def job_of_two(names, orders):
 
 def test_two_parts_of_one_order_claim_one_pipe():
     assert mistakes_of(job_of_two("bc", (1, 1))) == [
-        "line 8: 'b' and 'c' are the same cylinder, order 1: give each its own"
+        "line 8: 'b' and 'c' select the same cylinder, order 1: give each part an order of its own"
     ]
 
 
@@ -153,8 +154,8 @@ def test_two_parts_of_one_name_are_rejected():
 def test_a_part_that_nothing_distinguishes_from_others_is_rejected():
     text = 'name = "a"\n[[part]]\nname = "b"\nphi_deg = { max = 2 }\n'
     assert mistakes_of(text) == [
-        "line 2: part 1: expected a way to identify the cylinder, got nothing: add x_mm = [least, "
-        "largest], order = 1, or a radius_mm with a nominal"
+        "line 2: part 1: expected a way to identify the cylinder, got nothing: add x_mm = [min, "
+        "max], order = 1, or a radius_mm with a nominal"
     ]
 
 

@@ -160,7 +160,7 @@ def test_what_would_decide_is_what_a_scan_then_reaches(scan):
     assert verdict.decision == "undecided"
     (remedy,) = plan_remedies(verdict, middle, planned)
     assert remedy.sections in (2, 3)
-    assert remedy.text.startswith(("two sections 10 mm apart would: radius ± 0.0", "three"))
+    assert remedy.text.startswith(("two sections 10 mm apart would decide: radius ± 0.0", "three"))
     assert str(remedy) == f"b, radius: {remedy.text}"
     chosen = slice(0, remedy.sections)
     (reached,) = measure_scan(profiles[chosen], poses[chosen]).cylinders
@@ -170,8 +170,11 @@ def test_what_would_decide_is_what_a_scan_then_reaches(scan):
 @pytest.mark.parametrize(
     ("more", "words"),
     [
-        ("", "no scan would: the value lies at the limit"),
-        ("[decision]\nextra_std = { radius_mm = 5.0 }", "no scan would: the limit is nearer than"),
+        ("", "no scan would decide: the value lies at the limit"),
+        (
+            "[decision]\nextra_std = { radius_mm = 5.0 }",
+            "no scan would decide: the limit is nearer than",
+        ),
     ],
 )
 def test_what_no_scan_decides_is_reported(scan, more, words):
