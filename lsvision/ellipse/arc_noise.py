@@ -32,8 +32,8 @@ MIN_SCORE_SIGMAS = 2.0
 """Score (Breusch and Pagan), in standard deviations, above which errors are taken to increase with
 incidence: by chance in 2 % of the arcs."""
 ROUNDING = 4 * float(np.finfo(float).eps)
-"""Largest rms of residuals that consist of rounding, relative to the coordinates: those of exact
-points are a third of an eps, and how they correlate says nothing of a sensor."""
+"""Largest rms of residuals that consist of rounding errors only, relative to the coordinates: for
+exact points it is a third of an eps, and the correlation of rounding errors is not the sensor's."""
 
 
 class ArcNoise(NamedTuple):

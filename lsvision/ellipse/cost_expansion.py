@@ -1,6 +1,7 @@
 """Second-order expansion of the costs of ellipse fits, about many ellipses at once.
 
-F is the weighted sum of squares of the residuals, priors included, over the variance factor. About
+The notation m, p, q, d, h and w is that of `lsvision.ellipse.parameters`. F is the weighted sum of
+squares of the residuals, priors included, over the variance factor. About
 parameters (centre_x, centre_y, m, p, q) it is F + 2 b' delta + delta' A delta, with b = J' r and
 A = J' J + sum r Hess r.
 """
@@ -18,7 +19,8 @@ from lsvision.geometry import BoolArray, FloatArray, IntArray
 from lsvision.geometry.noisy_points import ComplexArray
 
 FOOT_TOLERANCE, MAX_FOOT_ITERATIONS = 3e-3, 20
-"""Last Newton step (rad) of the nearest points, which are exact to its square, and most steps."""
+"""Newton step (rad) of the nearest points below which the iteration ends, with an error of the size
+of its square; largest number of steps."""
 STRAIN_SIGNS = np.array([0.0, 0.0, 1.0, -1.0, -1.0])[:, None]
 """Rotation of the tangent by each parameter, as a multiple of its tangential displacement."""
 DIFFERENCE_STEP = 1e-4

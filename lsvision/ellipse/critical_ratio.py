@@ -1,4 +1,7 @@
-"""Critical likelihood ratios: the largest F - min F of values within an interval.
+"""Critical likelihood ratios c: the largest F - min F of values within an interval.
+
+F is the cost of `lsvision.ellipse.cost_expansion`; m, p, q and d are those of
+`lsvision.ellipse.parameters`.
 
 The vector d = (p, q) is taken to be normally distributed. Its length determines phi, its direction
 theta: all d of one phi form a ring about the circle d = 0, all d of one theta a half line from it.
@@ -24,8 +27,9 @@ MAX_SIGMAS, MAX_CURVATURE_RADIUS = 20.0, 1.2
 """Distance of the true d from the circle and smallest radius of curvature of the ring, in sigmas,
 beyond which c is that of a straight line, within 1 %."""
 MIN_RING_POINTS, MAX_RING_POINTS, RING_POINTS_PER_SIGMA, RING_POINTS_PER_RATIO = 32, 512, 6, 8
-"""Number of points of the integral along the ring: its limits, per sigma of the semi-axis, and per
-axis ratio of the ring. c is exact to 3e-4 up to a ratio of 8."""
+"""Number of points of the integral along the ring: smallest and largest number, number per sigma of
+the larger semi-axis, and number per unit of the ring's axis ratio. c is exact to 3e-4 up to an axis
+ratio of 8."""
 END_SIGMAS = np.linspace(0.0, 6.0, 61)
 """Distances of the true d from the end of the half line for which c is tabulated, in sigmas; at the
 last it is that of a straight line."""
@@ -37,43 +41,45 @@ CACHED_LEVELS = 16
 
 @dataclass(frozen=True, eq=False, slots=True)
 class CriticalRatios:
-    """Critical ratios c of F fits at one level.
+    """Critical ratios c of s fits at one level.
 
     Parameters
     ----------
     level : float
         Level of confidence.
-    one, two : (F,) ndarray
-        c of one quantity and of both components of d; F quantiles where the noise was estimated.
-    m : (F,) ndarray
+    one_dof, two_dof : (s,) ndarray
+        c of one quantity, and of both components of d together: quantiles of chi^2, or of the F
+        distribution where the noise was estimated.
+    m : (s,) ndarray
         m of the estimates. Units: mm.
-    lengths : (F,) ndarray
+    lengths : (s,) ndarray
         |d| of the estimates. Units: mm.
-    directions : (F,) complex ndarray
+    directions : (s,) complex ndarray
         Unit vectors of these d, in sigmas per mm along the axes of the ring.
-    semi_axes : (2, F) ndarray
+    semi_axes : (2, s) ndarray
         Semi-axes in sigmas of the ring |d| = 1 mm, the larger first.
-    axes : (F,) complex ndarray
+    axes : (s,) complex ndarray
         Directions of the larger semi-axis.
-    reaches : (F,) ndarray
-        Radius of the ring from which it counts as a straight line. Units: mm.
-    prior_fractions, of_priors : (F,) ndarray
-        Fraction of the information on d from a prior on phi that includes a circle, and its c.
-    may_be_circle : (F,) bool ndarray
+    straight_radii : (s,) ndarray
+        Radius of the ring from which on it is treated as a straight line. Units: mm.
+    prior_fractions, prior_ratios : (s,) ndarray
+        Fraction of the information on d that comes from a prior on phi that includes a circle, and
+        c of this prior alone.
+    may_be_circle : (s,) bool ndarray
         Whether the section may be a circle: false if a prior on phi excludes it.
     """
 
     level: float
-    one: FloatArray
-    two: FloatArray
+    one_dof: FloatArray
+    two_dof: FloatArray
     m: FloatArray
     lengths: FloatArray
     directions: ComplexArray
     semi_axes: FloatArray
     axes: ComplexArray
-    reaches: FloatArray
+    straight_radii: FloatArray
     prior_fractions: FloatArray
-    of_priors: FloatArray
+    prior_ratios: FloatArray
     may_be_circle: BoolArray
 
     @classmethod
@@ -85,30 +91,34 @@ class CriticalRatios:
         a, b = semi_axes = 1 / np.sqrt(np.maximum(variances.T, TINY))
         m, deviators = stack.parameters[:, 2], deviators_from_parameters(stack.parameters)
         directions = _in_sigmas(deviators, semi_axes, axes)
-        reaches = np.minimum(MAX_CURVATURE_RADIUS * a / b**2, MAX_SIGMAS / np.abs(directions))
-        fractions, of_priors = np.zeros((2, len(m)))
+        straight_radii = np.minimum(
+            MAX_CURVATURE_RADIUS * a / b**2, MAX_SIGMAS / np.abs(directions)
+        )
+        fractions, prior_ratios = np.zeros((2, len(m)))
         for k in np.flatnonzero(stack.has_prior & stack.may_be_circle):
             known = stack.fits[k].problem.known_phi
             if known is not None:
                 fraction = variances[k].sum() / (2 * (known.deviator_std * m[k]) ** 2)
                 fractions[k] = min(fraction, 1.0)
-                of_priors[k] = known.max_likelihood_ratio(level)
+                prior_ratios[k] = known.max_likelihood_ratio(level)
         return cls(
-            level, one, two, m, np.abs(deviators), directions, semi_axes, axes, reaches,
-            fractions, of_priors, stack.may_be_circle,
+            level, one, two, m, np.abs(deviators), directions, semi_axes, axes, straight_radii,
+            fractions, prior_ratios, stack.may_be_circle,
         )  # fmt: skip
 
     @property
-    def of_circle(self) -> FloatArray:
-        """Critical ratios of phi = 0, (F,)."""
-        return self.two + self.prior_fractions * np.maximum(self.of_priors - self.two, 0.0)
+    def ratios_for_circle(self) -> FloatArray:
+        """Critical ratios of phi = 0, (s,)."""
+        return self.two_dof + self.prior_fractions * np.maximum(
+            self.prior_ratios - self.two_dof, 0.0
+        )
 
-    def leaves_theta_open(self, circle_ratios: FloatArray) -> BoolArray:
-        """Return whether circles with these ratios (F,) are possible: theta is then in (0, pi)."""
-        possible: BoolArray = self.may_be_circle & (circle_ratios <= self.two)
+    def allows_any_theta(self, circle_ratios: FloatArray) -> BoolArray:
+        """Return whether circles with these ratios (s,) are possible: then any theta is, too."""
+        possible: BoolArray = self.may_be_circle & (circle_ratios <= self.two_dof)
         return possible
 
-    def of_flattening(self, owners: IntArray, kappas: FloatArray) -> FloatArray:
+    def ratios_for_flattening(self, owners: IntArray, kappas: FloatArray) -> FloatArray:
         """Return c of phi for values of h / m and a true d in the direction of the estimate.
 
         Parameters
@@ -122,18 +132,20 @@ class CriticalRatios:
         -------
         (k,) ndarray
         """
-        h, ratios = self.m[owners] * kappas, self.one[owners]
-        near = h < self.reaches[owners]
+        h, ratios = self.m[owners] * kappas, self.one_dof[owners]
+        near = h < self.straight_radii[owners]
         if near.any():
             counts = np.where(near, self._ring_points(owners, h), 0)
             for count in np.unique(counts[near]).tolist():
                 i = counts == count
                 tubes = self._ring_tubes(owners[i], h[i], count)
-                ratios[i] = self._interpolate(owners[i], _fraction_of_two(self.level, tubes))
-        more = np.maximum(self.of_priors[owners] - ratios, 0.0)
+                ratios[i] = self._interpolate(
+                    owners[i], _interpolation_fractions(self.level, tubes)
+                )
+        more = np.maximum(self.prior_ratios[owners] - ratios, 0.0)
         return ratios + self.prior_fractions[owners] * more
 
-    def of_direction(self, owners: IntArray, deviators: ComplexArray) -> FloatArray:
+    def ratios_for_direction(self, owners: IntArray, deviators: ComplexArray) -> FloatArray:
         """Return c of theta for a true d of the estimate's length in a direction.
 
         Parameters
@@ -153,8 +165,8 @@ class CriticalRatios:
         return self._interpolate(owners, fractions)
 
     def _interpolate(self, owners: IntArray, fractions: FloatArray) -> FloatArray:
-        """Return c between `one` (fraction 0) and `two` (fraction 1), (k,)."""
-        return (1 - fractions) * self.one[owners] + fractions * self.two[owners]
+        """Return c between `one_dof` (fraction 0) and `two_dof` (fraction 1), (k,)."""
+        return (1 - fractions) * self.one_dof[owners] + fractions * self.two_dof[owners]
 
     def _ring_points(self, owners: IntArray, h: FloatArray) -> IntArray:
         """Return the number of points of the integral along each ring: powers of two."""
@@ -194,26 +206,28 @@ class CriticalRatios:
 
 @lru_cache(maxsize=CACHED_LEVELS)
 def _chi2_quantiles(level: float) -> FloatArray:
-    """Return the quantiles for one and two degrees of freedom, with their mean between them."""
+    """Return the quantiles for one and two degrees of freedom, their mean between them, (3,)."""
     (one,), (two,) = (squared_quantile(k, np.array([math.inf]), level) for k in (1, 2))
     return np.array([one, (one + two) / 2, two])
 
 
 @lru_cache(maxsize=CACHED_LEVELS)
 def _half_line_fractions(level: float) -> FloatArray:
-    """Return `_fraction_of_two` for a half line with a true d at `END_SIGMAS` from its end."""
+    """Return the fractions (61,) for a half line with a true d at `END_SIGMAS` from its end."""
     # The tube is integrated across the half line; along it the normal integral is known.
     s = np.sqrt(_chi2_quantiles(level))[:, None]
     across, along = s * np.sin(ARC_ANGLES), s * np.cos(ARC_ANGLES)
     density = np.exp(-across * across / 2) / math.sqrt(2 * math.pi)
     tubes = (density * normal_probability(END_SIGMAS[:, None, None] + along) * along) @ ARC_WEIGHTS
-    return _fraction_of_two(level, tubes)
+    return _interpolation_fractions(level, tubes)
 
 
-def _fraction_of_two(level: float, tubes: FloatArray) -> FloatArray:
-    """Return where c lies from `one` (0) to `two` (1), from probabilities (k, 3) of tubes.
+def _interpolation_fractions(level: float, tubes: FloatArray) -> FloatArray:
+    """Return where c lies between `one_dof` (0) and `two_dof` (1), (k,).
 
-    log(1 - probability) is linear in the squared width at a circle and nearly so elsewhere.
+    It is interpolated between the probabilities (k, 3) of tubes whose squared half widths are
+    `_chi2_quantiles`: log(1 - probability) is linear in the squared width at a circle and nearly so
+    elsewhere.
     """
     tails, target = np.log1p(-np.minimum(tubes, 1 - 1e-15)).T, math.log1p(-level)
     positions = np.zeros(len(tubes))

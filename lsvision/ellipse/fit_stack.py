@@ -15,25 +15,25 @@ from lsvision.geometry.noisy_points import ComplexArray, as_complex
 
 @dataclass(frozen=True, eq=False, slots=True)
 class FitStack:
-    """F fits with up to n points each.
+    """s fits with up to n points each.
 
     Parameters
     ----------
     fits : tuple of EllipseFit
         The fits.
-    parameters : (F, 5) ndarray
+    parameters : (s, 5) ndarray
         Estimates (centre_x, centre_y, m, p, q). Units: mm.
-    covariances : (F, 5, 5) ndarray
+    covariances : (s, 5, 5) ndarray
         Their covariances. Units: mm^2.
-    variance_factors, degrees_of_freedom : (F,) ndarray
+    variance_factors, degrees_of_freedom : (s,) ndarray
         See `EllipseFit`.
-    points : (F, n) complex ndarray
+    points : (s, n) complex ndarray
         x + iy; after the last point of a fit, its first one is repeated. Units: mm.
-    weights : (F, n) ndarray
+    weights : (s, n) ndarray
         1 / variance of the residuals; 0 for repeated points. Units: 1/mm^2.
-    arc_middles : (F,) complex ndarray
+    arc_middles : (s,) complex ndarray
         Unit vector w of the point in the middle of each arc.
-    known_radius, has_prior, may_be_circle, radial : (F,) bool ndarray
+    known_radius, has_prior, may_be_circle, radial : (s,) bool ndarray
         Whether the radius is known; whether there is any prior; false where a prior on phi
         excludes a circle; whether the paper's radial residuals are minimised.
     """

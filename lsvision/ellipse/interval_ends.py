@@ -37,12 +37,12 @@ SAME_DIRECTION = 0.99
 """Cosine of the angle between two directions above which both lead to the same extremum."""
 MAX_EVALUATIONS = 20, 4, 4
 """Largest numbers of iterations: from the estimate, and after each restart of rows from a point
-further out that another row found. One or two suffice on an arc over 90 deg; where all these do
-not, the end of the region is too far away to be of use."""
+further out that another row found. On an arc of more than 90 deg one or two suffice; if all these
+are not enough, the end of the region is too far away to be useful."""
 STEP_TOLERANCE, RATIO_TOLERANCE, CRITICAL_TOLERANCE = 0.25, 0.2, 0.007
 """Limits of convergence: length of the last step in radii of the region; difference of F - min F
-from c, and of c from its last value, as fractions of c. The error of the end is quadratic in them,
-at limit 1 % of the width."""
+from c, and of c from its last value, as fractions of c. The error of the end is quadratic in them;
+at these limits it is 1 % of the width."""
 MAX_STEP = 2.5
 """Longest step, in radii of the region."""
 MAX_LOG_STEP = 2.0
@@ -50,30 +50,33 @@ MAX_LOG_STEP = 2.0
 MAX_RATIO = 6.0
 """Largest F - min F of the points over c after a step; a step beyond it is rejected."""
 STEP_REDUCTION, STEP_GROWTH = 0.35, 1.5
-"""Factors on the fraction of a step after a rejected (also: no ellipse) and an accepted step."""
+"""Factors on the fraction of a step: after a rejected step (which includes one that leads to no
+ellipse), and after an accepted step."""
 FIRST, SECOND = list(SECOND_ENDS), list(SECOND_ENDS.values())
+"""Columns of the ends that may have two local extrema, and columns of their second extrema."""
 MAX_FLATTENING = 0.998
 """Largest h / m of a step: an axis ratio of 1 to 1000."""
 FAR_CIRCLE, CIRCLE_PRECISION = 2.0, 20.0
-"""The search for the best circle ends, and a circle is excluded, if its predicted ratio exceeds the
-critical one by the first factor, and the present ratio the predicted one by under the second."""
+"""The search for the best circle ends, and a circle is excluded, if the predicted ratio is above
+the first factor times the critical one, and the present ratio below the second factor times the
+predicted one."""
 CRITICAL_SLACK, SURPASSING_FRACTION = 1.001, 0.02
 """Tolerance for rounding in the comparison of two c, and distance by which an end must be further
 out than another one to replace it, as a fraction of half the width."""
 
 
 class EndPoints(NamedTuple):
-    """Extrema of all quantities of F fits.
+    """Extrema of all quantities of s fits.
 
     Parameters
     ----------
-    parameters : (F, 13, 5) ndarray
+    parameters : (s, 13, 5) ndarray
         Parameters (centre_x, centre_y, m, p, q) at each end. Units: mm.
-    wanted : (F, 13) bool ndarray
+    wanted : (s, 13) bool ndarray
         False for ends that are not needed.
-    circle_ratios : (F,) ndarray
+    circle_ratios : (s,) ndarray
         F of the best circle less min F, or a value above all critical ones.
-    reliable : (F,) bool ndarray
+    reliable : (s,) bool ndarray
         False if a wanted end has not converged, or if another one has a more extreme value of its
         quantity.
     """
@@ -93,7 +96,7 @@ def find_end_points(stack: FitStack, ratios: CriticalRatios, wanted: BoolArray) 
         The fits.
     ratios : CriticalRatios
         Critical ratios c of the quantities.
-    wanted : (F, 13) bool ndarray
+    wanted : (s, 13) bool ndarray
         Ends to find.
 
     Returns
@@ -118,17 +121,17 @@ def find_end_points(stack: FitStack, ratios: CriticalRatios, wanted: BoolArray) 
 
 @dataclass(slots=True)
 class _Search:
-    """Search for the ends of F fits, of which k ends (rows) have not converged yet.
+    """Search for the ends of s fits, of which k ends (rows) have not converged yet.
 
     Parameters
     ----------
     regions : Regions
         Regions {F <= min F + c} of the fits.
-    ends : (F, 13, 5) ndarray
+    ends : (s, 13, 5) ndarray
         Parameters at the converged ends; the estimates at others. Units: mm.
-    critical : (F, 13) ndarray
+    critical : (s, 13) ndarray
         Critical ratio c at each end.
-    wanted : (F, 13) bool ndarray
+    wanted : (s, 13) bool ndarray
         Whether an end is needed.
     rows : Rows
         The k ends that have not converged.
@@ -160,7 +163,7 @@ class _Search:
         wanted[:, CIRCLE] &= regions.ratios.may_be_circle
         rows = Rows(*np.nonzero(wanted))
         ends = np.repeat(regions.stack.parameters[:, None], ENDS, axis=1)
-        critical = np.repeat(regions.ratios.one[:, None], ENDS, axis=1)
+        critical = np.repeat(regions.ratios.one_dof[:, None], ENDS, axis=1)
         angles, kappas = np.zeros((2, len(ends), ENDS))
         if wanted[:, :DIRECTED].any():
             angles[:, :DIRECTED], kappas[:, :DIRECTED] = regions.search_directions()
@@ -195,7 +198,7 @@ class _Search:
         """Restart ends that have not converged, or where another end has a more extreme value.
 
         Every end of a fit, and its estimate, lies in the regions of all ends whose c is not
-        smaller: such an end restarts from the limit extreme of these points.
+        smaller: such an end restarts from the most extreme of these points.
         """
         estimates = self.regions.stack.parameters[:, None]
         active = np.zeros(self.wanted.shape, dtype=bool)
@@ -208,7 +211,7 @@ class _Search:
         inside = sources[:, :, None] & (
             critical[:, :, None] < CRITICAL_SLACK * self.critical[:, None]
         )
-        heights = _heights(candidates, estimates)
+        heights = _maximised_quantities(candidates, estimates)
         reached = np.where(inside, heights, -np.inf)
         ends = np.diagonal(heights, axis1=1, axis2=2).copy()
         both = np.maximum(ends[:, FIRST], ends[:, SECOND])
@@ -253,7 +256,7 @@ class _Search:
     def _move(self, fractions: FloatArray) -> FloatArray:
         """Return the rows moved by fractions of the steps to their targets."""
         owners, targets = self.rows.owners, self.targets.parameters
-        return _move(self.regions.stack, owners, self.parameters, targets, fractions)
+        return _move_rows(self.regions.stack, owners, self.parameters, targets, fractions)
 
     def _accept(self, trial: FloatArray) -> BoolArray:
         """Move to trial parameters (k, 5) where F is not too large; return which rows moved."""
@@ -282,15 +285,15 @@ class _Search:
         last &= np.abs(critical - previous) < CRITICAL_TOLERANCE * critical
         last &= circle | (np.abs(ratio - critical) < RATIO_TOLERANCE * critical)
         circle_ratios = self.targets.circle_ratios
-        far = circle_ratios > FAR_CIRCLE * self.regions.ratios.of_circle
+        far = circle_ratios > FAR_CIRCLE * self.regions.ratios.ratios_for_circle
         last |= circle & far[owners] & (ratio < CIRCLE_PRECISION * circle_ratios[owners])
         return last
 
     def _decide_by_circles(self, owners: IntArray) -> None:
         """Drop the ends of fits whose interval is decided by the ratio of the best circle."""
         ratios, circle_ratios = self.regions.ratios, self.targets.circle_ratios
-        self.wanted[owners, PHI_LOW] &= (circle_ratios > ratios.of_circle)[owners]
-        determined = ~ratios.leaves_theta_open(circle_ratios)[owners]
+        self.wanted[owners, PHI_LOW] &= (circle_ratios > ratios.ratios_for_circle)[owners]
+        determined = ~ratios.allows_any_theta(circle_ratios)[owners]
         self.wanted[owners, THETA_LOW] &= determined
         self.wanted[owners, THETA_HIGH] &= determined
 
@@ -305,7 +308,7 @@ class _Search:
             self.lengths, self.reduction = self.lengths[chosen], self.reduction[chosen]
 
 
-def _move(
+def _move_rows(
     stack: FitStack,
     owners: IntArray,
     parameters: FloatArray,
@@ -353,8 +356,8 @@ def _bend_along_phi(delta: ComplexArray, bent: ComplexArray) -> ComplexArray:
     return bent_along_phi
 
 
-def _heights(parameters: FloatArray, estimates: FloatArray) -> FloatArray:
-    """Return the quantity that each end maximises, (F, k, 13), for parameters (F, k, 5)."""
+def _maximised_quantities(parameters: FloatArray, estimates: FloatArray) -> FloatArray:
+    """Return the quantity that each end maximises, (s, k, 13), for parameters (s, k, 5)."""
     x, y, m, p, q = np.moveaxis(parameters, 2, 0)
     d, of_estimates = p + 1j * q, estimates[..., 3] + 1j * estimates[..., 4]
     h = np.abs(d)

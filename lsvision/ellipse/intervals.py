@@ -56,7 +56,8 @@ CLEAR_RATIO = 4.0
 MAX_PHI = math.radians(88.0)
 """Largest phi of an interval."""
 MIN_RADIUS_FACTOR, MAX_RADIUS_FACTOR = 0.02, 50.0
-"""Limits of an interval of the radius, in radii; the second, in semi-major axes, of the centre."""
+"""Limits of an interval of the radius, in radii. The second is also the largest distance of an end
+of the centre's interval from the centre, in semi-major axes."""
 PRIOR_FRACTION = 0.995
 """Ratio of a known quantity's std to its prior's, above which its interval is that of the prior."""
 MIN_NOISE = 1e-9
@@ -178,7 +179,7 @@ def are_thetas_determined(fits: Sequence[EllipseFit]) -> list[bool]:
 
 def _determine_thetas(fits: Sequence[EllipseFit]) -> list[bool]:
     """Decide in the linear approximation; search the ends where that is not clear."""
-    fits = [_with_noise(fit) for fit in fits]
+    fits = [_with_min_noise(fit) for fit in fits]
     decided, clear = _decide_linearly(fits)
     unclear = np.flatnonzero(~clear)
     if unclear.size:
@@ -222,9 +223,9 @@ def _compute_intervals(fits: Sequence[EllipseFit], level: float) -> list[Interva
     """Return the intervals of fits that are not cached."""
     if not fits:
         return []
-    stack = FitStack.of([_with_noise(fit) for fit in fits])
+    stack = FitStack.of([_with_min_noise(fit) for fit in fits])
     ratios = CriticalRatios.of(stack, level)
-    known = list(map(_known_quantities, stack.fits, np.sqrt(ratios.one).tolist()))
+    known = list(map(_known_quantities, stack.fits, np.sqrt(ratios.one_dof).tolist()))
     wanted = _mask_of_ends(stack, *range(ENDS))
     for row, quantities in zip(wanted, known, strict=True):
         if "radius" in quantities:
@@ -240,14 +241,14 @@ def _compute_intervals(fits: Sequence[EllipseFit], level: float) -> list[Interva
 
 
 def _mask_of_ends(stack: FitStack, *ends: int) -> BoolArray:
-    """Return a mask of the same ends of all fits, (F, 13)."""
+    """Return a mask of the same ends of all fits, (s, 13)."""
     mask = np.zeros((len(stack.fits), ENDS), dtype=bool)
     mask[:, ends] = True
     return mask
 
 
-def _with_noise(fit: EllipseFit) -> EllipseFit:
-    """Return the fit with at min_factor the noise that F can resolve numerically."""
+def _with_min_noise(fit: EllipseFit) -> EllipseFit:
+    """Return the fit with at least the noise that F can resolve numerically."""
     min_factor = (MIN_NOISE * float(fit.parameters[2]) / float(fit.problem.stds.min())) ** 2
     return fit if fit.variance_factor >= min_factor else replace(fit, variance_factor=min_factor)
 
@@ -278,7 +279,7 @@ class _EndsOfFit(NamedTuple):
     parameters : (13, 5) ndarray
         Parameters at each end.
     wanted : sequence of bool
-        Which of the 13 ends were searched.
+        Which of the 13 ends of `lsvision.ellipse.region_extrema` were searched.
     reliable : bool
         Whether the search has converged.
     may_be_circle, theta_open : bool
@@ -294,8 +295,8 @@ class _EndsOfFit(NamedTuple):
 
 def _split_by_fit(ratios: CriticalRatios, ends: EndPoints) -> Iterator[_EndsOfFit]:
     """Return the result of the search for each fit."""
-    circles = ends.circle_ratios <= ratios.of_circle
-    theta_open = ratios.leaves_theta_open(ends.circle_ratios)
+    circles = ends.circle_ratios <= ratios.ratios_for_circle
+    theta_open = ratios.allows_any_theta(ends.circle_ratios)
     flags = [ends.wanted, ends.reliable, circles, theta_open]
     return map(_EndsOfFit, ends.parameters, *(flag.tolist() for flag in flags))
 
@@ -321,8 +322,10 @@ def _intervals_between(fit: EllipseFit, ends: _EndsOfFit) -> Intervals:
         centre_y=(y[Y_LOW], y[Y_HIGH]),
     )
     clipped = {
-        name: (max(low, least), min(high, most))
-        for name, (low, high), (least, most) in zip(between._fields, between, limits, strict=True)
+        name: (max(low, lowest), min(high, highest))
+        for name, (low, high), (lowest, highest) in zip(
+            between._fields, between, limits, strict=True
+        )
         if name != "theta"
     }
     return between._replace(**clipped)

@@ -20,22 +20,23 @@ larger one would depend on the distance of the origin."""
 REGION_TOLERANCE = 0.1
 """Relative error with which a step is fitted into the trust region."""
 MIN_RELATIVE_INFORMATION = 1e-8
-"""Smallest information about a parameter relative to another, as a scale of the trust region: on a
-straight line along X, points give none about the centre's y, which would take any step."""
+"""Smallest information about a parameter, relative to the largest, as a scale of the trust region:
+points on a straight line along X have no information about the centre's y, whose step would
+otherwise be unlimited."""
 MAX_DAMPING_ITERATIONS = 10
 """Largest number of iterations for the damping of a step."""
 MIN_GAIN = 1e-4
 """Ratio of the actual to the predicted decrease of chi^2 from which a step is accepted."""
 SMALL_GAIN, LARGE_GAIN = 0.25, 0.75
 """Ratios up to which the trust region shrinks, and from which it grows."""
-MAX_SHRINKAGE = 0.1
+MIN_SHRINK_FACTOR = 0.1
 """Smallest factor by which the trust region shrinks after a failure."""
 MAX_GAIN = 2.0
 """Largest ratio with which the iteration may end: above it the prediction is wrong."""
 UNEVALUATED_FRACTION = 1e-2
 """Predicted decrease of chi^2, over the tolerance, up to which the last step is taken without an
-evaluation: most arcs then take 2 evaluations instead of 3. The residuals at the solution are those
-to first order; they are wrong by the square of a step of a tenth of the tolerated one."""
+evaluation: most arcs then need 2 evaluations instead of 3. The residuals at the solution are then
+extrapolated to first order; their error is the square of a step of a tenth of the tolerated one."""
 MAX_INCREASE = 100.0
 """Ratio of chi^2 to the best one above which a step has failed, however small it was."""
 
@@ -43,7 +44,7 @@ MAX_INCREASE = 100.0
 class LevenbergMarquardt:
     """The iteration for one ellipse.
 
-    Evaluate the normal equations at `trial` and pass them to `take` until `finished`.
+    Evaluate the normal equations at `trial` and pass them to `update`, until `finished` is true.
 
     Parameters
     ----------
@@ -54,8 +55,9 @@ class LevenbergMarquardt:
     tolerance : float
         Relative decrease of chi^2 in a step, below which the iteration has converged.
     on_cone : bool
-        Whether steps change b linearly, as for a known radius: its prior is else a curved valley,
-        so narrow that the iteration may end before its lowest point.
+        Whether each step changes the semi-minor axis b linearly, as a known radius requires: along
+        straight steps its prior is a curved valley of chi^2, so narrow that the iteration may end
+        before the minimum.
 
     Attributes
     ----------
@@ -98,8 +100,8 @@ class LevenbergMarquardt:
         self._damping = self._predicted = self._slope = self._step_size = 0.0
         self._squared_scales = [0.0] * PARAMETERS
 
-    def take(self, equations: FloatArray) -> bool:
-        """Take the normal equations at `trial`, and return whether it is the best up to now.
+    def update(self, equations: FloatArray) -> bool:
+        """Continue with the normal equations at `trial`; return whether `trial` is accepted.
 
         Parameters
         ----------
@@ -141,8 +143,8 @@ class LevenbergMarquardt:
         gain = actual / predicted if predicted else 0.0
         if gain <= SMALL_GAIN:
             shrink = 0.5 if actual >= 0 else 0.5 * self._slope / (self._slope - 0.5 * actual)
-            shrink = MAX_SHRINKAGE if failed else max(shrink, MAX_SHRINKAGE)
-            self._region = shrink * min(self._region, self._step_size / MAX_SHRINKAGE)
+            shrink = MIN_SHRINK_FACTOR if failed else max(shrink, MIN_SHRINK_FACTOR)
+            self._region = shrink * min(self._region, self._step_size / MIN_SHRINK_FACTOR)
         elif gain >= LARGE_GAIN or self._damping == 0:
             self._region = 2 * self._step_size
         accepted = gain >= MIN_GAIN

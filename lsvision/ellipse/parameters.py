@@ -4,6 +4,9 @@ The ellipse is ``c + E w`` for all unit vectors w, with the symmetric matrix
 ``E = [[m + p, q], [q, m - p]]``; so ``a = m + h``, ``b = m - h``, ``h = |(p, q)|`` and
 ``theta = atan2(q, p) / 2``. In (a, b, theta) a circle (a pipe perpendicular to the laser plane)
 is a singular point; in (m, p, q) it is regular.
+
+Points z = x + iy, unit vectors w and the deviator d = p + iq are complex numbers here and in the
+other modules of the package, so that ``E w = m w + d conj(w)``.
 """
 
 import math

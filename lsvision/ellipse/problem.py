@@ -28,8 +28,9 @@ from lsvision.geometry.noisy_points import ComplexArray, as_complex
 MAX_EVALUATIONS = 100
 """Largest number of evaluations of the residuals, by default."""
 NARROW_PRIOR = 1e-3
-"""Largest standard deviation of a narrow prior on the radius, as a fraction of it. With 1e-2 the
-fit stops at circles, the apex of the cone, and without it at other ellipses."""
+"""Largest standard deviation, as a fraction of the radius, of a narrow prior: fits with one take
+steps along the cone of constant b (`add_step_on_cone`). With a limit of 1e-2 fits stop at circles,
+the apex of the cone; without such steps they stop at other ellipses."""
 DEFAULT_TOLERANCE = 1e-10
 """Relative decrease of chi^2 in a step, below which the iteration has converged."""
 
@@ -90,6 +91,7 @@ class Priors(NamedTuple):
 
 
 NO_PRIORS = Priors(None, None)
+"""Priors of a cylinder of which neither radius nor tilt is known."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -124,7 +126,7 @@ class EllipseProblem:
 
     @property
     def has_narrow_prior(self) -> bool:
-        """Whether the radius is known so well that its prior is a narrow valley."""
+        """Whether the radius is known so precisely that its prior is a narrow valley of chi^2."""
         known = self.known_radius
         return known is not None and known.std <= NARROW_PRIOR * known.radius
 
@@ -328,7 +330,7 @@ def _solve(
             running = []
             for i, matrix, row, normal in zip(active, equations, rows, normals, strict=True):
                 search = searches[i]
-                if search.take(matrix):
+                if search.update(matrix):
                     rows_at_best[i] = row, normal
                 if not search.finished:
                     running.append(i)

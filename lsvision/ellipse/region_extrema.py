@@ -34,6 +34,7 @@ SECOND_ENDS = {RADIUS_LOW: RADIUS_LOW_2, PHI_HIGH: PHI_HIGH_2}
 OUTWARD = np.array([1.0, -1.0, -1.0, 1.0, 1.0, 1.0])
 """+1 for the ends of largest h, -1 for those of smallest."""
 IS_PHI = np.isin(np.arange(ENDS), (PHI_LOW, PHI_HIGH, PHI_HIGH_2))
+"""Whether each of the 13 ends is one of phi."""
 GRADIENTS = np.zeros((ENDS, PARAMETERS))
 """Gradients of the quantities that are linear: centre_x and centre_y, outward at each end."""
 GRADIENTS[[X_LOW, X_HIGH, Y_LOW, Y_HIGH], [0, 0, 1, 1]] = -1.0, 1.0, -1.0, 1.0
@@ -49,7 +50,8 @@ SEARCHED = np.stack([0 * SEARCHED_ANGLES, np.cos(SEARCHED_ANGLES), np.sin(SEARCH
 MAX_TURN = 0.7
 """Longest Newton step of the direction u. Units: rad."""
 MAX_ROUNDS, DIRECTION_TOLERANCE = 4, 0.02
-"""Largest number of Newton steps of the direction u, and last step of angle (rad) and kappa."""
+"""Largest number of Newton steps of the direction u, and step of the angle (rad) and of kappa below
+which they end."""
 CRITICAL_ROUNDS = 2
 """Number of updates of c of phi in an iteration."""
 MAX_TANGENT = 0.98
@@ -89,7 +91,7 @@ class Targets(NamedTuple):
         Factor of m in the quantity.
     critical : (k,) ndarray
         Critical ratios c.
-    circle_ratios : (F,) ndarray
+    circle_ratios : (s,) ndarray
         Minimum of F on d = 0 less min F, for each fit.
     """
 
@@ -198,7 +200,7 @@ class Regions:
     ) -> Targets:
         """Return the extrema over the ellipsoids of the expansion about parameters (k, 5).
 
-        Directions, kappas and c start from those of the `last` targets.
+        Angles, kappas and c of the `last` targets are the initial guesses of the new ones.
         """
         owners, ends = rows
         to_centre = multiply_vectors(expansion.covariance, expansion.gradient)
@@ -216,7 +218,7 @@ class Regions:
             sides = np.where(ends[theta] == THETA_LOW, -1.0, 1.0)
             tangents = ellipsoids.find_tangents(theta, rho[theta], sides)
             f[theta, 3:], rho[theta], contacts = tangents
-            critical[theta] = self.ratios.of_direction(owners[theta], contacts)
+            critical[theta] = self.ratios.ratios_for_direction(owners[theta], contacts)
         circle = np.flatnonzero(ends == CIRCLE)
         if circle.size:
             f[circle, 3:], rho[circle] = ellipsoids.to_circles(circle)
@@ -226,10 +228,10 @@ class Regions:
         targets[circle, 3:] = 0.0
         circle_ratios = last.circle_ratios.copy()
         circle_ratios[owners[circle]] = rho[circle] ** 2 - excess[circle]
-        self._put_on_circles(rows, targets, parameters, expansion, (ellipsoids, rho))
+        self._replace_by_circles(rows, targets, parameters, expansion, (ellipsoids, rho))
         return Targets(targets, angles, kappas, critical, circle_ratios)
 
-    def _put_on_circles(
+    def _replace_by_circles(
         self,
         rows: Rows,
         targets: FloatArray,
@@ -237,7 +239,7 @@ class Regions:
         expansion: Expansion,
         sections: tuple[Ellipsoids, FloatArray],
     ) -> None:
-        """Replace targets that are circles.
+        """Replace targets whose extremum is a circle, in place.
 
         On d = 0 the radius b = m - |d| has a ridge. The largest radius, and with a known radius any
         extremum on the surface b = const, lies on the ridge if F of the points increases faster
@@ -264,7 +266,7 @@ class Regions:
         targets[i[is_circle]] = circles[is_circle]
 
     def search_directions(self) -> tuple[FloatArray, FloatArray]:
-        """Return angles and kappas (F, 6) near the extrema over the ellipsoids at the estimates."""
+        """Return angles and kappas (s, 6) near the extrema over the ellipsoids at the estimates."""
         parameters, shapes = self.stack.parameters[:, 2:], self.best.covariance[:, 2:, 2:]
         kappas = np.ones((len(parameters), DIRECTED))
         of_estimates = np.hypot(parameters[:, 1], parameters[:, 2]) / parameters[:, 0]
@@ -272,7 +274,7 @@ class Regions:
         f = np.repeat(np.repeat(SEARCHED[None, None], DIRECTED, axis=1), len(kappas), axis=0)
         f[..., 0] = -kappas[:, :, None]
         variances = ((f @ shapes[:, None]) * f).sum(axis=3)
-        stds = np.sqrt(self.ratios.one[:, None, None] * variances)
+        stds = np.sqrt(self.ratios.one_dof[:, None, None] * variances)
         heights = (f * parameters[:, None, None]).sum(axis=3) + OUTWARD[:, None] * stds
         chosen = heights.argmax(axis=2)
         opposite = np.cos(SEARCHED_ANGLES - SEARCHED_ANGLES[chosen][..., None]) < 0
@@ -294,7 +296,7 @@ class Regions:
                 ellipsoids.excess[active] + critical[active], angles[active], kappas[active],
             )  # fmt: skip
             active = active[IS_PHI[rows.ends[active]]]
-            new = self.ratios.of_flattening(rows.owners[active], kappas[active])
+            new = self.ratios.ratios_for_flattening(rows.owners[active], kappas[active])
             changed = new != critical[active]
             critical[active] = new
             active = active[changed]

@@ -269,12 +269,14 @@ class CylinderSection(WithEllipse, Result):
 
     @property
     def _theta_gradient(self) -> FloatArray:
+        """Derivative of theta by the parameters of the fit, (5,). Units: rad/mm."""
         p, q = (float(value) for value in self.fit.parameters[3:])
         h = max(math.hypot(p, q), 1e-12)
         across = (-q / h, p / h) if p or q else (0.0, 1.0)
         return np.array([0.0, 0.0, 0.0, *across]) / (2 * h)
 
     def _std(self, gradient: FloatArray) -> float:
+        """Return the standard uncertainty of a quantity from its gradient by the parameters."""
         variance = float(gradient @ self.fit.parameter_covariance @ gradient)
         return math.sqrt(max(variance, 0.0))  # of an exactly known value rounding may make it < 0
 

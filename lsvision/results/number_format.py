@@ -6,6 +6,7 @@ import re
 DEFAULT_DECIMALS = 4
 """Decimals of a number without std, such as a radius known exactly."""
 MAX_DECIMALS = 6
+"""Largest number of decimals of a number with std."""
 
 
 _HYPHEN_MINUS = re.compile(r"(?<![\w.)])-(?=\.?\d)")

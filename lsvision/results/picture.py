@@ -8,11 +8,13 @@ from lsvision.geometry import Ellipse, FloatArray, Points
 from lsvision.results.palette import POINTS, cylinder_colour
 
 WIDTH_PX, MAX_HEIGHT_PX = 420, 320
+"""Largest width and height of a picture. Units: px."""
 MAX_POINTS = 1500
 """Largest number of points drawn of one set, to limit the size of the page."""
 MARGIN_FRACTION = 0.04
 """Margin as a fraction of the picture's size."""
 OUTLINE_POINTS = 73
+"""Points of a drawn ellipse, one for every 5 deg."""
 
 
 def draw_svg(

@@ -11,9 +11,10 @@ import numpy.typing as npt
 from lsvision.results.number_format import decimals_for, format_value
 
 Record = dict[str, Any]
+"""Keys and values of a result, ready for JSON."""
 Unit = Literal["mm", "deg", "mm_per_m", "percent"]
 LEVEL = 0.95
-"""Probability of the intervals in tables and files."""
+"""Level of confidence of the intervals in tables and files."""
 DEG_PER_RAD = math.degrees(1.0)
 
 
@@ -83,7 +84,7 @@ class Estimate:
     value, std : float
         Number and its standard uncertainty.
     interval : tuple of float
-        Interval at the probability `LEVEL`; NaN if there is none.
+        Interval at the level of confidence `LEVEL`; NaN if there is none.
     determined : bool
         False if the data do not determine the value; tables then state that.
 

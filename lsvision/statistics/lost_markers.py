@@ -7,14 +7,14 @@ import numpy as np
 from lsvision.geometry import FloatArray, IntArray
 
 MIN_OTHER_VALUES = 5
-"""Smallest number of values that are no markers; they give the unit of a marker's distance."""
+"""Smallest number of values that are no markers; their span is the unit of a marker's distance."""
 MAX_MARKERS_PER_SIDE = 3
 """Largest number of different markers below the other values, and above them."""
 MIN_REPEATS = 3
 """Smallest number of repetitions of a marker other than the common marker values."""
 MIN_MULTIPLICITY_RATIO = 2.5
-"""Smallest ratio of these repetitions to the mean of the other values: rounded heights and planes
-without noise repeat, too."""
+"""Smallest ratio of the repetitions of a marker to the mean repetitions of the other values:
+rounded heights and planes without noise repeat, too."""
 MIN_LIMIT_GAP, MIN_KNOWN_GAP, MIN_ZERO_GAP, MIN_UNKNOWN_GAP = 0.1, 1.0, 2.0, 4.0
 """Smallest distance of a marker from the nearest other value, in spans of the other values: for the
 limit of an integer type, a value such as -9999, 0, and any other value (a floor without noise
@@ -73,21 +73,28 @@ def find_lost_markers(
     suspects: list[int] = []
     for end in ends:
         for index in list(end)[:MAX_MARKERS_PER_SIDE]:
-            if counts[index] < 2 and not _is_limit(unique[index]) and not _is_nines(unique[index]):
+            if (
+                counts[index] < 2
+                and not _is_limit(unique[index])
+                and not _is_common_marker(unique[index])
+            ):
                 break
             suspects.append(index)
     others = np.setdiff1d(np.arange(len(unique)), suspects)
     if counts[others].sum() < MIN_OTHER_VALUES:
         return ()
     markers: list[float] = []
-    first_others = unique[others]
-    for index in sorted(suspects, key=lambda i: _distance(float(unique[i]), first_others)):
+    initial_others = unique[others]
+    for index in sorted(suspects, key=lambda i: _distance(float(unique[i]), initial_others)):
         value, count = float(unique[index]), int(counts[index])
         needed = _min_distance(value, count, limits, is_range=is_range, known_only=known_only)
         span = _central_span(unique[others], counts[others])
         is_repeated = count >= MIN_MULTIPLICITY_RATIO * counts[others].mean()
         is_known = (
-            value in limits or _is_limit(value) or _is_nines(value) or (is_range and value <= 0)
+            value in limits
+            or _is_limit(value)
+            or _is_common_marker(value)
+            or (is_range and value <= 0)
         )
         if (
             needed is None
@@ -104,7 +111,7 @@ def _may_hold_marker(finite: FloatArray) -> bool:
     """Return whether an extreme value repeats or is a common marker; if not, there is no marker."""
     low, high = float(finite.min()), float(finite.max())
     repeated = np.count_nonzero(finite == low) > 1 or np.count_nonzero(finite == high) > 1
-    return bool(repeated) or any(_is_limit(v) or _is_nines(v) for v in (low, high))
+    return bool(repeated) or any(_is_limit(v) or _is_common_marker(v) for v in (low, high))
 
 
 def _min_distance(
@@ -113,7 +120,7 @@ def _min_distance(
     """Return the smallest distance of a marker, in spans of the others; None if it is none."""
     if value in limits or _is_limit(value) or (is_range and value <= 0 and not known_only):
         return MIN_LIMIT_GAP
-    if _is_nines(value):
+    if _is_common_marker(value):
         return MIN_KNOWN_GAP if count > 1 else 5 * MIN_KNOWN_GAP
     if known_only or count < MIN_REPEATS:
         return None
@@ -132,7 +139,7 @@ def _is_limit(value: float) -> bool:
     return any(round(value * scale, 6) in _LIMITS for scale in (1, 10, 100, 1e3, 1e4))
 
 
-def _is_nines(value: float) -> bool:
+def _is_common_marker(value: float) -> bool:
     """Return whether a value is like 9999 or -999.9999, or a negative power of ten <= -10 000."""
     digits = f"{abs(value):.10f}".rstrip("0").replace(".", "").lstrip("0")
     if len(digits) >= 3 and set(digits) == {"9"} and abs(value) > 99:

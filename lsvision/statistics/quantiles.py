@@ -90,7 +90,7 @@ def _student_quantile(degrees_of_freedom: FloatArray, level: float) -> FloatArra
         start = np.where(dof < FEW_DEGREES_OF_FREEDOM, z, quantiles[few])
         u = np.arctan(start / np.sqrt(dof))
         for _ in range(MAX_STEPS):  # the integral is concave: from below, Newton never passes u
-            step = (part - _integral(u, dof - 1)) / np.cos(u) ** (dof - 1)
+            step = (part - _cosine_power_integral(u, dof - 1)) / np.cos(u) ** (dof - 1)
             u = np.minimum(u + step, math.pi / 2)
             if (np.abs(step) < STEP_TOLERANCE * u).all():
                 break
@@ -98,7 +98,7 @@ def _student_quantile(degrees_of_freedom: FloatArray, level: float) -> FloatArra
     return quantiles
 
 
-def _integral(u: FloatArray, power: FloatArray) -> FloatArray:
+def _cosine_power_integral(u: FloatArray, power: FloatArray) -> FloatArray:
     """Return the integral of cos^power from 0 to u; over w, with u = pi/2 - w^4, it is smooth."""
     first, last = (math.pi / 2 - u[:, None]) ** 0.25, (math.pi / 2) ** 0.25
     w = first + (last - first) * _NODES

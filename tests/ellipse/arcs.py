@@ -53,4 +53,4 @@ def ratios_of(fit, level):
 
 def ratios_of_flattening(ratios, kappas):
     """c of phi of one fit."""
-    return ratios.of_flattening(np.zeros(len(kappas), dtype=int), np.array(kappas))
+    return ratios.ratios_for_flattening(np.zeros(len(kappas), dtype=int), np.array(kappas))

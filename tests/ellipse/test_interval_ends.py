@@ -107,7 +107,7 @@ def test_the_ends_are_the_extrema_of_the_region(name, quantity):
     assert ends.reliable
     low, high, value = QUANTITIES[quantity]
     starts = [raw(fit.parameters), *(raw(row) for row in ends.parameters[[low, high]])]
-    (critical,) = ratios_of(fit, LEVEL).one
+    (critical,) = ratios_of(fit, LEVEL).one_dof
     least = search(fit, value, critical, starts)
     most = -search(fit, lambda *v: -value(*v), critical, starts)
     found = [value(*raw(ends.parameters[row])) for row in (low, high)]
@@ -122,7 +122,7 @@ def test_every_end_lies_on_the_boundary_of_its_region(name, rng):
     least = cost_of_raw(fit, raw(fit.parameters))
     for row in (0, 1, 6, 7, 8, 9):
         ratio = cost_of_raw(fit, raw(ends.parameters[row])) - least
-        assert ratio == pytest.approx(ratios.one[0], rel=0.02)
+        assert ratio == pytest.approx(ratios.one_dof[0], rel=0.02)
     h = np.hypot(*ends.parameters[:, 3:].T)
     for row in (2, 3):
         if ends.wanted[row]:
@@ -133,7 +133,7 @@ def test_every_end_lies_on_the_boundary_of_its_region(name, rng):
         if ends.wanted[row]:
             ratio = cost_of_raw(fit, raw(ends.parameters[row])) - least
             direction = np.array([complex(*ends.parameters[row, 3:])])
-            (expected,) = ratios.of_direction(np.array([0]), direction)
+            (expected,) = ratios.ratios_for_direction(np.array([0]), direction)
             assert ratio == pytest.approx(expected, rel=0.02)
 
 
@@ -187,7 +187,7 @@ def test_the_largest_radius_of_a_circle_may_be_that_of_a_circle(degrees):
             lambda centre: cost_of_raw(fit, (*centre, r, r, 0.0)), [5.0, -400.0],
             method="Nelder-Mead", options={"xatol": 1e-6, "fatol": 1e-9},
         )  # fmt: skip
-        return best.fun - ratios.one[0]
+        return best.fun - ratios.one_dof[0]
 
     largest = brentq(surplus, 19.0, 19.5, xtol=1e-5)
     m, p, q = ends.parameters[region_extrema.RADIUS_HIGH, 2:]

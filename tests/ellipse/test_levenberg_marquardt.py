@@ -12,7 +12,7 @@ MINIMUM = np.array([3.0, -400.0, 20.0, 1.0, -2.0])
 
 
 def matrix_of(jacobian, residuals):
-    """Normal equations as `take` expects them: the Jacobian is that of the model."""
+    """Normal equations as `update` expects them: the Jacobian is that of the model."""
     rows = np.vstack([jacobian.T, residuals])
     return rows @ rows.T
 
@@ -23,7 +23,7 @@ def run(jacobian, residuals_of, start, max_evaluations=50, tolerance=1e-10):
     while not search.finished:
         residuals = residuals_of(search.trial)
         costs.append(float(residuals @ residuals))
-        search.take(matrix_of(jacobian(search.trial), residuals))
+        search.update(matrix_of(jacobian(search.trial), residuals))
     return search, costs
 
 
@@ -77,7 +77,7 @@ def test_a_perfect_fit_ends_the_search():
 @pytest.mark.parametrize("worst", [math.nan, math.inf])
 def test_a_first_cost_that_is_not_finite_ends_the_search(worst):
     search = LevenbergMarquardt(MINIMUM, 20, 1e-3)
-    search.take(np.full((6, 6), worst))
+    search.update(np.full((6, 6), worst))
     assert search.finished
     assert not search.converged
     assert not search.is_finite

@@ -37,7 +37,7 @@ def targets_and_ellipsoid(phi_deg, rng):
     directed = ends < region_extrema.DIRECTED
     searched = regions.search_directions()
     angles[directed], kappas[directed] = (each[0, ends[directed]] for each in searched)
-    critical = np.repeat(ratios.one, len(ends))
+    critical = np.repeat(ratios.one_dof, len(ends))
     last = Targets(start, angles, kappas, critical, np.full(1, np.inf))
     found = regions.find_targets(rows, start, regions.best.select(rows.owners), last)
     drawn = rng.normal(size=(DRAWN, 5))
