@@ -27,12 +27,13 @@ from lsvision.calibration.target import (
 from lsvision.errors import CalibrationFailed, LsvisionError
 from lsvision.geometry import FloatArray
 from lsvision.laser_line.extraction import LineSettings
-from lsvision.laser_line.mosaic import interpolated_grey
+from lsvision.laser_line.mosaic import interpolate_grey
 from lsvision.statistics.robust import mad_std
 
 Image = npt.NDArray[Any]
 
 LASER_ON = "board taken, hold it still: laser on, lamps off"
+"""Instruction for the second image of a pair."""
 NOISE_SIGMAS = 5.0
 """Smallest contrast of the line, in standard deviations of its surroundings."""
 SURROUNDINGS_PX = 40
@@ -54,8 +55,9 @@ class CaptureSettings:
         Smallest median distance of the corners from those of every pair so far, relative to the
         image's width.
     min_contrast : float
-        Smallest brightness of the line over its surroundings, and beyond five sigmas of these,
-        after what the board's image explains is subtracted. Units: DN of 255.
+        Smallest difference of brightness between the line and its surroundings, after subtraction
+        of the board's image if the lamps are on; it must also exceed `NOISE_SIGMAS` standard
+        deviations of the surroundings. Units: DN of 255.
     line : LineOnBoardSettings
         Detection of the line, as for `calibrate_laser_plane`.
     """
@@ -129,7 +131,7 @@ def next_state(
         Complete pair; None while an image is missing.
     """
     extraction = settings.line.extraction or LineSettings()
-    grey = grey_image(interpolated_grey(frame, extraction.bayer))
+    grey = grey_image(interpolate_grey(frame, extraction.bayer))
     view = _find_board(grey, target)
     pending = state.pending
     if pending is not None and (view is None or movement(pending[1], view) <= settings.still_px):
@@ -216,7 +218,7 @@ def _shows_line(
         ).line_pixels
     except LsvisionError:
         return False
-    # Where the lamps are off, the board's image explains nothing.
+    # With the lamps off (no board found) the board is dark in the image: nothing to subtract.
     laser_grey = _grey(frame) - (0.0 if view is None else _grey(board))
     u, v = np.round(line).astype(int).T
     (left, top), (right, bottom) = line.min(axis=0), line.max(axis=0)

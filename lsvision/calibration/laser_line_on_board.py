@@ -24,18 +24,19 @@ from lsvision.geometry.arrays import BoolArray
 from lsvision.geometry.homography import apply_homography
 from lsvision.laser_line.extraction import LaserLine, LineSettings, extract_laser_line
 from lsvision.laser_line.image_array import as_image
-from lsvision.laser_line.mosaic import interpolated_grey
+from lsvision.laser_line.mosaic import interpolate_grey
 from lsvision.sensors.camera import Camera
 
 EDGE_INFLUENCE_SIGMAS = 2.5
 """Distance in line widths (sigma) within which the background shifts the line's centre."""
 
 MIN_OUTSIDE_BRIGHTNESS_RATIO = 3.0
-"""Smallest ratio of the brightness of a line outside the board to that of a line on it at which the
-line on the board is assumed to be a reflection or an edge."""
+"""Ratio of the brightness of a line outside the board to that of a line on it, above which the line
+on the board is taken for a reflection or an edge."""
 
 MIN_UNIFORM_FRACTION = 0.15
-"""Smallest fraction of points on uniform background; below it the line itself is in the image."""
+"""Smallest fraction of points on uniform background; below it the line is taken to be in the board
+image, too."""
 
 LINE_REMEDY = (
     "darken the room, expose until the line is bright, or set channel to the laser's colour "
@@ -91,7 +92,7 @@ def find_laser_views(
     Parameters
     ----------
     camera : Camera
-        Camera that took the images; its distortion tells whether the line is straight.
+        Camera that took the images; with its distortion the line is tested for straightness.
     target : Target
         Board in the images.
     board_images, line_images : sequence of images
@@ -150,8 +151,8 @@ def find_laser_view(
     LsvisionError
         If no laser line lies on it.
     """
-    bayer = _extraction(settings).bayer
-    board_grey = grey_image(interpolated_grey(as_image(board_image), bayer))
+    bayer = _extraction_settings(settings).bayer
+    board_grey = grey_image(interpolate_grey(as_image(board_image), bayer))
     board_view = find_target(board_grey, target)
     outline = _outline(board_view, target, settings.margin)
     outside = _find_line_outside(camera, target, board_view, line_image, settings)
@@ -182,24 +183,25 @@ def find_laser_view(
 def _extract(window: npt.ArrayLike, settings: LineOnBoardSettings) -> LaserLine:
     """Return the line in a window; an error names the settings and options of a calibration."""
     try:
-        return extract_laser_line(window, _extraction(settings))
+        return extract_laser_line(window, _extraction_settings(settings))
     except NoLaserLine as error:
         raise NoLaserLine(error.finding, error.remedy and LINE_REMEDY) from error
 
 
-def _extraction(settings: LineOnBoardSettings) -> LineSettings:
+def _extraction_settings(settings: LineOnBoardSettings) -> LineSettings:
     """Return settings that use the laser's colour channel, in which the pattern disturbs less."""
     return replace(settings.extraction or LineSettings(), luminance=False)
 
 
 @dataclass(frozen=True)
 class _LineOutside:
-    """Straight line outside the board: the margin that would include it, and its brightness."""
+    """Straight line outside the board: distance from the pattern (squares), brightness (DN)."""
 
     squares: float
     intensity: float
 
     def message(self, margin: float) -> str:
+        """Return the message that the line is outside of `margin` squares, with the remedy."""
         return (
             f"no laser line within {margin:g} squares of the pattern, but one {self.squares:.1f} "
             f"squares beside it: set margin (--margin) to {math.ceil(self.squares)} if the board "
@@ -216,7 +218,7 @@ def _find_line_outside(
 ) -> _LineOutside | None:
     """Return the laser line of the image if it is straight and outside the board, else None."""
     try:
-        line = extract_laser_line(line_image, _extraction(settings))
+        line = extract_laser_line(line_image, _extraction_settings(settings))
     except LsvisionError:
         return None
     indices = np.flatnonzero(np.isfinite(line.pixels).all(axis=1))
@@ -249,7 +251,8 @@ def _find_indices_on_board(
 ) -> IntArray:
     """Return the indices of the line's points on the board, or raise `CalibrationFailed`.
 
-    `background` is the board without the line; None where there is no such image.
+    `background` is the board without the line, None if there is no such image; `line_and_corner`
+    are the line in a window of the image, and the window's first pixel (u, v).
     """
     line, low = line_and_corner
     pixels, outline = line.pixels + low, _outline(board_view, target, settings.margin)
@@ -348,7 +351,7 @@ def _on_uniform_background(
 
 
 def _line_inliers(camera: Camera, pixels: Points, tolerance: float) -> BoolArray:
-    """Return the mask of the most points on one straight line in the undistorted image."""
+    """Return the mask of the largest set of points on one straight line, distortion removed."""
     if len(pixels) < 2:
         return np.zeros(len(pixels), dtype=bool)
     undistorted = camera.rays(pixels)[:, :2] * camera.focal_length

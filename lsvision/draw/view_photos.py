@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from lsvision.calibration.target import grey_image
 from lsvision.geometry import FloatArray, Points
-from lsvision.laser_line.mosaic import Bayer, interpolated_grey
+from lsvision.laser_line.mosaic import Bayer, interpolate_grey
 from lsvision.results.palette import LASER_LINE, LASER_PLANE, OUTLIER
 
 PHOTO_WIDTH = 640
@@ -77,7 +77,7 @@ def combine_photos(
     A grey and a colour image, or two of another depth, become grey of 8 bit; raw images of a
     mosaic `pattern` become grey.
     """
-    board, line = interpolated_grey(board, pattern), interpolated_grey(line, pattern)
+    board, line = interpolate_grey(board, pattern), interpolate_grey(line, pattern)
     if board.dtype != line.dtype or board.shape != line.shape:
         board, line = grey_image(board), grey_image(line)
     brighter: npt.NDArray[Any] = np.maximum(board, line)

@@ -11,7 +11,8 @@ from lsvision.laser_line.image_array import Image
 from lsvision.statistics.robust import mad_std
 
 FIXED_POINT = 32
-"""Response of the integer filter to 1 DN of an 8-bit image; 255 DN use half of 16 bit."""
+"""Response of the integer filter to a stripe of 1 DN (digital number, grey level) in an 8-bit
+image; a stripe of 255 DN uses half the range of 16 bit."""
 DETECTION_SIGMAS = 4.5
 """Height of a candidate in standard deviations of the filtered image; noise exceeds it in about
 one of 10^6 pixels."""
@@ -115,13 +116,15 @@ def _find_maxima(response: Image, threshold: float, radius: int) -> tuple[IntArr
     return columns, rows
 
 
-def _highest_of_each_column(columns: IntArray, scores: FloatArray, most: int) -> IntArray | slice:
+def _highest_of_each_column(
+    columns: IntArray, scores: FloatArray, max_count: int
+) -> IntArray | slice:
     """Return the indices of the highest-scoring candidates of each column, in the given order."""
-    if np.bincount(columns, minlength=1).max() <= most:
+    if np.bincount(columns, minlength=1).max() <= max_count:
         return slice(None)
     order = np.lexsort((-scores, columns))
     rank = np.arange(len(order)) - np.searchsorted(columns, columns)
-    return np.sort(order[rank < most])
+    return np.sort(order[rank < max_count])
 
 
 def _apply_matched_filter(signal: Image, sigma: float) -> tuple[Image, float]:

@@ -1,8 +1,8 @@
 """Colours with less resolution than the image: those of a JPEG file, or of an interpolated mosaic.
 
-A line in them deviates from that in the luminance by more than the noise of the pixels. The
-luminance has twice their resolution and is used, except where it shows a printed pattern, which the
-excess of the laser's colour does not contain.
+A line located in such colours deviates from the line located in the luminance by more than the
+noise of the pixels. The luminance has twice the resolution of the colours and is used, except where
+it shows a printed pattern, which the excess of the laser's colour does not contain.
 """
 
 import math
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.geometry import BoolArray, FloatArray, IntArray
-from lsvision.laser_line.detection import DetectedLine, locate_line, with_rounding_errors
+from lsvision.laser_line.detection import DetectedLine, add_rounding_errors, locate_line
 from lsvision.laser_line.line_image import LineImage
 from lsvision.laser_line.noise import errors_are_interpolated, roughness
 from lsvision.laser_line.settings import LineSettings
@@ -21,23 +21,23 @@ COARSE_COLOUR_SIGMAS = 1.15
 """Distance of the lines in interpolated colours and in luminance, in standard deviations of their
 noise, above which the colours shift the line: 1.2 to 9 in JPEG files and mosaics."""
 MAX_DISTANCE_SIGMAS = 3.0
-"""Distance of the two in a column, in standard deviations, beyond which the edge of a print has
-shifted the luminance there."""
+"""Distance of the two lines in a column, in standard deviations, beyond which the edge of a print
+has shifted the line in the luminance there."""
 BLOCK_FACTOR = 2.0
-"""Factor on errors that are common to the columns of a JPEG file's block, which a fit takes to be
-independent."""
+"""Factor on the standard deviation of errors that are common to the columns of a JPEG file's block:
+a fit treats them as independent."""
 MAX_ROUGHNESS_SIGMAS = 1.5
-"""Roughness of a JPEG file's luminance, in standard deviations of its noise, from which on a print
-is seen in it: 0.2 to 1.3 where the smoother colours would show a print on a grey surface, 2 to 16
-on prints, 1 to 2 on thin text."""
+"""Roughness of the line in a JPEG file's luminance, in standard deviations of its noise, from which
+on a print is seen in it. Measured: 0.2 to 1.3 on grey surfaces (where a comparison with the
+smoother colours would wrongly show a print), 2 to 16 on prints, 1 to 2 on thin text."""
 MIN_BRIGHT_FRACTION = 0.75
 """Smallest fraction of the columns in which the luminance has a stripe, too."""
 
 
-def sharper_line(
+def select_sharper_line(
     image: LineImage, detected: DetectedLine, settings: LineSettings
 ) -> tuple[LineImage, DetectedLine, FloatArray | float]:
-    """Return the image and line of the luminance where the colours are coarser.
+    """Return the image and line of the luminance if they are better than those of the colour.
 
     Parameters
     ----------
@@ -51,27 +51,31 @@ def sharper_line(
     Returns
     -------
     image, line
-        As given where the colours have the image's resolution, or the luminance is rougher (on a
-        printed pattern), in a JPEG file rougher than its rounding makes it. Columns in which an
-        edge of a print shifts the luminance keep the colour.
+        The given ones if the colours have the image's resolution, or if the line in the luminance
+        is rougher, as on a printed pattern (in a JPEG file: rougher than its rounding explains).
+        Otherwise those of the luminance; columns in which an edge of a print shifts the luminance
+        keep the line of the colour.
     std : (n,) ndarray or float
         Standard deviation that the coarseness adds. Units: px.
 
     Notes
     -----
-    The error of the luminance is taken to be half of its distance from the colour, which has half
-    its resolution; that of the colour in a single column of a JPEG file the whole distance.
+    The error of the line in the luminance is assumed to be half of its distance from the line in
+    the colour, which has half the resolution; the error of the line in the colour, in a single
+    column of a JPEG file, to be the whole distance.
     """
     coarse = detected.select(detected.stripes.found)
     columns, rows = coarse.windows.columns, coarse.stripes.pixels[:, 1]
     if not errors_are_interpolated(columns, rows):
         return image, detected, 0.0
-    bright = locate_line(image.of_brightness, columns, rows, detected.sigma, settings)
-    if bright.stripes.found.mean() < MIN_BRIGHT_FRACTION:
+    luminance_line = locate_line(
+        image.with_luminance_signal, columns, rows, detected.sigma, settings
+    )
+    if luminance_line.stripes.found.mean() < MIN_BRIGHT_FRACTION:
         return image, detected, 0.0
-    bright = with_rounding_errors(image.of_brightness, bright)
-    pair = _Pair.of(coarse, bright)
-    compressed = bright.blocks is not None
+    luminance_line = add_rounding_errors(image.with_luminance_signal, luminance_line)
+    pair = _ComparedLines.of(coarse, luminance_line)
+    compressed = luminance_line.blocks is not None
     if pair.agrees and not compressed:
         return image, detected, 0.0
     if pair.print_in_luminance and not (compressed and pair.noise_explains_luminance):
@@ -83,76 +87,86 @@ def sharper_line(
     if compressed:
         of_colour = np.fmax(of_colour, pair.distances)
     stds = np.where(pair.disturbed, of_colour, BLOCK_FACTOR * pair.scatter / 2)
-    return image.of_brightness, bright.replaced(coarse, pair.disturbed), stds
+    return image.with_luminance_signal, luminance_line.replace_columns(coarse, pair.disturbed), stds
 
 
 @dataclass(frozen=True, eq=False)
-class _Pair:
-    """One line in colour and in luminance: (n,) columns, rows, stds and distances."""
+class _ComparedLines:
+    """The line in colour and in luminance: columns, rows and standard deviations, (n,) each.
+
+    Units: px; NaN where the line is not found in the luminance.
+    """
 
     columns: IntArray
     colour_rows: FloatArray
-    bright_rows: FloatArray
+    luminance_rows: FloatArray
     colour_std: FloatArray
-    bright_std: FloatArray
+    luminance_std: FloatArray
 
     @classmethod
-    def of(cls, colour: DetectedLine, bright: DetectedLine) -> "_Pair":
+    def of(cls, colour: DetectedLine, luminance_line: DetectedLine) -> "_ComparedLines":
         return cls(
             colour.windows.columns,
             colour.stripes.pixels[:, 1],
-            bright.stripes.pixels[:, 1],
+            luminance_line.stripes.pixels[:, 1],
             colour.stripes.std,
-            bright.stripes.std,
+            luminance_line.stripes.std,
         )
 
     @property
     def distances(self) -> FloatArray:
-        return np.abs(self.bright_rows - self.colour_rows)
+        """Distance of both lines in each column, (n,). Units: px."""
+        return np.abs(self.luminance_rows - self.colour_rows)
 
     @property
     def noise(self) -> FloatArray:
-        return np.hypot(self.bright_std, self.colour_std)
+        """Standard deviation of the distance predicted from the noise, (n,). Units: px."""
+        return np.hypot(self.luminance_std, self.colour_std)
 
     @property
     def scatter(self) -> float:
+        """Robust standard deviation of the distances. Units: px."""
         return MAD_TO_STD * float(np.nanmedian(self.distances))
 
     @property
     def agrees(self) -> bool:
+        """Whether noise explains the distances of both lines."""
         ratio = MAD_TO_STD * float(np.nanmedian(self.distances / self.noise))
         return ratio < COARSE_COLOUR_SIGMAS
 
     @property
     def colour_error(self) -> float:
+        """Scatter of the distances beyond the noise, caused by the coarse colours. Units: px."""
         return math.sqrt(max(self.scatter**2 - float(np.nanmedian(self.noise)) ** 2, 0.0))
 
     @property
     def colour_roughness(self) -> float:
+        """Roughness of the line in the colour. Units: px."""
         return roughness(self.columns, self.colour_rows)
 
     @property
     def print_in_luminance(self) -> bool:
-        """Whether the luminance is the rougher one, which has the finer resolution."""
-        found = np.isfinite(self.bright_rows)
-        of_luminance = roughness(self.columns[found], self.bright_rows[found])
+        """Whether the line in the luminance is rougher, in spite of the finer resolution."""
+        found = np.isfinite(self.luminance_rows)
+        of_luminance = roughness(self.columns[found], self.luminance_rows[found])
         return of_luminance > roughness(self.columns[found], self.colour_rows[found])
 
     @property
     def noise_explains_luminance(self) -> bool:
         """Whether the luminance is as rough as its noise, the rounding of a JPEG file included."""
-        found = np.isfinite(self.bright_rows)
-        of_luminance = roughness(self.columns[found], self.bright_rows[found])
-        return of_luminance < MAX_ROUGHNESS_SIGMAS * float(np.median(self.bright_std[found]))
+        found = np.isfinite(self.luminance_rows)
+        of_luminance = roughness(self.columns[found], self.luminance_rows[found])
+        return of_luminance < MAX_ROUGHNESS_SIGMAS * float(np.median(self.luminance_std[found]))
 
     @property
     def colour_is_better(self) -> bool:
+        """Whether the colour has the smaller standard deviation, including its coarseness."""
         of_colour = np.nanmedian(np.hypot(self.colour_std, self.colour_error))
-        return bool(of_colour < np.nanmedian(np.hypot(self.bright_std, self.scatter / 2)))
+        return bool(of_colour < np.nanmedian(np.hypot(self.luminance_std, self.scatter / 2)))
 
     @property
     def disturbed(self) -> BoolArray:
-        """Columns in which the luminance is off by far more than in most, or lost."""
-        limit = MAX_DISTANCE_SIGMAS * np.hypot(self.scatter, self.bright_std)
+        """Columns in which the luminance deviates far more than in most, or has no line, (n,)."""
+        limit = MAX_DISTANCE_SIGMAS * np.hypot(self.scatter, self.luminance_std)
         near: BoolArray = self.distances <= limit
         return ~near

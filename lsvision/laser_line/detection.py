@@ -1,10 +1,10 @@
 """Detection of the laser line in an image, or of its absence.
 
 Ridges are a laser line if they are connected from column to column, are stripes (the derivative
-of the filter response crosses zero at them, which it does not at the edge of a board), and few
-other ridges in the image are as strong. Measured: a line has stripes in 92-100 % of its columns
-and 0.8-3.2 other ridges as strong for each of its own (3.2 among 30 streaks and 80 blobs);
-daylight photographs have 40-60 % and 8-13.
+of the filter response crosses zero at them, which it does not at the edge of a board), and the
+image has few strong ridges in comparison (rivals). Measured: a line has stripes in 92-100 % of its
+columns, and the image has 0.8-3.2 strong ridges for each column of the line (3.2 among 30 streaks
+and 80 blobs); for the longest ridge of daylight photographs these are 40-60 % and 8-13.
 """
 
 import math
@@ -33,10 +33,10 @@ MAX_WIDTH_SIGMAS = 1.32
 MIN_STRIPE_FRACTION = 0.75
 """Smallest fraction of a line's columns in which its ridge is a stripe."""
 MAX_RIVAL_RATIO = 4.5
-"""Largest number of ridges half as strong or stronger, for each of the line's own."""
+"""Largest number of strong ridges in the image (`MIN_RIVAL_SCORE_RATIO`) over those of the line."""
 MIN_LENGTH_RATIO = 0.75
-"""Smallest length of a line over the longest ridge of the narrower filters: these have a ridge
-along the edge of a wide laser line, too."""
+"""Smallest ratio of a line's length to the longest ridge that narrower filters found: these also
+find ridges along the edges of a wide laser line."""
 MIN_POINTS = 30
 """Smallest number of columns of a line."""
 COARSE_HEIGHT_PX = 256
@@ -56,7 +56,7 @@ class DetectedLine:
     Parameters
     ----------
     windows : Windows
-        n windows around the line, ordered by column.
+        Windows around the line, one for each of n columns, ordered by column.
     stripes : Stripes
         Stripes, one for each window.
     variances : (n, w) ndarray
@@ -66,7 +66,7 @@ class DetectedLine:
     second_line_fraction : float
         Fraction of the image's columns in which a second, shorter line runs beside it.
     blocks : JpegBlocks, optional
-        Blocks of an image that was a JPEG image, whose errors `variances` contain.
+        Blocks of an image that was a JPEG image; `variances` include the errors of its rounding.
     """
 
     windows: Windows
@@ -85,13 +85,13 @@ class DetectedLine:
             variances=self.variances[which],
         )
 
-    def replaced(self, other: "DetectedLine", which: BoolArray) -> "DetectedLine":
-        """Return the line with the columns of a mask (n,), and the rest, from a line like it."""
+    def replace_columns(self, other: "DetectedLine", which: BoolArray) -> "DetectedLine":
+        """Return the line with the columns of a mask (n,) from another line of the same columns."""
         return replace(
             other,
             blocks=self.blocks,
-            windows=self.windows.replaced(other.windows, which),
-            stripes=self.stripes.replaced(other.stripes, which),
+            windows=self.windows.replace_columns(other.windows, which),
+            stripes=self.stripes.replace_columns(other.stripes, which),
             variances=np.where(which[:, None], other.variances, self.variances),
         )
 
@@ -99,8 +99,8 @@ class DetectedLine:
 def find_direction(image: LineImage, settings: LineSettings) -> Direction:
     """Decide whether the line has one point in each column or one in each row.
 
-    A line is searched for in both directions of the shrunk image. Compared are their squared
-    lengths over the number of other ridges as strong.
+    A line is searched in both directions of the shrunk image. The direction with the larger score
+    is chosen: squared length of the line over the ratio of strong ridges to those of the line.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def find_direction(image: LineImage, settings: LineSettings) -> Direction:
         Settings of `extract_laser_line`.
     """
     shrink = max(1, round(min(image.signal.shape) / COARSE_HEIGHT_PX))
-    small = _shrunk(image.signal, shrink)
+    small = _shrink(image.signal, shrink)
     path = replace(
         settings.path,
         restart_cost=settings.path.restart_cost / shrink,
@@ -130,7 +130,7 @@ def find_direction(image: LineImage, settings: LineSettings) -> Direction:
     return "columns" if score >= _line_score(by_row, path) else "rows"
 
 
-def _shrunk(image: Image, factor: int) -> Image:
+def _shrink(image: Image, factor: int) -> Image:
     """Return an image downsampled by a whole number; OpenCV is fastest at halving."""
     while factor > 1:
         step = 2 if factor % 2 == 0 else factor
@@ -147,7 +147,7 @@ def _line_score(candidates: LineCandidates, settings: PathSettings) -> float:
 
 
 def find_line(image: LineImage, settings: LineSettings) -> DetectedLine:
-    """Find the laser line from left to right; the filter is widened until it suits the line.
+    """Find the laser line from left to right, with a filter that is widened to the line's width.
 
     Parameters
     ----------
@@ -164,7 +164,7 @@ def find_line(image: LineImage, settings: LineSettings) -> DetectedLine:
     Raises
     ------
     NoLaserLine
-        If no width of the filter gives a line; with the reason for the narrowest one.
+        If no width of the filter yields a line; the reason is that of the narrowest filter.
     """
     reasons: list[str] = []
     longest = 0
@@ -187,22 +187,22 @@ def find_line(image: LineImage, settings: LineSettings) -> DetectedLine:
         width = float(np.nanmedian(line.stripes.sigmas)) if line.stripes.found.any() else np.inf
         if reason is None and width <= MAX_WIDTH_SIGMAS * sigma:
             second = _second_line_fraction(candidates, path, sigma, settings)
-            return replace(with_rounding_errors(image, line), second_line_fraction=second)
+            return replace(add_rounding_errors(image, line), second_line_fraction=second)
         reasons.append(reason or f"the ridge is {width:.0f} px wide (one sigma), a band of light")
     rows, columns = image.signal.shape
     if not reasons:
         raise NoLaserLine(
             f"the image is {rows} px across the laser line and needs "
-            f"{4 * math.ceil(3 * settings.sigma)} px: take a taller part of it"
+            f"{4 * math.ceil(3 * settings.sigma)} px: use a larger region of the camera image"
         )
     raise NoLaserLine(
         f"no laser line runs through the {columns} x {rows} px: {reasons[0]}",
-        "darken the room or give a laser_off frame, expose until the line is bright, set channel "
-        "to the laser's colour, or min_contrast lower for a dim line",
+        "darken the room or give a laser_off frame, expose longer until the line is bright, set "
+        "channel to the laser's colour, or lower min_contrast for a dim line",
     )
 
 
-def pixel_noise(image: LineImage, windows: Windows, settings: LineSettings) -> PixelNoise:
+def choose_pixel_noise(image: LineImage, windows: Windows, settings: LineSettings) -> PixelNoise:
     """Return the noise of the pixels from the settings; values that they lack are estimated.
 
     Parameters
@@ -241,12 +241,12 @@ def locate_line(
         Settings of `extract_laser_line`.
     """
     windows = cut_windows(image, image.signal, columns, rows, sigma)
-    variances = pixel_noise(image, windows, settings).variances(windows.values)
+    variances = choose_pixel_noise(image, windows, settings).variances(windows.values)
     stripes = locate_by_derivative(windows, rows, variances, sigma)
     return DetectedLine(windows, stripes, variances, sigma, 0.0)
 
 
-def with_rounding_errors(image: LineImage, line: DetectedLine) -> DetectedLine:
+def add_rounding_errors(image: LineImage, line: DetectedLine) -> DetectedLine:
     """Add the errors of a JPEG image's coefficients to the noise of its pixels.
 
     Parameters
@@ -288,18 +288,18 @@ def _rejection_reason(line: DetectedLine, longest: int, rival_ratio: float) -> s
         return (
             f"only {stripe_fraction:.0%} of the {len(line.stripes.found)} columns of the longest "
             f"ridge are stripes and {MIN_STRIPE_FRACTION:.0%} are needed (edges and textures are "
-            "none)"
+            "no stripes)"
         )
     if len(line.stripes.found) < MIN_LENGTH_RATIO * longest:
         return (
-            f"the widened line has {len(line.stripes.found)} columns of the {longest} that a "
-            f"narrower one has, and needs {MIN_LENGTH_RATIO:.0%}"
+            f"a wider filter finds a line in {len(line.stripes.found)} of the {longest} columns in "
+            f"which a narrower one does, and {MIN_LENGTH_RATIO:.0%} are needed"
         )
     if rival_ratio > MAX_RIVAL_RATIO:
         return (
-            f"{rival_ratio:.1f} ridges in the image are as strong for each of the "
-            f"{len(line.stripes.found)} of the longest, {MAX_RIVAL_RATIO:g} at most in a line's "
-            "image"
+            f"the image has {rival_ratio:.1f} strong ridges for each of the "
+            f"{len(line.stripes.found)} columns of the longest one, an image with a laser line at "
+            f"most {MAX_RIVAL_RATIO:g}"
         )
     return None
 

@@ -12,14 +12,14 @@ import numpy.typing as npt
 from lsvision.errors import NoLaserLine
 from lsvision.geometry import BoolArray, FloatArray, IntArray, Points, as_readonly_array
 from lsvision.geometry.equality import ComparedByValue
-from lsvision.laser_line.coarse_colours import sharper_line
+from lsvision.laser_line.coarse_colours import select_sharper_line
 from lsvision.laser_line.detection import DetectedLine, find_direction, find_line
 from lsvision.laser_line.image_array import Image, as_image
 from lsvision.laser_line.jpeg_blocks import BLOCK
 from lsvision.laser_line.line_image import (
     Direction,
     LineImage,
-    full_scale_of,
+    find_full_scale,
     prepare_line_image,
 )
 from lsvision.laser_line.mosaic import colour_planes
@@ -35,10 +35,10 @@ from lsvision.laser_line.subpixel import (
 MAX_SATURATED_FRACTION = 0.5
 """Largest fraction of the pixels at full scale; above it the whole image is overexposed."""
 SATURATED_SIGMA_FACTOR = 2.0
-"""Sigma of the filter at a saturated stripe over that elsewhere: clipping widens a stripe."""
+"""Ratio of the filter's sigma at a saturated stripe to that elsewhere: clipping widens a stripe."""
 BORDER_SIGMAS = 1.5
-"""Distance from the image's border, in sigmas of the filter, below which it cuts off a flank of the
-line."""
+"""Distance of a line from the image's border, in sigmas of the filter, below which the border cuts
+off a flank of the line."""
 MAX_BORDER_FRACTION = 0.5
 """Largest fraction of a line's columns that may be so near to the border."""
 STEGER_CORRELATION_SIGMAS = 4.0
@@ -164,8 +164,8 @@ def extract_laser_line(
         line_image = line_image.transposed()
     detected = find_line(line_image, settings)
     coarseness: FloatArray | float = 0.0
-    if settings.luminance and line_image.brightness is not line_image.signal:
-        line_image, detected, coarseness = sharper_line(line_image, detected, settings)
+    if settings.luminance and line_image.luminance is not line_image.signal:
+        line_image, detected, coarseness = select_sharper_line(line_image, detected, settings)
     stripes = _locate_stripes(line_image, detected, settings)
     stripes = replace(stripes, std=np.hypot(stripes.std, coarseness))
     _check_border(line_image, detected)
@@ -191,23 +191,23 @@ def _extract_from_mosaic(
         bayer=None,
         channel="grey",
         sigma=settings.sigma / 2,
-        full_scale=full_scale_of(array, settings.full_scale),
+        full_scale=find_full_scale(array, settings.full_scale),
     )
     lines = []
     for (row, column, plane), dark_plane in zip(planes, dark_planes, strict=True):
         line = extract_laser_line(plane, settings, dark_plane and dark_plane[2])
         settings = replace(settings, direction=line.direction)
-        lines.append(_in_mosaic(line, row, column))
-    return lines[0] if len(lines) == 1 else _interleaved(lines[0], lines[1])
+        lines.append(_to_sensor_pixels(line, row, column))
+    return lines[0] if len(lines) == 1 else _interleave(lines[0], lines[1])
 
 
-def _in_mosaic(line: LaserLine, row: int, column: int) -> LaserLine:
+def _to_sensor_pixels(line: LaserLine, row: int, column: int) -> LaserLine:
     """Return a line of every second row and column, converted to pixels of the sensor.
 
-    Between its pixels a thin line is not seen. This shifts the zero crossing of the filter of sigma
-    s by up to 4 pi q^2 exp(-2 pi^2 p^2), 1 / p^2 = 1 / q^2 + 1 / s^2, for a line of sigma q, to
-    either side (the first alias of the sampled stripe): 0.2 px for a line of 0.8 px, 0.02 px for
-    one of 1.4 px.
+    Such pixels undersample a thin line. The first alias of the sampled stripe shifts the zero
+    crossing of the filter of sigma s, for a line of sigma q, by up to 4 pi q^2 exp(-2 pi^2 p^2) to
+    either side, with 1 / p^2 = 1 / q^2 + 1 / s^2: 0.2 px for a line of 0.8 px, 0.02 px for one of
+    1.4 px.
     """
     q_squared = float(np.nanmedian(line.width)) ** 2
     p_squared = 1 / (1 / q_squared + 1 / line.filter_sigma**2)
@@ -221,23 +221,23 @@ def _in_mosaic(line: LaserLine, row: int, column: int) -> LaserLine:
     )
 
 
-def _interleaved(first: LaserLine, second: LaserLine) -> LaserLine:
+def _interleave(first: LaserLine, second: LaserLine) -> LaserLine:
     """Return two lines of every second column as one, in the order of the columns."""
     along = 0 if first.direction == "columns" else 1
     pairs = [(line, int(np.nanmax(line.pixels[:, along])) % 2) for line in (first, second)]
     columns = np.concatenate([2 * np.arange(len(line)) + odd for line, odd in pairs])
     order = np.argsort(columns, kind="stable")
 
-    def merged(name: str) -> Any:
+    def merge(name: str) -> Any:
         return np.concatenate([getattr(first, name), getattr(second, name)])[order]
 
     return replace(
         first,
-        pixels=merged("pixels"),
-        std=merged("std"),
-        intensity=merged("intensity"),
-        width=merged("width"),
-        saturated=merged("saturated"),
+        pixels=merge("pixels"),
+        std=merge("std"),
+        intensity=merge("intensity"),
+        width=merge("width"),
+        saturated=merge("saturated"),
         second_line_fraction=max(first.second_line_fraction, second.second_line_fraction),
     )
 
@@ -250,9 +250,9 @@ def _check_exposure(image: LineImage) -> None:
     saturated = np.count_nonzero(reached) / reached.size
     if saturated > MAX_SATURATED_FRACTION:
         raise NoLaserLine(
-            f"{saturated:.0%} of the image is at its full scale of {image.full_scale:g} and "
-            f"{MAX_SATURATED_FRACTION:.0%} at most can be: shorten the exposure until only the "
-            "line is bright"
+            f"{saturated:.0%} of the image is at its full scale of {image.full_scale:g}, expected "
+            f"at most {MAX_SATURATED_FRACTION:.0%}: shorten the exposure until only the line is "
+            "bright"
         )
 
 

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 Image = npt.NDArray[Any]
 MIN_SIZE_PX = 16
-"""Least height and width. Units: px."""
+"""Smallest height and width. Units: px."""
 MAX_LEVEL = 1e30
 """Largest number of a float image, which is kept in single precision."""
 
@@ -31,7 +31,7 @@ def as_image(image: npt.ArrayLike, name: str = "image") -> Image:
     Raises
     ------
     TypeError
-        If it is not an array, as the name of a file, or its numbers are of another type.
+        If it is not an array (such as the name of a file), or its numbers are of another type.
     ValueError
         If the shape is another, or a float image holds NaN.
 
@@ -78,6 +78,7 @@ way, got (480, 640, 4): leave transparency out, image[..., :3]
 
 
 def _hint(shape: tuple[int, ...]) -> str:
+    """Return the remedy for an image of a wrong shape; empty if none is known."""
     if len(shape) == 3 and shape[2] == 4:
         return ": leave transparency out, image[..., :3]"
     if len(shape) == 3 and shape[0] in (1, 3):

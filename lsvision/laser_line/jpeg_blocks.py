@@ -1,9 +1,10 @@
-"""The blocks of a JPEG image: recognised by the pixels around a laser line, with their errors.
+"""Blocks of a JPEG image, recognised by the pixels around a laser line, and their rounding errors.
 
 JPEG transforms each block of 8 x 8 px to 64 frequencies (DCT) and rounds each coefficient to a
 multiple of its quantisation step. In a decoded image, whatever file it was saved in since, the
-coefficients of blocks at the right grid are still multiples of these steps, up to the rounding of
-pixels to whole numbers, and many of high frequency are zero; at any other grid they are neither.
+coefficients of the blocks at their original positions (the grid) are still multiples of these
+steps, up to the rounding of pixels to whole numbers, and many of high frequency are zero; for a
+shifted grid neither is the case.
 An image that was scaled or turned by another angle than 90 deg after it was decoded has no such
 grid.
 """
@@ -29,17 +30,19 @@ HIGH_FREQUENCY = 6
 MAX_COEFFICIENT = 2.0
 """Size at which coefficients are clipped in a grid's score. Units: DN."""
 MAX_SCORE_RATIO, MAX_DISTINCT_SCORE_RATIO = 0.92, 0.6
-"""Score of the best grid over the median of those with its rows, or its columns, from which on an
-image was never compressed, and below which few multiples are enough: along a line in the direction
-of the pixels all blocks are alike. Measured: 0.28 to 0.9 in JPEG images of a quality of 60 to 95,
-mostly below 0.7; 0.93 and more in noise, 0.86 and more without noise."""
+"""Ratio of the best grid's score to the median score of the grids with the same rows, or the same
+columns. From the first value on, the image was never compressed; below the second one, few
+multiples are sufficient evidence (along a horizontal or vertical line all blocks are alike).
+Measured: 0.28 to 0.9 in JPEG images of a quality of 60 to 95, mostly below 0.7; otherwise 0.93 and
+more with noise, 0.86 and more without."""
 MIN_EVIDENCE, MIN_DISTINCT_EVIDENCE = 16.0, 4.0
-"""Logarithm of the likelihood ratio from which on an image is a JPEG image, in general and with
-such a grid: 27 to 950 in most JPEG images, 4 to 13 along the rows of pixels, up to 13 in images
-that were never compressed, whose grids are not so distinct."""
+"""Logarithm of the likelihood ratio from which on an image is a JPEG image: in general, and with a
+score ratio below `MAX_DISTINCT_SCORE_RATIO`. Measured: 27 to 950 in most JPEG images, 4 to 13 for a
+line along the rows of pixels, up to 13 in images that were never compressed, whose score ratio is
+larger."""
 MIN_STEP_EVIDENCE = 1.0
-"""The same of one frequency, from which on its step is known; others follow from
-`STANDARD_STEPS`."""
+"""Logarithm of the likelihood ratio of one frequency, from which on its step is known; the steps of
+the others follow from `STANDARD_STEPS`."""
 MIN_LEVELS = 16
 """Smallest number of grey levels around the line of an image that is compared with multiples: sums
 of few levels are multiples by chance."""
@@ -51,7 +54,7 @@ ROUNDING_STD = 0.35
 """Standard deviation of a decoded coefficient about its multiple: 0.29 by the rounding of pixels,
 0.45 in the luminance of a colour image. Units: DN."""
 OUTLIER_FRACTION = 0.15
-"""Fraction of coefficients that are no multiples, since the pixels of their blocks were clipped."""
+"""Fraction of the coefficients that are no multiples: pixels of their blocks were clipped."""
 MAX_LEVEL = 255
 """Largest pixel, and largest step, of a JPEG image. Units: DN."""
 STANDARD_STEPS = np.array(
@@ -103,7 +106,7 @@ class JpegBlocks:
     steps : (8, 8) ndarray
         Quantisation step of each frequency, down the columns and along the rows. Units: DN.
     zero_variances : (8, 8) ndarray
-        Mean square of what was rounded to zero. Units: DN^2.
+        Mean square of the coefficients that were rounded to zero. Units: DN^2.
     """
 
     row: int
@@ -112,7 +115,9 @@ class JpegBlocks:
     zero_variances: FloatArray
 
     def row_variances(self, signal: Image, windows: Windows, sigma: float) -> FloatArray:
-        """Return the variance of independent pixels that shifts the line as the rounding does.
+        """Return the variance of independent pixel errors with the same effect as the rounding.
+
+        The effect is the standard deviation of the located line.
 
         Parameters
         ----------
@@ -158,8 +163,8 @@ class JpegBlocks:
         last_top, last_left = self._block_of(np.array(height - BLOCK), np.array(width - BLOCK))
         tops = np.clip(tops, self.row, last_top)
         lefts = np.clip(lefts, self.column, last_left)
-        places, index = np.unique(tops * width + lefts, return_inverse=True)
-        zero = np.abs(_coefficients(signal, places)) < self.steps / 2
+        first_pixels, index = np.unique(tops * width + lefts, return_inverse=True)
+        zero = np.abs(_coefficients(signal, first_pixels)) < self.steps / 2
         return np.where(zero, self.zero_variances, self.steps**2 / 12), index
 
 
@@ -176,8 +181,8 @@ def find_jpeg_blocks(signal: Image, windows: Windows) -> JpegBlocks | None:
     Returns
     -------
     JpegBlocks or None
-        None of an image that was never a JPEG image, or one of so high a quality that the rounding
-        is negligible.
+        None for an image that was never a JPEG image, or was one of so high a quality that the
+        rounding is negligible.
     """
     if np.abs(windows.values).max() > MAX_LEVEL:
         return None
@@ -236,17 +241,17 @@ def _sizes_by_shift(coefficients: Image) -> Image:
     return sums
 
 
-def _squares(signal: Image, places: IntArray, size: int) -> Image:
+def _squares(signal: Image, first_pixels: IntArray, size: int) -> Image:
     """Return squares (n, size, size) of an image by the index of their first pixels."""
     steps = np.arange(size)
     within = steps[:, None] * signal.shape[1] + steps
-    squares: Image = signal.ravel().take(places[:, None, None] + within)
+    squares: Image = signal.ravel().take(first_pixels[:, None, None] + within)
     return squares
 
 
-def _coefficients(signal: Image, places: IntArray) -> FloatArray:
+def _coefficients(signal: Image, first_pixels: IntArray) -> FloatArray:
     """Return the cosine transform (n, 8, 8) of blocks by the index of their first pixels."""
-    coefficients: FloatArray = COSINES @ _squares(signal, places, BLOCK) @ COSINES.T
+    coefficients: FloatArray = COSINES @ _squares(signal, first_pixels, BLOCK) @ COSINES.T
     return coefficients
 
 
@@ -256,8 +261,8 @@ def _coefficients_along_line(signal: Image, windows: Windows, row: int, column: 
     tops = (windows.centre_rows - row) // BLOCK * BLOCK + row
     lefts = (windows.columns - column) // BLOCK * BLOCK + column
     whole = (tops >= 0) & (tops <= height - BLOCK) & (lefts >= 0) & (lefts <= width - BLOCK)
-    places = np.unique(tops[whole] * width + lefts[whole])
-    return _coefficients(signal, places[:: max(1, len(places) // MAX_BLOCKS)])
+    first_pixels = np.unique(tops[whole] * width + lefts[whole])
+    return _coefficients(signal, first_pixels[:: max(1, len(first_pixels) // MAX_BLOCKS)])
 
 
 def _estimate_steps(coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -284,7 +289,7 @@ def _estimate_step(ordered: FloatArray) -> tuple[float, float]:
     values = ordered[np.abs(ordered) > 3 * ROUNDING_STD]
     if len(values) < MIN_VALUES:
         return 1.0, 0.0
-    # The smallest but for clipped blocks is one step or more.
+    # Apart from those of clipped blocks, the smallest coefficient is one step or more.
     outliers = int(OUTLIER_FRACTION * len(values))
     smallest = float(np.partition(np.abs(values), outliers)[outliers])
     tried = np.arange(2.0, min(smallest + 2, MAX_LEVEL + 1))

@@ -7,17 +7,17 @@ import numpy.typing as npt
 
 from lsvision.geometry import FloatArray, IntArray
 from lsvision.laser_line.extraction import LaserLine
-from lsvision.laser_line.line_shape import WINDOW, LineShape, line_shape
+from lsvision.laser_line.line_shape import WINDOW, LineShape, compute_line_shape
 from lsvision.laser_line.line_spread import LineSpread, estimate_line_spread
 from lsvision.statistics.robust import median
 
 MAX_STEP_PX = 8.0
 """Largest step between neighbouring columns of one surface. Units: px."""
 SECOND_ORDER = 2.0
-"""Error of the first order over the squared size of its terms by the line's width; largest seen on
-pipes whose line becomes vertical (measured on noise-free images)."""
+"""Error of the first-order correction, as a multiple of (sum of its terms)^2 / width of the line:
+the largest value on noise-free images of pipes whose line becomes vertical."""
 MAX_VARIANCE_RATIO = 4.0
-"""Largest variance of a column over the median: a larger one comes from something else."""
+"""Largest ratio of a column's variance to the median: a larger one has another cause than blur."""
 
 
 def correct_line_blur(
@@ -83,16 +83,16 @@ def correct_line_blur(
     pixels, corrected_std = line.pixels.copy(), line.std.copy()
     for run in _continuous_runs(line.pixels[:, across]):
         width = widths[run]
-        shape = line_shape(rows[run], line.intensity[run] * width, std[run] / width)
+        shape = compute_line_shape(rows[run], line.intensity[run] * width, std[run] / width)
         width_std = np.where(line.saturated[run], np.inf, std[run])
         spread = estimate_line_spread(width, width_std, shape, blur, sheet)
-        shift, shift_std = _shift(shape, spread, width, line.filter_sigma / pitch)
+        shift, shift_std = _compute_shift(shape, spread, width, line.filter_sigma / pitch)
         pixels[run, across] -= pitch * shift
         corrected_std[run] = pitch * np.hypot(std[run], shift_std)
     return replace(line, pixels=pixels, std=corrected_std)
 
 
-def _shift(
+def _compute_shift(
     shape: LineShape, spread: LineSpread, width: FloatArray, filter_sigma: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return the shift (n,) of a run by its blur, and its standard deviation. Units: px."""

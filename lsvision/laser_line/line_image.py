@@ -36,7 +36,7 @@ class LineImage:
     channel_signal : (height, width) ndarray
         The laser's own colour alone: where a line saturates all colours the excess is zero, and
         only this channel has its shape. Units: DN.
-    brightness : (height, width) ndarray
+    luminance : (height, width) ndarray
         Luminance of a colour image (that of JPEG), which may have more resolution than its
         colours; the same array as `signal` where there are no colours. Units: DN.
     raw_channel : (height, width) ndarray
@@ -48,23 +48,23 @@ class LineImage:
 
     signal: Image
     channel_signal: Image
-    brightness: Image
+    luminance: Image
     raw_channel: Image
     full_scale: float
 
     def transposed(self) -> "LineImage":
         """Return the image with rows and columns exchanged."""
         # Channels that are one array stay one array.
-        arrays = (self.signal, self.channel_signal, self.brightness, self.raw_channel)
+        arrays = (self.signal, self.channel_signal, self.luminance, self.raw_channel)
         distinct = {id(array): array for array in arrays}
         transposed = {key: cv2.transpose(array) for key, array in distinct.items()}
-        signal, own, brightness, raw = (transposed[id(array)] for array in arrays)
-        return LineImage(signal, own, brightness, raw, self.full_scale)
+        signal, channel_signal, luminance, raw = (transposed[id(array)] for array in arrays)
+        return LineImage(signal, channel_signal, luminance, raw, self.full_scale)
 
     @property
-    def of_brightness(self) -> "LineImage":
+    def with_luminance_signal(self) -> "LineImage":
         """The image with the luminance as signal; its raw channel still decides saturation."""
-        return replace(self, signal=self.brightness, channel_signal=self.brightness)
+        return replace(self, signal=self.luminance, channel_signal=self.luminance)
 
 
 def prepare_line_image(
@@ -101,10 +101,10 @@ def prepare_line_image(
         differs in shape or type.
     """
     array = as_image(image)
-    scale = full_scale_of(array, full_scale)
-    signal, raw_channel, brightness = _laser_light(array, channel)
+    scale = find_full_scale(array, full_scale)
+    signal, raw_channel, luminance = _laser_light(array, channel)
     if laser_off is None:
-        return LineImage(signal, raw_channel, brightness, raw_channel, scale)
+        return LineImage(signal, raw_channel, luminance, raw_channel, scale)
     dark = as_image(laser_off, "laser_off")
     if dark.shape != array.shape or dark.dtype != array.dtype:
         raise ValueError(
@@ -112,16 +112,18 @@ def prepare_line_image(
             f"{dark.shape} {dark.dtype}"
         )
     depth = cv2.CV_16S if array.dtype == np.uint8 else cv2.CV_32F
-    pairs = zip((signal, raw_channel, brightness), _laser_light(dark, channel), strict=True)
+    pairs = zip((signal, raw_channel, luminance), _laser_light(dark, channel), strict=True)
     # Channels that are one array stay one array.
-    differences = {id(lit): cv2.subtract(lit, unlit, dtype=depth) for lit, unlit in pairs}
-    own, channel_signal, luminance = (
-        differences[id(array)] for array in (signal, raw_channel, brightness)
+    differences = {id(bright): cv2.subtract(bright, dark, dtype=depth) for bright, dark in pairs}
+    signal_difference, channel_difference, luminance_difference = (
+        differences[id(array)] for array in (signal, raw_channel, luminance)
     )
-    return LineImage(own, channel_signal, luminance, raw_channel, scale)
+    return LineImage(
+        signal_difference, channel_difference, luminance_difference, raw_channel, scale
+    )
 
 
-def full_scale_of(array: Image, given: float | None) -> float:
+def find_full_scale(array: Image, given: float | None) -> float:
     """Return the largest pixel value, as given or from type and brightest pixel. Units: DN."""
     if given is not None:
         return float(given)
@@ -157,7 +159,13 @@ def _laser_light(array: Image, channel: Channel) -> tuple[Image, Image, Image]:
 
 
 def _grey_channel(array: Image) -> Image:
-    """Return one channel of a grey image that is stored as three equal ones."""
+    """Return one channel of a grey image that is stored as three equal channels.
+
+    Raises
+    ------
+    ValueError
+        If the channels differ.
+    """
     first = array[..., 0]
     if np.array_equal(first, array[..., 1]) and np.array_equal(first, array[..., 2]):
         return np.ascontiguousarray(first)

@@ -11,17 +11,17 @@ from lsvision.statistics.robust import mad_std
 WINDOW = 11
 """Columns of a local polynomial: several times the blur, a fraction of a pipe. Units: px."""
 DEGREE = 3
-"""Degree of the local polynomial of a line's rows: its flank bends more and more."""
+"""Degree of the local polynomial of a line's rows: the curvature changes along a flank."""
 FADE_DEGREE = 2
-"""Degree of that of the logarithm of its light, which is noisier."""
+"""Degree of the local polynomial of the logarithm of its light, which is noisier."""
 EDGE_FADE = 0.1
 """Relative change of light from column to column that may be an edge: the end of a line, paint, a
 shadow. The light of a matt pipe fades by less except beside its end. Units: 1 / px."""
 EDGE_SIGMAS = 4.0
 """Smallest change of light at an edge in its standard deviations."""
 EDGE_STD_FRACTION = 0.5
-"""Standard deviation of the change of light at an edge, as a fraction of it: there it changes from
-column to column as much as its own size."""
+"""Standard deviation of the change of light at an edge, as a fraction of that change, which varies
+from column to column by as much as its own size."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +33,8 @@ class LineShape:
     slope, curvature : (n,) ndarray
         First and second derivative of the row. Units: 1, 1 / px.
     fade : (n,) ndarray
-        Relative change of light; at an edge that between its neighbours. Units: 1 / px.
+        Relative change of light per column; at an edge computed from the two neighbouring columns.
+        Units: 1 / px.
     fade_std : (n,) ndarray
         Standard deviation of `fade`. Units: 1 / px.
     edge : (n,) ndarray of bool
@@ -54,8 +55,8 @@ class LineShape:
         return far
 
 
-def line_shape(rows: FloatArray, light: FloatArray, relative_std: FloatArray) -> LineShape:
-    """Compute the shape of a line's run, at least `WINDOW` points long.
+def compute_line_shape(rows: FloatArray, light: FloatArray, relative_std: FloatArray) -> LineShape:
+    """Compute the shape of a run of a line that has at least `WINDOW` points.
 
     Parameters
     ----------
@@ -75,7 +76,7 @@ def line_shape(rows: FloatArray, light: FloatArray, relative_std: FloatArray) ->
     edge = np.abs(local_fade) > np.maximum(EDGE_FADE, EDGE_SIGMAS * noise / np.sqrt(2))
     slope, curvature, fade = np.full((3, len(rows)), np.nan)
     fade_std = noise / np.sqrt(2)
-    for piece in _pieces(~edge):
+    for piece in _smooth_runs(~edge):
         slope[piece] = _derivative(rows[piece], DEGREE, 1)[0]
         curvature[piece] = _derivative(rows[piece], DEGREE, 2)[0]
         fade[piece], gain = _derivative(log_light[piece], FADE_DEGREE, 1)
@@ -83,7 +84,7 @@ def line_shape(rows: FloatArray, light: FloatArray, relative_std: FloatArray) ->
     edge = np.isnan(slope)
     fade[edge] = _fade_at_edges(before[edge], after[edge])
     fade_std[edge] = np.hypot(fade_std[edge], EDGE_STD_FRACTION * local_fade[edge])
-    return LineShape(*_continued(slope, curvature, edge), fade, fade_std, edge)
+    return LineShape(*_extrapolate_at_edges(slope, curvature, edge), fade, fade_std, edge)
 
 
 def _fade_at_edges(before: FloatArray, after: FloatArray) -> FloatArray:
@@ -96,7 +97,7 @@ def _fade_at_edges(before: FloatArray, after: FloatArray) -> FloatArray:
     return fade
 
 
-def _pieces(smooth: BoolArray) -> list[IntArray]:
+def _smooth_runs(smooth: BoolArray) -> list[IntArray]:
     """Return the indices of each run of smooth points that is at least as long as a window."""
     indices = np.flatnonzero(smooth)
     pieces = np.split(indices, np.flatnonzero(np.diff(indices) > 1) + 1)
@@ -128,7 +129,7 @@ def _filters(degree: int, order: int) -> tuple[FloatArray, FloatArray]:
     return filters, np.linalg.norm(filters, axis=1)
 
 
-def _continued(
+def _extrapolate_at_edges(
     slope: FloatArray, curvature: FloatArray, edge: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return slope and curvature; at edges those of the nearest smooth point."""

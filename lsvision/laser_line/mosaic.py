@@ -1,8 +1,9 @@
 """The laser's own pixels of a sensor with a colour mosaic (Bayer).
 
-Each pixel of such a sensor sees one colour: a red or blue laser one pixel in four, a green one two.
-Interpolated to a colour image, the line is located up to 0.2 px off its true position, to a side
-that depends on its position among the rows; its own pixels alone locate it without that error.
+Each pixel of such a sensor measures one colour: one pixel in four that of a red or blue laser, two
+in four that of a green one. In an interpolated colour image the located line deviates by up to
+0.2 px from its true position, to a side that depends on its position relative to the rows; in the
+pixels of the laser's colour alone it is located without that error.
 """
 
 from typing import Literal
@@ -51,26 +52,26 @@ def colour_planes(array: Image, pattern: Bayer, colour: str) -> list[tuple[int, 
     ]
 
 
-def interpolated_grey(array: Image, pattern: Bayer | None) -> Image:
-    """Return the luminance of a mosaic at every pixel, for what is seen in any colour.
+def interpolate_grey(array: Image, pattern: Bayer | None) -> Image:
+    """Return the luminance of a mosaic at every pixel, in which objects of any colour are visible.
 
     Parameters
     ----------
     array : (height, width) or (height, width, 3) ndarray
         Raw image, or one with colours.
     pattern : {"RGGB", "BGGR", "GRBG", "GBRG"}, optional
-        Of the raw image.
+        Colours of the raw image, as for `colour_planes`.
 
     Returns
     -------
     ndarray
-        The image itself where it has colours, has another depth than 8 or 16 bit, or `pattern` is
-        None.
+        Luminance; the given image if it has colours or another depth than 8 or 16 bit, or if
+        `pattern` is None.
 
     Examples
     --------
     >>> raw = np.tile(np.array([[90, 60], [60, 30]], np.uint8), (8, 8))
-    >>> np.unique(interpolated_grey(raw, "RGGB")).tolist()
+    >>> np.unique(interpolate_grey(raw, "RGGB")).tolist()
     [66]
     """
     if pattern is None or array.ndim != 2 or array.dtype not in (np.uint8, np.uint16):

@@ -167,9 +167,9 @@ def block_excess_variance(
 ) -> FloatArray:
     """Estimate the variance of a line's rows in excess of their predicted noise, by block means.
 
-    The rounding of a JPEG image removes the noise of high frequencies and keeps that of low ones:
-    the columns of a block have less scatter than the mean of a block has, times the root of its
-    columns, to which the error of a fit is proportional.
+    The rounding of a JPEG image removes the noise of high frequencies and keeps that of low ones.
+    Therefore the scatter of single columns underestimates the error of a fit, which is proportional
+    to the scatter of block means times the square root of the columns in a block.
 
     Parameters
     ----------
@@ -233,6 +233,7 @@ def roughness(columns: IntArray, rows: FloatArray) -> float:
 
 
 def _scatters(columns: IntArray, rows: FloatArray) -> list[float]:
+    """Return the scatter of a line at each of `COMPARED_LAGS`. Units: px."""
     line = np.full(int(columns.max()) + 1, np.nan)
     line[columns] = rows
     scale = np.ones_like(line)

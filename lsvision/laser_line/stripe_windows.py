@@ -71,8 +71,8 @@ class Windows:
             self.saturated[which],
         )
 
-    def replaced(self, other: "Windows", which: BoolArray) -> "Windows":
-        """Return the windows with those of a mask (n,) from others of the same columns."""
+    def replace_columns(self, other: "Windows", which: BoolArray) -> "Windows":
+        """Return the windows with those of a mask (n,) taken from `other`, of the same columns."""
         return Windows(
             self.columns,
             np.where(which, other.centre_rows, self.centre_rows),
@@ -114,8 +114,8 @@ class Stripes:
         """Return the stripes of a mask (n,)."""
         return Stripes(self.pixels[which], self.std[which], self.heights[which], self.sigmas[which])
 
-    def replaced(self, other: "Stripes", which: BoolArray) -> "Stripes":
-        """Return the stripes with those of a mask (n,) from others of the same columns."""
+    def replace_columns(self, other: "Stripes", which: BoolArray) -> "Stripes":
+        """Return the stripes with those of a mask (n,) taken from `other`, of the same columns."""
         return Stripes(
             np.where(which[:, None], other.pixels, self.pixels),
             np.where(which, other.std, self.std),

@@ -29,8 +29,8 @@ MAX_SHIFT_SIGMAS = 1.2
 MIN_SHIFT_LIMIT_PX = 1.0
 """Smallest value of that limit: coarse rows are whole or half pixels. Units: px."""
 MIN_SIGMA_PX = 0.1
-"""Smallest sigma with which the derivative filter is computed: a narrower one would see one pixel
-as this one does, and its exponentials overflow. Units: px."""
+"""Smallest sigma with which the derivative filter is computed. A narrower filter would also consist
+of a single pixel, and its exponentials overflow. Units: px."""
 WIDTH_RATIO_MARGIN = 1e-3
 """Margin from 0 and 1 of the ratio that gives a stripe's width, which would be infinite or 0."""
 TABULATED_WIDTHS = (0.3, 2.6, 50)
@@ -49,7 +49,8 @@ it the neighbouring pixel is nearer. Units: px."""
 MIN_PIXELS = 6
 """Smallest number of unsaturated pixels for the four parameters of a Gaussian."""
 SIGMA_RATIO_RANGE = (0.4, 4.0)
-"""Fitted sigma over initial sigma; outside of it the fit has converged to something else."""
+"""Smallest and largest ratio of fitted to initial sigma; outside of this range the fit has
+converged to something other than the stripe."""
 BORDER_SIGMAS = 2.5
 """Distance from the left and right border, in sigmas of the smoothing, below which the values
 substituted for the missing pixels shift a ridge."""
@@ -226,7 +227,7 @@ def _fit_gaussians(
         trace = normal_matrices.trace(axis1=1, axis2=2)[:, None, None]
         normal_matrices += GAUSS_NEWTON_DAMPING * trace * np.eye(4)
         step = np.linalg.solve(normal_matrices, gradient[:, :, None])[:, :, 0]
-        # Position and width change by half the width at most, so that no stripe is left.
+        # Position and width change by half the width at most, so that the fit stays at its stripe.
         limit = 0.5 * parameters[:, 2]
         step[:, 1:3] = np.clip(step[:, 1:3], -limit[:, None], limit[:, None])
         parameters = parameters + step

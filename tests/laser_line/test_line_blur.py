@@ -8,7 +8,7 @@ import pytest
 
 from lsvision.laser_line.extraction import LineSettings, extract_laser_line
 from lsvision.laser_line.line_blur import _continuous_runs, correct_line_blur
-from lsvision.laser_line.line_shape import WINDOW, line_shape
+from lsvision.laser_line.line_shape import WINDOW, compute_line_shape
 from lsvision.laser_line.line_spread import estimate_line_spread
 from lsvision.measure import measure_cylinders
 from tests.laser_line.other_pictures import Picture, photograph
@@ -130,7 +130,9 @@ def test_the_blur_is_known_from_the_widths(blur, roll):
     line = extract_laser_line(photograph(picture.light(), np.random.default_rng(5)))
     (run,) = _continuous_runs(line.pixels[:, 1])
     width = line.width[run]
-    shape = line_shape(line.pixels[run, 1], line.intensity[run] * width, line.std[run] / width)
+    shape = compute_line_shape(
+        line.pixels[run, 1], line.intensity[run] * width, line.std[run] / width
+    )
     normal = picture.light_section()._normal_in_image(line.pixels)
     spread = estimate_line_spread(width, line.std[run], shape, None, normal)
     # A tilt of the camera by 30 deg shows the sheet, 0.15 mm seen at 60 deg, aslant.
