@@ -23,9 +23,9 @@ of views."""
 MAX_STEPS = 300
 """Maximum number of steps; about six are needed, and up to 200 with a tilted sensor."""
 MIN_DAMPING, MAX_DAMPING, DAMPING_FACTOR = 1e-8, 1e2, 3.0
-"""Damping after the first step that increased the cost, relative to the scaled normal equations,
-that at which the iteration stops, and the factor from one step to the next: with 10 in place of 3,
-half of the simulated sets with a tilted sensor end beside the minimum."""
+"""Damping relative to the scaled normal equations: after the first step that increased the cost, at
+which the iteration stops, and the factor from one step to the next. With a factor of 10,
+half of the simulated sets of views with a tilted sensor do not reach the minimum."""
 RELATIVE_TOLERANCE = 1e-10
 """Relative decrease of the sum of squares below which the iteration stops."""
 
@@ -119,11 +119,13 @@ class _State:
         return cls(np.array(numbers), np.array(vectors), np.zeros(SHAPE_TERMS))
 
     def camera(self, like: Camera) -> Camera:
+        """Return a camera with these intrinsics and the image size of another one."""
         matrix = like.matrix.copy()
         matrix[[0, 1, 0, 1], [0, 1, 2, 2]] = self.intrinsics[:4]
         return replace(like, matrix=matrix, distortion=self.intrinsics[4:])
 
     def board_poses(self) -> list[Pose]:
+        """Return ``camera_from_board`` of each view."""
         return [Pose(cv2.Rodrigues(vector[:3])[0], vector[3:]) for vector in self.poses]
 
 
@@ -159,7 +161,10 @@ class _NormalEquations:
 
 @dataclass(frozen=True, eq=False)
 class _Problem:
-    """Least squares in pixels, of the first `terms` parameters of the shape."""
+    """Least-squares problem in pixels, with the first `terms` parameters of the shape.
+
+    `transfer` is the Jacobian (4 + k, m) of all intrinsics by the m free ones.
+    """
 
     views: Sequence[TargetView]
     shape: BoardShape
@@ -187,7 +192,7 @@ class _Problem:
         """Return the Jacobians by pose and by common parameters, and the negative residuals."""
         fx, fy, cx, cy = state.intrinsics[:4]
         matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
-        points = self.shape.bent(view.points, state.bow)
+        points = self.shape.bend(view.points, state.bow)
         projected, jacobian = cv2.projectPoints(
             points, vector[:3], vector[3:], matrix, state.intrinsics[4:]
         )

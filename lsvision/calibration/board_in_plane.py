@@ -138,7 +138,7 @@ def _equivalent_pinhole_camera(view: TargetView) -> tuple[Camera, Pose]:
         )
     # A board point X seen along d = X - centre is (X, Y, 1) = B d, hence pixel ~ H B d = K R d.
     B = np.array([[1, 0, -a / h], [0, 1, -b / h], [0, 0, -1 / h]])
-    K, R = _upper_times_rotation(homography @ B)
+    K, R = _rq_decomposition(homography @ B)
     return Camera(K, np.empty(0), view.size), Pose(R, -R @ centre)
 
 
@@ -160,8 +160,8 @@ def _camera_centre(homography: FloatArray, view: TargetView) -> FloatArray:
     return pose.inverse().translation
 
 
-def _upper_times_rotation(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the RQ decomposition with positive diagonal, scaled to K[2, 2] = 1."""
+def _rq_decomposition(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return K and R of the RQ decomposition, K with positive diagonal and K[2, 2] = 1."""
     matrix = matrix * np.sign(np.linalg.det(matrix))
     flip = np.eye(3)[::-1]
     Q, U = np.linalg.qr((flip @ matrix).T)

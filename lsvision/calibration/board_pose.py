@@ -79,11 +79,13 @@ def estimate_board_pose(
 
 
 def _require_spread(pixels: FloatArray, points: FloatArray) -> None:
-    """Require at least 6 finite corners that do not lie on one line."""
+    """Raise an error unless there are at least 6 finite corners that do not lie on one line."""
     if not (np.isfinite(pixels).all() and np.isfinite(points).all()):
         raise ValueError("expected finite corners: leave out those that were not found")
     if len(pixels) < 6:
-        raise CalibrationFailed(f"board seen by {len(pixels)} corners and needs 6: show more of it")
+        raise CalibrationFailed(
+            f"{len(pixels)} corners of the board were found and 6 are needed: show more of it"
+        )
     for coordinates in (points, pixels):
         singular_values = np.linalg.svd(coordinates - coordinates.mean(axis=0), compute_uv=False)
         if not singular_values[1] > 1e-3 * singular_values[0]:

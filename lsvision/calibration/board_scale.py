@@ -1,9 +1,9 @@
-"""Size of a board as the robot's motion shows it: a check of the stated size.
+"""Check of the stated size of a board by the motion of the robot.
 
-A wrong size multiplies all distances from the camera to the board by one factor, and the robot's
-motion, which is in mm, does not. The hand-eye solution takes up most of the difference: the camera
-moves along its own axis, by 4 mm where a board 400 mm away is 1 % too large, and the residuals grow
-less than the error.
+A wrong size multiplies all distances from the camera to the board by one factor, but not the
+robot's motion, which is in mm. The hand-eye solution absorbs most of the difference by a shift of
+the camera along its optical axis (4 mm for a board 400 mm away whose stated size is 1 % wrong), so
+that the residuals increase by less than the error.
 """
 
 from dataclasses import dataclass
@@ -20,7 +20,8 @@ from lsvision.errors import CalibrationFailed
 from lsvision.geometry import FloatArray, Points
 
 MAX_SCALE_ERROR = 0.02
-"""Deviation from 1 above which the calibration is rejected; a printer's scale is off by less."""
+"""Deviation of the factor from 1 above which the calibration is rejected; the scale of printers
+deviates by less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,11 +43,11 @@ class BoardScale:
 
     @property
     def significant(self) -> bool:
-        """Whether the stated size is wrong."""
+        """Whether the factor differs significantly from 1: the stated size is wrong."""
         return is_wrong_scale((self.factor, self.std), MIN_BOARD_SCALE_ERROR)
 
     def require_plausible(self) -> None:
-        """Require a size that is not far off the stated one.
+        """Raise an error if the stated size is wrong by more than `MAX_SCALE_ERROR`.
 
         Raises
         ------
@@ -73,7 +74,8 @@ def estimate_board_scale(
     origins : (n, 3) ndarray
         Origins of the board in the camera frame. Units: mm.
     camera_modes : (m, n, 6) ndarray
-        Shifts of the boards by independent errors of the camera, which also change the scale.
+        Shifts of the n boards by m independent errors of the camera, which also change the scale:
+        origin (mm) and left-hand rotation (rad).
     robot_is_stated : bool
         Whether the standard deviation of the robot was stated. An estimated one contains the
         effect of a wrong size; then the noise is estimated from the residuals without that effect.

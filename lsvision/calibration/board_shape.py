@@ -42,7 +42,7 @@ class BoardShape:
         return cls((low + high) / 2, (high - low) / 2)
 
     def terms(self, points: Points) -> FloatArray:
-        """Return the height (n, 3) by a unit of each parameter at points (n, 2)."""
+        """Return the height at points (n, 2) per unit of each parameter, (n, 3)."""
         scaled = (points - self.middle) / self.half
         terms: FloatArray = np.column_stack([1 - scaled**2, scaled.prod(axis=1)])
         return terms
@@ -59,8 +59,8 @@ class BoardShape:
         slopes: FloatArray = scaled_slopes / self.half
         return slopes
 
-    def bent(self, corners: Points, parameters: FloatArray) -> Points:
-        """Return corners (n, 3), given on the flat pattern, on the bent board. Units: mm."""
+    def bend(self, corners: Points, parameters: FloatArray) -> Points:
+        """Return corners (n, 3) of the flat pattern, moved to the bent board. Units: mm."""
         bent = corners.copy()
         bent[:, 2] += self.heights(corners[:, :2], parameters)
         return bent

@@ -16,7 +16,7 @@ from lsvision.errors import CalibrationFailed
 from lsvision.geometry import FloatArray, IntArray, Pose
 
 CAPPED_ANGLE = np.radians(10.0)
-"""Largest difference of two angles that is counted, so that a wrong pose has limited influence.
+"""Limit to which differences of two angles are clipped, so that a wrong pose has limited influence.
 Units: rad."""
 MIN_MARGIN = np.radians(2.0)
 """Smallest mean difference by which every other turn of a view must fit worse; errors of robots and
@@ -139,7 +139,7 @@ def turn_boards(
     )
     _require_certain(costs, labels)
     counts = np.bincount(labels, minlength=len(group))
-    labels = _relative(labels, int(counts.argmax()), len(group))
+    labels = _relative_labels(labels, int(counts.argmax()), len(group))
     poses, maps = [], []
     for pose, label in zip(camera_from_boards, labels, strict=True):
         poses.append(pose @ group[label])
@@ -148,7 +148,7 @@ def turn_boards(
     return TurnedBoards(tuple(poses), np.array(maps), tuple(np.flatnonzero(labels).tolist()))
 
 
-def _relative(labels: IntArray, reference: int, size: int) -> IntArray:
+def _relative_labels(labels: IntArray, reference: int, size: int) -> IntArray:
     """Return the turns relative to one of them; the turns are a cyclic group in order."""
     relative: IntArray = (labels - reference) % size
     return relative
@@ -186,7 +186,7 @@ def _label_costs(costs: FloatArray, labels: IntArray) -> FloatArray:
     return np.array(
         [
             [
-                costs[others, view, _relative(np.full(count, turn) - labels, 0, size)].sum()
+                costs[others, view, _relative_labels(np.full(count, turn) - labels, 0, size)].sum()
                 / (count - 1)
                 for turn in range(size)
             ]
@@ -212,7 +212,7 @@ def _total_cost(costs: FloatArray, labels: IntArray) -> float:
 
 
 def _require_certain(costs: FloatArray, labels: IntArray) -> None:
-    """Require every other turn of every view to fit worse."""
+    """Raise an error unless every other turn of every view fits worse by `MIN_MARGIN`."""
     label_costs = _label_costs(costs, labels)
     selected_costs = label_costs[np.arange(len(labels)), labels]
     label_costs[np.arange(len(labels)), labels] = np.inf

@@ -190,7 +190,7 @@ def _plane_covariance_and_bow_std(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the covariance of the plane, and the std of the bow (0 where fixed)."""
     covariance: FloatArray = np.asarray(np.linalg.pinv(information, hermitian=True))
-    plane, bow = problem.columns_of_plane(), problem.columns_of_bow()
+    plane, bow = problem.plane_columns(), problem.bow_columns()
     bow_std = np.zeros(SHAPE_TERMS)
     if len(bow):
         bow_std = np.sqrt(covariance[bow, bow])

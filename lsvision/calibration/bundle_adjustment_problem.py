@@ -182,11 +182,11 @@ class BundleAdjustmentProblem:
             jacobian[:, column] = (self(vector + increment) - residuals) / step
         return jacobian
 
-    def columns_of_plane(self) -> IntArray:
+    def plane_columns(self) -> IntArray:
         """Return the indices of the plane's tilt about X, about Y, and distance."""
         return np.flatnonzero((self.free >= 18) & (self.free < 21))
 
-    def columns_of_bow(self) -> IntArray:
+    def bow_columns(self) -> IntArray:
         """Return the indices of the bow; empty where it is fixed."""
         return np.flatnonzero(self.free >= 21)
 
@@ -233,7 +233,7 @@ class BundleAdjustmentProblem:
         self, camera: Camera, bow: FloatArray, rotations: FloatArray, translations: FloatArray
     ) -> Points:
         """Return projected minus observed corners (n, 2). Units: px."""
-        corners = self._shape.bent(self._corners, bow)
+        corners = self._shape.bend(self._corners, bow)
         view = self._corner_view
         in_camera = np.einsum("nij,nj->ni", rotations[view], corners) + translations[view]
         return camera.project(in_camera) - self._pixels

@@ -30,12 +30,12 @@ value."""
 MAX_REFINEMENT_STEPS = 10
 """Maximum number of iterations of the refinement."""
 
-SEARCHES = 3
-"""Number of searches, each from the grid that fits the corners of the one before."""
+SEARCH_ROUNDS = 3
+"""Number of searches; each starts from the grid fitted to the corners of the previous one."""
 
 GRID_TOLERANCE = 0.02
-"""Distance from the grid, in squares, that is expected of an initial position or of a distorted
-lens."""
+"""Distance of a corner from the grid, in squares, that errors of initial positions and lens
+distortion explain."""
 
 OUTLIER_SIGMAS = 5.0
 """Distance from the grid, in robust standard deviations, beyond which a corner is left out."""
@@ -102,7 +102,7 @@ def locate_corners(
     """
     grid = _Grid.fit(initial, image.shape, GRID_TOLERANCE * square_size(initial))
     corners, inliers = initial, np.ones(initial.shape[:2], dtype=bool)
-    for _ in range(SEARCHES):
+    for _ in range(SEARCH_ROUNDS):
         size = square_size(grid.corners)
         if not size > 1:
             return None

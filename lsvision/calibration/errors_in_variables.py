@@ -36,7 +36,7 @@ ROBOT_RATIO_PRIOR = 3.0
 """Standard deviation, as a factor, of the log-normal prior of the ratio of the robot's errors of
 position and orientation, about that of `NOMINAL_ROBOT_STD`."""
 LOG_LIKELIHOOD_CUTOFF = 12.0
-"""Decrease of the log-likelihood beyond which a scale is ignored."""
+"""Decrease of the log-likelihood from its maximum, beyond which a scale is ignored."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +81,7 @@ class ErrorsInVariablesFit:
     def covariance(self) -> FloatArray:
         """Covariance of sensor (6) and target(s).
 
-        Valid where the error of the robot is as stated or was estimated.
+        It is valid if the error of the robot is as stated, or was estimated.
         """
         covariance: FloatArray = self.cofactors * self.variance_factor
         return covariance
@@ -247,8 +247,8 @@ def _estimate_robot_std_scales(
 
     Restricted likelihood (Harville 1977) of the linearised problem times a half-Cauchy prior of the
     geometric mean of both scales and a log-normal one of their ratio, on a coarse grid and then on
-    a fine one. The mean and not the mode: where the observations are as noisy as the robot, the
-    mode is often zero, and then the covariance is too small.
+    a fine one. The posterior mean is used, because the mode is often zero where the observations
+    are as noisy as the robot, which would make the covariance too small.
     """
     likelihood = _restricted_likelihood(observations, states, mask)
     z = np.linspace(-2.0, 2.0, 9)  # of the ratio's logarithm, in standard deviations of its prior
@@ -318,7 +318,7 @@ class LeastDeterminedDirection:
     description: str
 
 
-def least_determined_direction(
+def find_least_determined_direction(
     observations: Observations, fit: ErrorsInVariablesFit
 ) -> LeastDeterminedDirection:
     """Return the motion of the sensor that the inlier poses determine least.
@@ -340,11 +340,11 @@ def least_determined_direction(
     _, singular_values, directions = np.linalg.svd(projected, full_matrices=False)
     std = float("inf") if singular_values[-1] < 1e-12 else float(1 / singular_values[-1])
     return LeastDeterminedDirection(
-        std, _direction_description(directions[-1], fit.states.rotations[0])
+        std, _describe_direction(directions[-1], fit.states.rotations[0])
     )
 
 
-def _direction_description(direction: FloatArray, rotation: FloatArray) -> str:
+def _describe_direction(direction: FloatArray, rotation: FloatArray) -> str:
     """Return the dominant axis of a motion (6,) of the sensor, in its own frame."""
     translation, rotation_vector = rotation.T @ direction[:3], rotation.T @ direction[3:]
     rotates = np.linalg.norm(rotation_vector) > np.linalg.norm(translation)

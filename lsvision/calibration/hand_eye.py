@@ -1,9 +1,9 @@
 """Hand-eye calibration: sensor to robot, on a sphere, a plane or a board.
 
-Each pose's data are reduced to a few numbers with a covariance. Many initial guesses and random
-selections of poses give the solution and the outlying poses; robot poses are treated as noisy
-(`errors_in_variables`), so that the covariance is valid. No initial guess by the caller is needed.
-Data that do not determine the solution raise an error with the missing motion.
+The data of each pose are reduced to a few numbers with a covariance. The solution and the outlying
+poses are found from many initial guesses and random selections of poses, so that the caller need
+not give an initial guess. Robot poses are treated as noisy (`errors_in_variables`), so that the
+covariance is valid. Data that do not determine the solution raise an error with the missing motion.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ Shape = TypeVar("Shape", SphereArc, PlaneLine)
 EXACT_RADIUS_STD = 1e-4
 """Standard deviation of a given radius. Units: mm."""
 MIN_OFFSET = 0.15
-"""Smallest root mean square distance of the cuts from the sphere's centre, in radii."""
+"""Smallest root mean square distance of the sections from the sphere's centre, in radii."""
 MIN_SPREAD = 0.05
 """Smallest range of the sphere's positions in the view, in radii."""
 
@@ -67,7 +67,7 @@ def calibrate_hand_eye_sphere(
     Parameters
     ----------
     profiles : sequence of Profile or (n, 2) array_like
-        Profile at each pose; the sphere is found among other objects, its flanks are left out.
+        Profile at each pose; the sphere may be among other objects, and its flanks are not used.
     base_from_flanges : sequence of Pose or (4, 4) array_like
         Flange pose at each observation.
     radius : float, optional
@@ -150,8 +150,8 @@ def calibrate_hand_eye_plane(
 ) -> HandEye:
     """Calibrate a profile sensor to a robot by profiles of one fixed plane.
 
-    More accurate than a sphere in rotation, about three times less at the working point: take 20
-    poses, tilted by ± 40 deg about two axes, at near and far ranges.
+    A plane is more accurate than a sphere in rotation, but about three times less accurate at the
+    working point. Take 20 poses, tilted by ± 40 deg about two axes, at near and far ranges.
 
     Parameters
     ----------

@@ -83,7 +83,7 @@ def read_hand_eye(
     schema = document.get("schema") if isinstance(document, dict) else None
     if schema != SCHEMA:
         raise UnreadableFile(
-            f"{path}: expected schema {SCHEMA!r}, got {schema!r}: is it another file?"
+            f"{path}: expected schema {SCHEMA!r}, got {schema!r}: check that it is a hand-eye file"
         )
     if document.get("units", UNITS) != UNITS:
         raise UnreadableFile(
@@ -146,7 +146,7 @@ def _check_numbers(hand_eye: "HandEye") -> None:
             f"factor and sphere {lengths}"
         )
     if not hand_eye.ambiguity_ratio >= 0:
-        raise ValueError(f"expected ambiguity from 0, got {hand_eye.ambiguity_ratio}")
+        raise ValueError(f"expected ambiguity >= 0, got {hand_eye.ambiguity_ratio}")
     count = len(hand_eye.residuals)
     if len(hand_eye.leave_one_out_residuals) != count:
         raise ValueError(
@@ -160,7 +160,7 @@ def _check_numbers(hand_eye: "HandEye") -> None:
     if not all(type(index) is int and 0 <= index < count for index in indices):
         raise ValueError(f"expected rejected poses from 0 to {count - 1}, got {indices}")
     if len(set(indices)) == count:
-        raise ValueError(f"expected a pose that is not rejected, got {count}, all rejected")
+        raise ValueError(f"expected a pose that is not rejected, got {count} rejected poses")
     if hand_eye.mounting not in get_args(Mounting) or hand_eye.sensor not in get_args(Sensor):
         raise ValueError(
             f"expected mounting {' or '.join(get_args(Mounting))} and sensor "
@@ -231,7 +231,7 @@ def _target_from_document(document: dict[str, Any]) -> Sphere | Plane | Pose:
         return Plane(document["normal"], document["distance"])
     if kind == "board":
         return Pose.from_matrix(document["pose"])
-    raise ValueError(f"target of kind {kind!r}")
+    raise ValueError(f"expected a target of kind sphere, plane or board, got {kind!r}")
 
 
 def _replace_nan_by_null(lengths: "np.ndarray[Any, np.dtype[np.float64]]") -> list[float | None]:

@@ -107,8 +107,8 @@ class HandEye(Result):
         not determine it.
     target_scale : tuple of float, optional
         Factor by which the size of a board must be multiplied, and its standard deviation; a check
-        of the stated size. A factor far from 1 is not applied; the covariance then includes the
-        change that it would make. None for other targets.
+        of the stated size. The factor is not applied; if it differs significantly from 1, the
+        covariance includes the change that it would make. None for other targets.
 
     Examples
     --------
@@ -177,7 +177,7 @@ class HandEye(Result):
 
     @property
     def sphere(self) -> Sphere:
-        """The target, if it was a sphere."""
+        """The target of a calibration on a sphere; ValueError for another target."""
         if not isinstance(self.target, Sphere):
             raise ValueError(
                 f"expected a calibration on a sphere, got {type(self.target).__name__}"
@@ -207,7 +207,7 @@ class HandEye(Result):
         return self.std_at(self.working_point)
 
     def covariance_at(self, point: npt.ArrayLike) -> FloatArray:
-        """Return the covariance that the calibration gives a point of the sensor frame.
+        """Return the covariance of a point's position due to the errors of the calibration.
 
         Parameters
         ----------

@@ -14,7 +14,7 @@ from lsvision.calibration.errors_in_variables import (
     NOMINAL_ROBOT_STD,
     ErrorsInVariablesFit,
     degrees_of_freedom,
-    least_determined_direction,
+    find_least_determined_direction,
     robot_covariances,
     robot_whitening,
 )
@@ -37,7 +37,7 @@ from lsvision.geometry import FloatArray, Plane, Pose
 from lsvision.geometry.arrays import rms
 
 MAX_NOISE_RATIO = 4.0
-"""Ratio of the largest rms residual that is accepted to the one that the stated noise explains."""
+"""Largest accepted ratio of the rms residual to the one that the stated noise explains."""
 MAX_ROBOT_STD_SCALE = 40.0
 """Largest standard deviation of a robot that is accepted, in units of `NOMINAL_ROBOT_STD`: 2 mm and
 0.4 deg. Wrong conventions and shuffled pairs give 300 and more."""
@@ -111,8 +111,10 @@ def solve_hand_eye(
     too_few = inliers < max(min_poses, count * (1 - settings.outliers.max_outlier_fraction))
     limit = settings.max_residual_rms or _explained_residual_rms(observations, fit, settings)
     if too_few or inlier_rms > limit:
-        raise CalibrationFailed(_diagnose(observations, norms, (inlier_rms, limit), inliers))
-    least_determined = least_determined_direction(observations, fit)
+        raise CalibrationFailed(
+            _explain_large_residuals(observations, norms, (inlier_rms, limit), inliers)
+        )
+    least_determined = find_least_determined_direction(observations, fit)
     if least_determined.std > settings.max_least_determined_std:
         raise DegenerateGeometry(
             f"the sensor is determined to {least_determined.std:.3g} mm only in "
@@ -141,10 +143,13 @@ def _explained_residual_rms(
     return max(float(np.hypot(factor * robot**0.5, MAX_NOISE_RATIO * sensor**0.5)), MIN_LIMIT_MM)
 
 
-def _diagnose(
+def _explain_large_residuals(
     observations: Observations, norms: FloatArray, rms_and_limit: tuple[float, float], inliers: int
 ) -> str:
-    """Return the most likely cause of large residuals."""
+    """Return the message with the most likely cause of large residuals.
+
+    `norms` are the residuals of all poses in mm, `rms_and_limit` those of the `inliers` poses.
+    """
     inlier_rms, limit = rms_and_limit
     count = len(norms)
     finding = (
@@ -154,10 +159,9 @@ def _diagnose(
         return finding
     return (
         f"the best solution leaves {inlier_rms:.3g} mm at {inliers} of {count} poses, more than "
-        f"the {limit:.2g} mm that noise explains: are pairs shuffled, is the convention or unit of "
-        "the poses another one than stated, or the mounting (eye in hand, eye to hand), or the "
-        "size of the target? A worse robot needs a larger limit, --max-residual (in Python "
-        "max_residual_rms)"
+        f"the {limit:.2g} mm that noise explains: check the order of the pairs, the convention and "
+        "unit of the poses, the mounting (eye in hand, eye to hand), and the size of the target; "
+        "for a less accurate robot increase the limit --max-residual (in Python max_residual_rms)"
     )
 
 
@@ -192,7 +196,7 @@ def build_hand_eye(
         )
         for index in np.flatnonzero(fit.mask == 0)
     ]
-    least_determined = least_determined_direction(observations, fit)
+    least_determined = find_least_determined_direction(observations, fit)
     return HandEye(
         mount_from_sensor=Pose(fit.states.rotations[0], fit.states.translations[0]),
         covariance=fit.covariance[:6, :6],

@@ -62,15 +62,15 @@ def _describe_residuals(residual_rms: float, robot_std: tuple[float, float]) -> 
     position, rotation = robot_std
     return (
         f"the residuals are {residual_rms:.2g} mm rms, as with a robot of {position:.2g} mm and "
-        f"{math.degrees(rotation):.2g} deg per axis: if yours is better, check the size of the "
-        "target, the convention of the poses, and that the robot stood still"
+        f"{math.degrees(rotation):.2g} deg per axis: if the robot is more accurate, check the size "
+        "of the target, the convention of the poses, and that the robot stood still"
     )
 
 
 def _describe_height_scale(scale: Scale) -> str:
     factor, std = scale
     return (
-        f"the sensor's heights must be multiplied by {factor:.3f} +/- {std:.3f}: is their "
-        "unit or the sensor's own calibration wrong? Away from the working point, positions "
-        "and radii have the same relative error"
+        f"the sensor's heights must be multiplied by {factor:.3f} +/- {std:.3f}: check their "
+        "unit and the sensor's own calibration; away from the working point, positions and radii "
+        "have the same relative error"
     )

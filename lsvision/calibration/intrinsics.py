@@ -1,4 +1,4 @@
-"""Intrinsics of a camera from images of a flat target, with warnings about weak data."""
+"""Intrinsics of a camera from images of a flat target, with warnings about insufficient data."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ class CameraCalibration(Result):
     outliers : tuple of RejectedView
         Views that were used and have large residuals: check them, leave them out, calibrate again.
     warnings : tuple of str
-        Weaknesses of the set of views.
+        Warnings about the set of views, with remedies.
     covariance : (4 + k, 4 + k) ndarray, optional
         Covariance of fx, fy, cx, cy (px) and the k coefficients; zero for fixed ones.
     board_bow, board_bow_std : (3,) ndarray
@@ -310,7 +310,7 @@ def _solve(views: Sequence[TargetView], settings: CameraSettings) -> _Solution:
         np.sqrt(bent.covariance.diagonal()),
         bent.covariance,
         bent.poses,
-        [bent.shape.bent(view.points, bent.bow) for view in views],
+        [bent.shape.bend(view.points, bent.bow) for view in views],
         bent.bow,
         bent.bow_std,
     )

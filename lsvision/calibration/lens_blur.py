@@ -1,7 +1,7 @@
 """Blur of an image by lens and pixel, from the edges between a board's squares.
 
-The laser line does not show it: the width of the line is that of laser sheet, blur and surface
-together. A printed edge has no width of its own.
+The laser line is not suitable: its width is that of laser sheet, blur and surface together. A
+printed edge has no width of its own.
 """
 
 from __future__ import annotations
@@ -43,7 +43,8 @@ MIN_EDGES = 20
 MAX_EDGES_PER_IMAGE = 40
 """Largest number of edges in each image."""
 MAX_SIGMA_FRACTION = 0.4
-"""Largest sigma as a fraction of the window's half width: beyond it there is no plateau."""
+"""Largest sigma as a fraction of the window's half width: beyond it the brightness is not constant
+at the sides of the window."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -115,9 +116,9 @@ def measure_lens_blur(
 
     Notes
     -----
-    Between neighbouring corners whose edge runs within 45 deg across `along`, the pixels are
-    fitted by low + contrast * Phi((d - d0 - k t) / sigma) with the distance d from the chord and
-    the position t along it. Sigma includes the pixel's own width (1 / sqrt(12) px). It is too
+    Between neighbouring corners whose edge is within 45 deg of the normal to `along`, the pixels
+    are fitted by low + contrast * Phi((d - d0 - k t) / sigma) with the distance d from the chord
+    and the position t along it. Sigma includes the pixel's own width (1 / sqrt(12) px). It is too
     small where the camera sharpens its images, too large where the print is unsharp, the board
     was moving, or the focus differs between the light's colour and the laser's.
 
@@ -195,7 +196,7 @@ def _chords(view: TargetView | LaserView, axis: int) -> FloatArray:
 
 
 def _edge_sigma(grey: FloatArray, start: Points, stop: Points, fraction: float) -> float | None:
-    """Return the sigma of the blur across an edge; None if it is not a plain edge."""
+    """Return the sigma (px) of the blur across an edge; None if other structures disturb it."""
     from scipy.optimize import leastsq
     from scipy.special import ndtr
 

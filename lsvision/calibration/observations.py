@@ -19,11 +19,11 @@ from lsvision.geometry import FloatArray, IntArray, Pose
 Mounting = Literal["eye_in_hand", "eye_to_hand"]
 
 MIN_ROTATION = np.radians(2.0)
-"""Smallest rotation between two flange poses that counts as one; robots err by 0.01 deg and more.
-Units: rad."""
+"""Smallest angle between two flange poses that counts as a rotation; robots have errors of 0.01 deg
+and more. Units: rad."""
 MIN_SECOND_AXIS = 0.03
-"""Smallest ratio of rotation about a second axis to that about the main axis; tilts of 1 deg
-beside spins of 30 deg."""
+"""Smallest ratio of the rotation about a second axis to that about the main axis, such as tilts of
+1 deg together with rotations of 30 deg."""
 MM_PER_RADIAN = 100.0
 """Length in mm that is equivalent to one radian where translation and rotation are compared."""
 
@@ -193,7 +193,7 @@ def stack_flange_poses(
 
 
 def _find_main_axis(vectors: FloatArray) -> tuple[FloatArray, float]:
-    """Return the main rotation axis, and the ratio of the rotation about the second axis."""
+    """Return the main axis (3,) of rotation vectors (n, 3), and the ratio of the second to it."""
     eigenvalues, axes = np.linalg.eigh(vectors.T @ vectors)
     main = axes[:, -1] * np.sign(axes[np.abs(axes[:, -1]).argmax(), -1])
     return main, float(np.sqrt(max(eigenvalues[-2], 0.0) / eigenvalues[-1]))

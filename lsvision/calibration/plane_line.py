@@ -54,7 +54,9 @@ def find_plane_line(profile: Profile) -> PlaneLine:
     """
     points = profile.points[np.isfinite(profile.points[:, 0])]
     if len(points) < MIN_POINTS:
-        raise TooFewPoints("profile of the plane", len(points), MIN_POINTS, "is it in view?")
+        raise TooFewPoints(
+            "profile of the plane", len(points), MIN_POINTS, "check that it is in view"
+        )
     inliers = _least_median_inliers(points)
     for _ in range(20):
         midpoint, direction, normal = _fit_line(points[inliers])
@@ -63,7 +65,7 @@ def find_plane_line(profile: Profile) -> PlaneLine:
         previous, inliers = inliers, np.abs(distance) <= max(OUTLIER_SIGMAS * std, 1e-6)
         if inliers.sum() < MIN_POINTS:
             raise TooFewPoints(
-                "line of the plane", int(inliers.sum()), MIN_POINTS, "is it in view?"
+                "line of the plane", int(inliers.sum()), MIN_POINTS, "check that it is in view"
             )
         if np.array_equal(previous, inliers):
             break

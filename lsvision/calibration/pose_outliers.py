@@ -1,9 +1,9 @@
 """Robust hand-eye solution: reject outlying robot poses.
 
-A wrong pose (paired with another profile, read while the arm still moved) biases least squares over
-all poses. Least trimmed squares over random selections of a few poses finds gross errors; the F
-test of the leave-one-out residual finds those of a few standard deviations. Whole poses are
-rejected, never points: a pose is wrong for all its points at once.
+A wrong pose (paired with another profile, or read while the arm still moved) biases least squares
+over all poses. Least trimmed squares over random selections of a few poses finds gross errors; the
+F test of the leave-one-out residual finds those of a few standard deviations. Poses are rejected as
+a whole, because an error of a pose affects all its points.
 """
 
 from dataclasses import dataclass
@@ -154,7 +154,7 @@ def _trimmed_costs(observations: Observations, states: States, trimmed_count: in
 def _reject_gross_outliers(observations: Observations, state: States) -> FloatArray:
     """Return the mask of poses without a gross error."""
     norms = _pose_residuals(observations, state)[0]
-    # A residual below 2 search sigmas is not a gross error, however small the others are.
+    # Gross errors exceed 2 standard deviations of the search, even if the other residuals are tiny.
     limit = GROSS_OUTLIER_FACTOR * max(float(np.median(norms)), 0.4)
     mask: FloatArray = (norms <= limit).astype(np.float64)
     return mask

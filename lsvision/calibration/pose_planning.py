@@ -312,7 +312,7 @@ def _select_poses(
     """Return the plan of the most informative poses for any target."""
     nominal = as_pose(flange_from_section)
     if candidates is None:
-        candidates = _candidates(target, nominal, settings)
+        candidates = _random_poses(target, nominal, settings)
     count, poses = settings.count, [*as_poses(measured), *as_poses(candidates)]
     positions, usable = target.visibility([pose @ nominal for pose in poses])
     available = usable & (np.arange(len(poses)) >= len(measured))
@@ -328,12 +328,14 @@ def _select_poses(
     prior_information = np.diag(np.array([*PRIOR_STD, *target.prior_std]) ** -2)
     information = prior_information + information_matrices[: len(measured)].sum(axis=0)
     lever_arm = nominal.rotation @ positions[usable].mean(axis=0)
-    order, predicted = _greedy(information, information_matrices, available, count, lever_arm)
+    order, predicted = _select_greedily(
+        information, information_matrices, available, count, lever_arm
+    )
     indices = tuple(int(index) - len(measured) for index in order)
     return PosePlan(tuple(poses[index] for index in order), indices, *np.array(predicted).T)
 
 
-def _candidates(target: PlanningTarget, nominal: Pose, settings: PosePlanSettings) -> list[Pose]:
+def _random_poses(target: PlanningTarget, nominal: Pose, settings: PosePlanSettings) -> list[Pose]:
     """Return random flange poses within the limits of the settings."""
     rng = np.random.default_rng(settings.seed)
     size = settings.candidates
@@ -374,7 +376,7 @@ def _information_matrices(
     return information
 
 
-def _greedy(
+def _select_greedily(
     information: FloatArray,
     information_matrices: FloatArray,
     available: BoolArray,

@@ -1,10 +1,10 @@
-"""Observations that are stored twice: counted twice they would be taken for a perfect agreement."""
+"""Detection of observations that are stored twice and would be taken for a perfect agreement."""
 
 from collections.abc import Iterable
 
 
 def find_repeated(contents: Iterable[bytes]) -> dict[int, int]:
-    """Return the index of each content that an earlier one equals, with the index of the first.
+    """Return the index of each content that equals an earlier one, with the index of the first.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Detection and fit of the circular arc in which a profile cuts a sphere.
 
-Every section of a sphere is a circle, so that three points give a hypothesis. Independent of
-`detection` and `ellipse`: the calibration must not depend on the code that it calibrates for.
+Every section of a sphere is a circle, so that three points yield a hypothesis. The module imports
+neither `detection` nor `ellipse`, so that errors of the measurement do not affect the calibration.
 """
 
 import math
@@ -87,7 +87,7 @@ class SphereArc:
 
 
 DEFAULT_SETTINGS = SphereArcSettings()
-_HINT = "is the sphere in view, and no circle of another size more prominent?"
+_HINT = "check that the sphere is in view, and that no larger arc of another object is"
 MAX_SCORED_POINTS = 700
 """Largest number of points with which hypotheses are scored."""
 HEIGHT_SCALE_STEP = 0.1

@@ -75,7 +75,7 @@ class Target(Protocol):
 
 
 class PrintedTarget(ABC):
-    """Kind of target that this package prints and finds."""
+    """Base class of the targets that this package prints and finds."""
 
     @property
     @abstractmethod
@@ -163,6 +163,7 @@ class ChArUco(PrintedTarget):
         return self._board(self.legacy)
 
     def _board(self, legacy: bool) -> Any:
+        """Return OpenCV's board with or without the legacy pattern."""
         dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
         size = (self.squares_x, self.squares_y)
         board = cv2.aruco.CharucoBoard(size, self.square, self.marker, dictionary)
@@ -238,7 +239,7 @@ class Chessboard(PrintedTarget):
 class CircleGrid(PrintedTarget):
     """Grid of discs, dark on bright or bright on dark; must be completely visible.
 
-    A symmetric grid is numbered as one reads it in the image, since its rotations look the same:
+    A symmetric grid is numbered in reading order of the image, since its rotations look the same;
     for a hand-eye calibration, an asymmetric one is better (`turn_boards`).
 
     Parameters

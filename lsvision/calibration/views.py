@@ -18,8 +18,8 @@ Image = TypeVar("Image")
 View = TypeVar("View")
 
 MIN_OUTLIER_PX = 0.15
-"""Residual up to which a view is accepted, however small the others are: good sets have 0.05 to 0.3
-px. Units: px."""
+"""Rms residual up to which a view is never an outlier: sets of good views have 0.05 to 0.3 px.
+Units: px."""
 MAX_REPEATED = 2
 """Largest number of images with the same reason for rejection that are listed one by one."""
 MIN_TILT = np.radians(5.0)
@@ -106,7 +106,7 @@ def require_size(camera: Camera, image: npt.ArrayLike, name: str) -> None:
 def require_views(
     count: int, min_count: int, content: str, remedy: str, sources: ViewSources
 ) -> None:
-    """Require a number of views, with the reason for each rejected image.
+    """Raise an error if there are too few views, with the reason for each rejected image.
 
     Raises
     ------

@@ -143,6 +143,7 @@ def _measure(
 
 
 def _random_pose(scene: BoardScene, rng: np.random.Generator) -> Pose:
+    """Return a random ``camera_from_board`` within the limits of the scene."""
     about_x, about_y = rng.uniform(-scene.tilt, scene.tilt, 2)
     about_z = rng.uniform(-np.pi / 12, np.pi / 12)
     rotation = np.eye(3)
@@ -173,6 +174,7 @@ def _line_on_board(scene: BoardScene, pose: Pose) -> Points | None:
 
 
 def _corners(scene: BoardScene) -> Points:
+    """Return the nominal corners (n, 3) of the flat board, board frame. Units: mm."""
     row, column = np.divmod(np.arange(scene.columns * scene.rows), scene.columns)
     return np.column_stack([column, row, np.zeros(len(row))]) * scene.square
 
@@ -186,6 +188,7 @@ def _height(scene: BoardScene, points: Points) -> FloatArray:
 
 
 def _project(scene: BoardScene, points: Points) -> Points:
+    """Return the pixels (n, 2) of points (n, 3) of the camera frame."""
     pixels, _ = cv2.projectPoints(
         points, np.zeros(3), np.zeros(3), scene.matrix, np.asarray(scene.distortion, float)
     )

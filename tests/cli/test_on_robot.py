@@ -159,7 +159,8 @@ def rig_file(folder):
         ),
         (
             rig_file,
-            "rig.json: expected schema 'lsvision/hand-eye/1', got None: is it another file?",
+            "rig.json: expected schema 'lsvision/hand-eye/1', got None: check that it is a "
+            "hand-eye file",
         ),
         (lambda folder: folder / "none.json", "none.json: no such file: check the name"),
     ],

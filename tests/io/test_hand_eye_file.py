@@ -160,7 +160,7 @@ DAMAGED = {
     "ragged": (["held_out"], [0.1], "as many held-out residuals as residuals"),
     "index": (["rejected", 0, "index"], 3, "expected rejected poses from 0 to 2"),
     "bool": (["rejected", 0, "index"], True, "expected rejected poses from 0 to 2"),
-    "all": (["rejected"], [{"index": k, "reason": ""} for k in range(3)], "all rejected"),
+    "all": (["rejected"], [{"index": k, "reason": ""} for k in range(3)], "got 3 rejected poses"),
     "mounting": (["mounting"], "eye", "expected mounting eye_in_hand or eye_to_hand"),
     "sensor": (["sensor"], ["section"], "and sensor section or camera"),
     "radius": (["target", "radius"], None, "damaged"),
