@@ -90,7 +90,7 @@ def measure_file(task: FileTask) -> FileOutcome:
     Returns
     -------
     FileOutcome
-        With the error of a file that cannot be read or measured.
+        Counts and notes; for a file that cannot be read or measured, the error.
 
     Raises
     ------
@@ -186,7 +186,7 @@ def _open_writer(path: Path, schema: "pa.Schema") -> "pa.parquet.ParquetWriter":
     try:
         return parquet.ParquetWriter(path, schema, compression="zstd")
     except OSError as error:
-        raise _build_error(path.parent, error) from None
+        raise _unwritable_error(path.parent, error) from None
 
 
 def _write_table(writer: "pa.parquet.ParquetWriter", table: "pa.Table", output: Path) -> None:
@@ -194,7 +194,7 @@ def _write_table(writer: "pa.parquet.ParquetWriter", table: "pa.Table", output: 
     try:
         writer.write_table(table.cast(writer.schema))
     except OSError as error:
-        raise _build_error(output, error) from None
+        raise _unwritable_error(output, error) from None
 
 
 def _finish_output(writer: "pa.parquet.ParquetWriter", temporary: Path, output: Path) -> None:
@@ -205,10 +205,10 @@ def _finish_output(writer: "pa.parquet.ParquetWriter", temporary: Path, output: 
             os.fsync(file.fileno())
         temporary.replace(output)
     except OSError as error:
-        raise _build_error(output, error) from None
+        raise _unwritable_error(output, error) from None
 
 
-def _build_error(path: Path, error: OSError) -> UnwritableFile:
+def _unwritable_error(path: Path, error: OSError) -> UnwritableFile:
     """Return the error that a file cannot be written."""
     reason = error.strerror or str(error)
     return UnwritableFile(

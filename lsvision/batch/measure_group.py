@@ -16,7 +16,7 @@ MeasureFunction = Callable[[Sequence[Profile]], list[Measurement]]
 def measure_group(
     measure: MeasureFunction, profiles: Sequence[Profile]
 ) -> list[Measurement | Exception]:
-    """Measure profiles at once; one by one, where one of them fails.
+    """Measure profiles at once; if one of them fails, one by one.
 
     Parameters
     ----------

@@ -69,8 +69,8 @@ def _measure_many(
         if isinstance(measurements, EndedProcess):
             last = measured + len(task) - 1
             raise LsvisionError(
-                f"profiles {measured} to {last} ended their process twice: out of memory, "
-                "or a script that calls this outside if __name__ == '__main__':? measure them with "
+                f"profiles {measured} to {last} ended their process twice (out of memory, or "
+                "a script that calls this outside of if __name__ == '__main__'): measure them with "
                 "jobs=1"
             )
         yield from measurements

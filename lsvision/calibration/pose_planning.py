@@ -237,12 +237,8 @@ def plan_hand_eye_poses(
     count = settings.count
     if not (radius > 0 and count > 0):
         raise ValueError(f"expected a positive radius and count, got {radius} mm and {count}")
-    target = SpherePlanningTarget(
-        as_readonly_array(centre, (3,), "centre"),
-        radius,
-        settings.circle_std,
-        settings.max_cut_offset,
-    )
+    centre = as_readonly_array(centre, (3,), "centre")
+    target = SpherePlanningTarget(centre, radius, settings.circle_std, settings.max_cut_offset)
     return _select_poses(target, flange_from_section, measured, candidates, settings)
 
 

@@ -165,6 +165,7 @@ def rms_of_views(calibration: LaserPlaneCalibration) -> tuple[list[float], list[
 def _draw_view(
     axes: "Axes", targets_in_view: FloatArray, left_out: set[int], calibration: HandEye
 ) -> None:
+    """Draw the target's positions (n, 3) in the sensor's view, coloured by the third coordinate."""
     max_offset = float(np.abs(targets_in_view[:, 2]).max()) + 1e-9
     if calibration.sensor == "camera":
         axes.set(xlabel="x / mm", ylabel="y / mm", title="Target in the camera's view")
@@ -197,6 +198,7 @@ def _sensor_poses(calibration: HandEye, flanges: Sequence[Pose]) -> list[Pose]:
 
 
 def _target_point(calibration: HandEye, flanges: Sequence[Pose]) -> FloatArray:
+    """Return a point (3,) of the target, in the frame in which it is fixed. Units: mm."""
     if isinstance(calibration.target, Sphere):
         return calibration.target.centre
     if isinstance(calibration.target, Plane):

@@ -38,7 +38,7 @@ class ReportContent:
     rows : sequence of (str, str, str)
         Name, number with standard deviation, unit.
     warnings : sequence of str
-        Rejected images, outliers, and weaknesses of the result, one text each.
+        Rejected images, outliers, and warnings about the result, one text each.
     names : sequence of str
         Names of the images or poses, in the order of their indices.
     provenance : mapping of str to str

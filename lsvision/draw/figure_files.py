@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FORMATS = ("png", "svg")
+"""Formats of a picture file."""
 
 _SALT_LOCK = threading.Lock()
 

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SERIES_INCH, PROFILE_INCH = (7.6, 2.5), (7.6, 4.4)
+"""Width and height of the figures of a series and of a profile. Units: inch."""
 MARKERS = {Decision.OK: "o", Decision.NG: "X", Decision.UNDECIDED: "D"}
 """Marker shapes, so that verdicts differ in a black-and-white print too."""
 MAX_BINS = 30
@@ -63,6 +64,7 @@ def draw_series(series: Series) -> Figure:
 
 
 def _draw_trend(axes: Axes, series: Series) -> None:
+    """Draw the values with their intervals in the order of the measurements, by verdict."""
     numbers = np.array(series.numbers)
     values = np.array(series.values)
     error_bars = np.abs([values - series.lows, np.subtract(series.highs, values)])

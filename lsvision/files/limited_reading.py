@@ -178,7 +178,7 @@ def _describe_excess(size: int | None) -> str:
     got = "more" if size is None else _format_size(size)
     return (
         f"expected {_format_size(current_size_limit())} at most, got {got}: split the file, or "
-        "raise the limit, as --max-size 8GB"
+        "increase the limit, such as --max-size 8GB"
     )
 
 

@@ -4,6 +4,7 @@ import os
 import re
 import unicodedata
 
+# Unicode categories of characters that are not printable; first characters of a formula.
 _HIDDEN = frozenset(["Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"])
 _FORMULA_MARKS = ("=", "+", "-", "@")
 _NUMBER = re.compile(r"[-+]?[0-9]*[.,]?[0-9]*(?:[eE][-+]?[0-9]+)?")

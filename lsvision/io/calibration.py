@@ -19,7 +19,9 @@ from lsvision.sensors import rig_file
 from lsvision.sensors.rig_file import camera_as_json, plane_as_json
 
 CAMERA_SCHEMA = "lsvision/camera-calibration/1"
+"""Name and version of the format of a camera's calibration."""
 LASER_PLANE_SCHEMA = "lsvision/laser-plane-calibration/1"
+"""Name and version of the format of a laser plane's calibration."""
 
 
 def write_calibration(

@@ -16,6 +16,7 @@ from lsvision.sensors import rig_file
 from lsvision.sensors.camera import Camera
 from lsvision.sensors.rig_file import camera_from_json, parse_document
 
+# Keys of the camera matrix, the coefficients and the size in the files of different tools.
 MATRIX_KEYS = ("camera_matrix", "cameraMatrix", "K", "k", "M1", "mtx")
 DISTORTION_KEYS = (
     *("distortion_coefficients", "distCoeffs", "dist_coeffs", "distortion_coeffs"),

@@ -23,8 +23,8 @@ def open_camera(name: str) -> Iterator[Frame]:
     Parameters
     ----------
     name : str
-        Index of a connected camera, as ``"0"``; ``"genicam:192.168.1.20"``, or ``"genicam:"`` for
-        the only one; or a video file.
+        Index of a connected camera, such as ``"0"``; ``"genicam:192.168.1.20"``, or ``"genicam:"``
+        for the only one; or a video file.
 
     Returns
     -------
@@ -73,7 +73,9 @@ def _read_genicam_frames(address: str) -> Iterator[Frame]:
                     )
                 yield array[..., ::-1] if array.ndim == 3 else array
     except library.GenicamError as error:
-        raise LsvisionError(f"camera {device.ip}: {error}: is another program using it?") from error
+        raise LsvisionError(
+            f"camera {device.ip}: {error}: check that no other program uses it"
+        ) from error
 
 
 def _find_device(library: Any, address: str) -> Any:

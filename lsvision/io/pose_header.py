@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from lsvision.io.profiles.units import split_label
 from lsvision.io.robot_conventions import CONVENTIONS, AngleUnit, LengthUnit, PoseConvention
 
+# Names of fields in all conventions; other spellings of them; names of ABB's quaternion; spellings
+# of the units of angles ("grad" is German for degree).
 _FIELDS = {field for pose_convention in CONVENTIONS.values() for field in pose_convention.fields}
 _ALIASES = {
     **{prefix + axis: axis for prefix in ("p", "t", "pos", "tcp", "trans") for axis in "xyz"},
@@ -73,8 +75,7 @@ def read_pose_header(
         if any(expected.get(k) != name for k, name in named):
             raise ValueError(
                 f"the header names {' '.join(name for _, name in named)} and not "
-                f"{' '.join(missing)} of convention {pose_convention.name!r}: is it another "
-                "convention?"
+                f"{' '.join(missing)} of convention {pose_convention.name!r}: check the convention"
             )
         return PoseHeader()
     columns = tuple(names.index(field) for field in pose_convention.fields)
@@ -87,6 +88,7 @@ def read_pose_header(
 
 
 def _field_name(name: str, pose_convention: PoseConvention) -> str:
+    """Return the name of the convention's field for a name in a header."""
     letters = re.sub(r"[\W_]", "", name)
     letters = _ALIASES.get(letters, letters)
     return _QUATERNION.get(pose_convention.name, {}).get(letters, letters)

@@ -17,13 +17,14 @@ from lsvision.io.robot_conventions import (
 )
 from lsvision.results.number_format import format_std, format_value
 
-STEP = 1e-5
-"""Step of the numeric derivative. Units: mm, rad."""
+DERIVATIVE_STEP = 1e-5
+"""Step of the numerical derivative. Units: mm, rad."""
 MIN_COSINE_OF_MIDDLE = 1e-3
-"""Smallest distance of the middle angle from gimbal lock at which the two other angles have a
-standard uncertainty. Units: rad."""
+"""Smallest cosine (for proper Euler angles sine) of the middle angle at which the two other angles
+have a standard uncertainty; it is 0 in gimbal lock."""
 DECIMALS = {"mm": 3, "m": 6, "deg": 4, "rad": 6, "": 8}
 """Decimals that are printed: 0.001 mm, 0.0001 deg."""
+# Text of a pose as it is typed in at a robot, by convention.
 _ROBOT_FORMATS = {
     "kuka": "{{X {}, Y {}, Z {}, A {}, B {}, C {}}}",
     "fanuc": "X {} Y {} Z {} W {} P {} R {}",
@@ -92,7 +93,7 @@ def propagate_to_numbers(pose: Pose, covariance: npt.ArrayLike, convention: str)
 
     pose_convention = find_convention(convention)
     columns = []
-    for step in np.eye(6) * STEP:
+    for step in np.eye(6) * DERIVATIVE_STEP:
         perturbed_poses = [
             Pose(
                 Rotation.from_rotvec(sign * step[3:]).as_matrix() @ pose.rotation,
@@ -104,7 +105,7 @@ def propagate_to_numbers(pose: Pose, covariance: npt.ArrayLike, convention: str)
             _unwrap(numbers_from_pose(perturbed_pose, convention), pose, pose_convention)
             for perturbed_pose in perturbed_poses
         )
-        columns.append((after - before) / (2 * STEP))
+        columns.append((after - before) / (2 * DERIVATIVE_STEP))
     jacobian = np.column_stack(columns)
     variances = np.einsum("ij,jk,ik->i", jacobian, np.asarray(covariance), jacobian)
     std: FloatArray = np.sqrt(np.maximum(variances, 0.0))
@@ -114,7 +115,7 @@ def propagate_to_numbers(pose: Pose, covariance: npt.ArrayLike, convention: str)
 
 
 def frame_rows(hand_eye: HandEye, convention: str) -> list[Row]:
-    """Return the sensor's frame in a convention: each number with one sigma, and all in one line.
+    """Return table rows of the sensor's frame: each number with one sigma, and all in one line.
 
     Parameters
     ----------
@@ -170,6 +171,7 @@ def _angle_unit(pose_convention: PoseConvention) -> str:
 
 
 def _angles(matrix: FloatArray, pose_convention: PoseConvention) -> FloatArray:
+    """Return angles, rotation vector or quaternion of a rotation in the convention's unit."""
     from scipy.spatial.transform import Rotation
 
     rotation = Rotation.from_matrix(matrix)

@@ -49,7 +49,7 @@ def read_program_rows(
         if pattern.search(text):
             if pose_convention.name != maker:
                 raise UnreadableFile(
-                    f"{path}: positions of a {maker.upper()} program, got convention "
+                    f"{path}: expected convention {maker!r} for a {maker.upper()} program, got "
                     f"{pose_convention.name!r}: use --convention {maker}"
                 )
             return read_rows(path, text, pose_convention)
@@ -112,6 +112,6 @@ def _order_fields(
     missing = [field for field in pose_convention.fields if field not in values]
     if missing:
         raise UnreadableFile(
-            f"{path}: {position}: no {' '.join(missing)} in it: joint angles? write positions"
+            f"{path}: {position}: no {' '.join(missing)} in it: write positions, not joint angles"
         )
     return [values[field] for field in pose_convention.fields]

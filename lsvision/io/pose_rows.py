@@ -94,6 +94,7 @@ def _structured_rows(
 
 
 def _flatten(row: Any, pose_convention: PoseConvention) -> list[float]:
+    """Return the numbers of a pose: fields by name, or nested lists in their order."""
     if isinstance(row, Mapping):
         named = {str(key).lower(): value for key, value in row.items()}
         missing = [field for field in pose_convention.fields if field not in named]
@@ -158,8 +159,8 @@ def _parse_row(cells: list[str], pose_convention: PoseConvention, location: str)
         raise UnreadableFile(
             f"{location}: expected {len(pose_convention.fields)} numbers "
             f"({' '.join(pose_convention.fields)}), got "
-            f"{len(cells)}; is it another convention than {pose_convention.name!r}? Name the "
-            "columns in a header where there are more (in Python skip_columns=1 drops the first)"
+            f"{len(cells)}: check the convention {pose_convention.name!r}; if there are more "
+            "columns, name them in a header (in Python skip_columns=1 drops the first)"
         )
     try:
         return [float(cell) for cell in cells]

@@ -24,7 +24,7 @@ from lsvision.io.robot_conventions import (
 _Unit = TypeVar("_Unit", LengthUnit, AngleUnit)
 
 MAX_REACH_MM = 20_000.0
-"""Largest distance of a flange from its base; above it, mm were probably read as m."""
+"""Largest distance of a flange from its base; above it, mm were probably read as m. Units: mm."""
 MAX_SPREAD_MM = 5_000.0
 """Largest extent of the flange positions in a calibration or scan. Units: mm."""
 MIN_POSITION_MM = 5.0
@@ -32,7 +32,7 @@ MIN_POSITION_MM = 5.0
 SAME_POSE_MM, SAME_POSE_RAD = 0.01, 1e-5
 """Differences below which two poses are the same."""
 MAX_ANGLE_RAD = 2 * np.pi * 1.001
-"""Largest angle or length of a rotation vector, with room for rounding; above it, it is in deg."""
+"""Largest length of a rotation vector in rad, with room for rounding; a longer one is in deg."""
 
 
 def read_robot_poses(
@@ -190,12 +190,12 @@ def _find_angle_problem(
         angle = float(np.linalg.norm(rows[:, 3:], axis=1).max())
         if angle > MAX_ANGLE_RAD:
             remedy = _angle_unit_remedy(pose_convention, "deg")
-            return f"rotation vector of length {angle:.4g} rad: degrees? {remedy}"
+            return f"rotation vector of length {angle:.4g} rad, more than a revolution: {remedy}"
     elif np.radians(1) < largest <= MAX_ANGLE_RAD and len(rows) > 1:
         return (
             f"no angle above {largest:.4g}: these look like radians where {pose_convention.name} "
-            f"has degrees. {_angle_unit_remedy(pose_convention, 'rad')}, or deg if they "
-            "really are so small"
+            f"has degrees: {_angle_unit_remedy(pose_convention, 'rad')}, or deg if they are so "
+            "small"
         )
     return None
 
@@ -205,11 +205,11 @@ def _angle_unit_remedy(pose_convention: PoseConvention, unit: AngleUnit) -> str:
         pose_convention.fields[:3]
         + tuple(f"{name} [{unit}]" for name in pose_convention.fields[3:])
     )
-    return f"State it in a header, {header} (in Python angle_unit='{unit}')"
+    return f"state the unit in a header, {header} (in Python angle_unit='{unit}')"
 
 
 def _length_unit_remedy(unit: LengthUnit) -> str:
-    return f"State it in a first line, # lengths in {unit} (in Python length_unit='{unit}')"
+    return f"state the unit in a first line, # lengths in {unit} (in Python length_unit='{unit}')"
 
 
 def _find_motion_problem(poses: Iterable[Pose], stated: LengthUnit | None) -> str | None:
@@ -220,12 +220,13 @@ def _find_motion_problem(poses: Iterable[Pose], stated: LengthUnit | None) -> st
     if max_distance > MAX_REACH_MM or spread > MAX_SPREAD_MM:
         return (
             f"the poses reach {max_distance / 1000:.4g} m from the origin and spread over "
-            f"{spread / 1000:.4g} m: millimetres read as metres? {_length_unit_remedy('mm')}"
+            f"{spread / 1000:.4g} m, probably millimetres read as metres: "
+            f"{_length_unit_remedy('mm')}"
         )
     if stated is None and max_distance < MIN_POSITION_MM:
         return (
-            f"no pose is more than {max_distance:.4g} mm from the origin: metres read as "
-            f"millimetres? {_length_unit_remedy('m')}, or mm if it is really so"
+            f"no pose is more than {max_distance:.4g} mm from the origin, probably metres read as "
+            f"millimetres: {_length_unit_remedy('m')}, or mm if that is correct"
         )
     rotation_change = float(np.abs(rotations - rotations[0]).max())
     if len(origins) > 1 and spread < SAME_POSE_MM and rotation_change < SAME_POSE_RAD:

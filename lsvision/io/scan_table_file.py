@@ -41,7 +41,7 @@ def scan_csv(scan: "ScanMeasurement", base_from_sections: Sequence[Pose]) -> str
 
 
 def scan_row(number: int, tube: "ScannedCylinder", base_from_section: Pose) -> dict[str, Any]:
-    """Return a cylinder as a row; lengths in mm, angles in deg, empty where not determined.
+    """Return a cylinder as a row: lengths in mm, angles in deg, empty text where not determined.
 
     Parameters
     ----------

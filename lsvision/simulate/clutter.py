@@ -159,6 +159,7 @@ def spline_sheet(knots: npt.ArrayLike, centre: Centre, tilt: float = 0.0) -> Pri
 
 
 def _abscissae(width: float) -> FloatArray:
+    """Return evenly spaced x from -width / 2 to width / 2. Units: mm."""
     return np.linspace(-width / 2, width / 2, math.ceil(width / SEGMENT_LENGTH_MM) + 1)
 
 
@@ -214,7 +215,7 @@ def draw_mixed(rng: np.random.Generator) -> PlaceShape:
 
 
 def _place_shape(place: PlaceShape, tubes: list[Ellipse], rng: np.random.Generator) -> Prism:
-    """PlaceShape a shape at random: beside the tubes at any range, or behind or against them."""
+    """Place a shape at random: beside the tubes at any range, or behind or against them."""
     low, high = _bounding_box(place((0.0, 0.0)).outline)
     top = rng.uniform(MIN_RANGE_MM, MAX_RANGE_MM - 40.0)
     x = rng.uniform(-HALF_FIELD_PER_RANGE, HALF_FIELD_PER_RANGE) * top

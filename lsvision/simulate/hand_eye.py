@@ -112,6 +112,7 @@ def _noisy_profile(
     view: SectionView,
     rng: np.random.Generator,
 ) -> Profile:
+    """Return the profile with noise and height scale; points that are not measured are lost."""
     noise = _correlate(rng.normal(0.0, 1.0, len(x)), view) * view.range_std
     heights = view.height_scale * y + noise
     measured = measured & (heights >= view.depth[0]) & (heights <= view.depth[1])

@@ -82,6 +82,7 @@ def glint_gain(
 
 
 def _streaks(shape: tuple[int, int], stray: StrayLight, rng: np.random.Generator) -> FloatArray:
+    """Return the (height, width) brightness of the streaks. Units: DN."""
     layer: FloatArray = np.zeros(shape)
     for _ in range(stray.streaks):
         start = rng.uniform((0, 0), shape[::-1])

@@ -233,6 +233,7 @@ def _find_crossings(
 
 
 def _blur_and_scale(light: FloatArray, settings: ImageSettings) -> FloatArray:
+    """Return the light blurred by the lens, scaled to the peak of the settings. Units: DN."""
     blurred = light
     if settings.psf_sigma > 0:
         blurred = cv2.GaussianBlur(light, (0, 0), settings.psf_sigma)
@@ -244,6 +245,7 @@ def _blur_and_scale(light: FloatArray, settings: ImageSettings) -> FloatArray:
 def _multiply_speckle(
     line: FloatArray, settings: ImageSettings, rng: np.random.Generator
 ) -> FloatArray:
+    """Return the light of the line with speckle, in the rows that contain it. Units: DN."""
     rows = np.flatnonzero(line.any(axis=1))
     if not len(rows):
         return line

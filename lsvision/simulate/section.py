@@ -216,6 +216,7 @@ def column_rays(sensor: ProfileSensor, settings: SectionSettings) -> Rays:
 
 
 def _in_range(hits: Hits, rays: Rays, sensor: ProfileSensor) -> BoolArray:
+    """Return the mask of hits within the sensor's measuring range along -Y."""
     depth = -hits.distances * rays.directions[:, 1]
     return (depth >= sensor.min_range) & (depth <= sensor.max_range)
 

@@ -25,6 +25,7 @@ TRUTH_SCHEMA = "lsvision.simulated_section/1"
 SCAN_SCHEMA = "lsvision.simulated_scan/1"
 """Name and version of the truth file of a scan."""
 LABEL_MEANING = "-1 lost or jump, 0 clutter, k >= 1 the k-th tube"
+"""Explanation of the labels in a truth file."""
 DECIMALS = 6
 """Decimals of mm and rad in the truth; far below the noise of any sensor."""
 RAW_DECIMALS = 4

@@ -64,13 +64,15 @@ def test_a_file_that_may_not_be_read_is_no_internal_error(run, written, pipe, mo
 def test_wrong_units_name_the_option(run, written, pipe):
     result = run("measure", written(pipe * 1000))
     assert result.exit_code == FAILED
-    assert "coordinates reach 3.91e+05 mm: another unit? see --units um" in one_line(result)
+    assert "coordinates reach 3.91e+05 mm: if the unit is another, see --units um" in one_line(
+        result
+    )
     metres = run("measure", written(pipe / 1000))
     assert metres.exit_code == FAILED
-    assert "see --units m, or --units mm if it is right" in one_line(metres)
+    assert "see --units m, or --units mm if it is correct" in one_line(metres)
     assert run("measure", written(pipe * 1000), "--units", "um").exit_code == 0
     far = run("measure", written(2 * pipe), "--units", "inch").stdout
-    assert "mm: is the unit right (in)? see --units" in far
+    assert "mm: check the stated unit (in), see --units" in far
 
 
 def test_other_files_are_measured_and_the_failures_counted_at_the_end(run, written, pipe, tmp_path):

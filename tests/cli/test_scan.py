@@ -82,7 +82,7 @@ def test_a_scan_without_cylinders_says_so(run) -> None:
 def test_arcs_that_do_not_meet_ask_for_the_poses(run) -> None:
     result = run(PAIR, "--feed", "0,0,1", "--step", 1000, "-v")
     assert (
-        "20 sections show an arc, and no two of them lie on one cylinder: do the poses"
+        "20 sections show an arc, and no two of them lie on one cylinder: check that"
         in result.stdout
     )
     assert "one section allows two directions, and no other section shows the arc" in result.stdout
@@ -175,4 +175,4 @@ def test_a_unit_that_cannot_be_mm_is_rejected_in_a_scan_too(run, tmp_path) -> No
         np.savetxt(tmp_path / f"{number}.csv", points[:, [0, -1]] * 1000, delimiter=",")
     outcome = run(tmp_path, *MOTION)
     assert outcome.exit_code == 1
-    assert "--units um, or --units mm if it is right" in outcome.stderr
+    assert "--units um, or --units mm if it is correct" in outcome.stderr

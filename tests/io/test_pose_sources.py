@@ -140,8 +140,8 @@ def test_units_in_the_header_count(write, expected):
     ("head", "message"),
     [
         ("x,y,z,rx,ry,rz", "names x y z rx ry rz and not a b c of convention 'kuka'"),
-        ("x,y,z,w,p,r", "another convention"),
-        ("z,y,x,q,q,q", "another convention"),
+        ("x,y,z,w,p,r", "check the convention"),
+        ("z,y,x,q,q,q", "check the convention"),
         ("x,x,y,z,a,b,c", "names x 2 times"),
         ("x [in],y [in],z [in],a,b,c", "lengths in in: expected all in mm, or all in m"),
         ("x [mm],y [m],z [m],a,b,c", "lengths in m, mm"),

@@ -193,7 +193,9 @@ def test_a_unit_can_be_stated_in_the_file_as_the_message_says(tmp_path, case):
     (tmp_path / name).write_text(text)
     with pytest.raises(UnreadableFile) as caught:
         read_robot_poses(tmp_path / name, convention)
-    line = re.search(r"State it in a (?:header|first line), (.*) \(in Python", str(caught.value))[1]
+    line = re.search(
+        r"state the unit in a (?:header|first line), (.*) \(in Python", str(caught.value)
+    )[1]
     (tmp_path / name).write_text(f"{line}\n{text}")
     reach = max(
         np.linalg.norm(p.translation) for p in read_robot_poses(tmp_path / name, convention)

@@ -2,6 +2,7 @@
 
 import re
 
+# Role of a column by its name in lower case, English or German.
 _ROLES = {
     **dict.fromkeys(["x", "xs", "px", "position", "lateral", "width", "breite"], "x"),
     **dict.fromkeys(["y", "ys", "py", "travel", "encoder"], "y"),
@@ -14,6 +15,7 @@ _ROLES = {
 }
 _AXIS_WORDS = r"(?:pos|position|coord|coordinate|koordinate|value|wert|axis|achse)"
 _AXIS_NAME = re.compile(rf"([xyz])[ _-]?{_AXIS_WORDS}|{_AXIS_WORDS}[ _-]?([xyz])")
+# A name such as "profile_no" is one of these words and one of `_SCAN_ENDINGS`.
 _SCAN_WORDS = ("scan", "profile", "profil", "frame", "section", "shot")
 _PART_WORDS = frozenset(
     "part piece workpiece sensor camera head run pass batch lot station serial file job "  # noqa: SIM905

@@ -42,11 +42,11 @@ class _Columns:
 def profiles_from_table(table: TextTable, settings: ReadSettings) -> RawProfiles:
     """Return the profiles in a table of points, one point per row.
 
-    Named columns are taken by their names; unnamed ones by position: two are x and height;
-    of three or more the second is left out where it is constant, and separates the profiles where
-    each of its values is in one run of points; otherwise the third must be whole numbers (a label).
-    Columns that do not vary within a profile become its attributes. Where a plane is to be fitted,
-    the points are x, y and z.
+    Named columns are chosen by their names, unnamed ones by position. Two unnamed columns are x and
+    height. Of three or more, the second is ignored if it is constant, and separates the profiles if
+    each of its values occurs in one run of points; otherwise the third must be whole numbers (a
+    label). Columns that do not vary within a profile become its attributes. If a plane is to be
+    fitted, the points are x, y and z.
 
     Raises
     ------
@@ -110,8 +110,8 @@ def _note_restarts(sections: Sequence[FloatArray]) -> tuple[str, ...]:
     if len(restarts) == 0 or np.diff([-1, *restarts, len(x) - 1]).min() < _MIN_POINTS_PER_PROFILE:
         return ()
     return (
-        f"x starts again {len(restarts)} times: several profiles? separate them by a column "
-        "of their numbers, or write one per file",
+        f"x starts again {len(restarts)} times: if these are several profiles, add a column of "
+        "their numbers, or write one per file",
     )
 
 

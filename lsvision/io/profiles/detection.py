@@ -24,6 +24,7 @@ _IMAGE = (
     "an image: read it with LightSection (lsvision measure --light-section), which makes a profile "
     "of it, or as a height map with --dx"
 )
+# First bytes of formats that are not read, and the message with the remedy.
 _UNSUPPORTED_MAGIC = (
     (b"RIFF", f"a video container (scanCONTROL .avi): {_EXPORT}"),
     (b"\x89HDF", "HDF5 is not read: write its points as NPZ or CSV"),
@@ -70,6 +71,7 @@ _UNSUPPORTED_SUFFIX = {
     ),
 }
 
+# Patterns of the first lines of text formats, and name of the format.
 _FIRST_LINES = (
     (re.compile(r"\s*%YAML", re.IGNORECASE), "opencv"),
     (re.compile(r"\s*(<\?xml[^>]*>\s*)?<opencv_storage>"), "opencv"),
@@ -99,7 +101,7 @@ def detect_format(content: bytes, suffix: str) -> str:
     content : bytes
         The whole file.
     suffix : str
-        Ending of the file's name, as ``".csv"``; used only if the content is ambiguous.
+        Ending of the file's name, such as ``".csv"``; used only if the content is ambiguous.
 
     Raises
     ------

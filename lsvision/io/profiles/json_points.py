@@ -32,6 +32,7 @@ MAX_DEPTH = 4
 """Number of levels of objects and lists that are searched for points."""
 MIN_PAIRS, MIN_TRIPLES = 3, 5
 """Smallest number of rows of a list of points; a shorter list is a matrix or a size."""
+# Keys of flat lists of points; keys of the columns' names; keys that may hold points, best first.
 _FLAT_KEYS = ("points", "profile", TRIPLES, "line")
 _NAME_KEYS = ("columns", "names", "header", "fields", "labels")
 _POINT_KEYS = ("points", "profile", TRIPLES, "line", "data", "profiles", "scans")
@@ -143,7 +144,7 @@ def _from_object(
     if table is not None:
         return profiles_from_table(table, settings)
     lists = {k: v for k, v in document.items() if isinstance(v, list | Mapping)}
-    for key in sorted(lists, key=_rank):
+    for key in sorted(lists, key=_key_rank):
         profiles = _from_named_list(key, lists[key], settings, statements, depth)
         if profiles is not None:
             return profiles
@@ -386,7 +387,7 @@ def _is_pair(value: Any) -> bool:
     return isinstance(value, list) and len(value) in (2, 3) and all(map(_is_scalar, value))
 
 
-def _rank(key: str) -> int:
+def _key_rank(key: str) -> int:
     word = key.lower()
     return _POINT_KEYS.index(word) if word in _POINT_KEYS else len(_POINT_KEYS)
 

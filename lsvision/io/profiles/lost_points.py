@@ -35,8 +35,8 @@ class LostMarker:
     def note(self) -> str:
         """Note on a guessed marker."""
         return (
-            f"{self.text} occurs in {self.count} points, far from the rest: taken for lost points "
-            "(--lost none if it is measured)"
+            f"{self.text} occurs in {self.count} points, far from the rest: read as lost points "
+            "(use --lost none if it is a measured value)"
         )
 
 
@@ -45,8 +45,8 @@ def remove_lost(
 ) -> tuple[list[FloatArray], tuple[LostMarker, ...]]:
     """Return sections with NaN in place of markers, and the markers.
 
-    A marker that the user states is the only one; otherwise those that the file states, well-known
-    ones, and values that look like one, see `find_lost_markers`.
+    If the user states markers, only these are used; otherwise the markers that the file states,
+    well-known ones, and values that look like a marker, see `find_lost_markers`.
 
     Parameters
     ----------

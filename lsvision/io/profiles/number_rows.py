@@ -30,6 +30,7 @@ _MISSING_PATTERN = re.compile(
 """Further contents of a cell without a number: fields too narrow, limits of integer types in
 hexadecimal."""
 
+# Numbers with a decimal point, with a decimal comma, and with thousands separators.
 POINT_NUMBER = re.compile(r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eEdD][-+]?[0-9]+)?")
 COMMA_NUMBER = re.compile(r"[-+]?(?:[0-9]+(?:,[0-9]*)?|,[0-9]+)(?:[eEdD][-+]?[0-9]+)?")
 THOUSANDS = re.compile(
@@ -39,7 +40,7 @@ THOUSANDS = re.compile(
     r"|(?:['’ \u00a0\u2009\u202f_][0-9]{3})+(?:[.,][0-9]*)?)"  # 1'234.5
 )
 _GROUPED = re.compile(r"[-+]?[1-9][0-9]{0,2},[0-9]{3}")
-"""Ambiguous cell as 1,234: a decimal comma or a thousands separator."""
+"""Ambiguous cell such as 1,234: the comma is the decimal mark or a thousands separator."""
 MIN_GROUPED_CELLS = 3
 """Number of cells like 1,234 which, beside whole numbers, may have thousands separators."""
 _PLAIN_CHARACTERS = str.maketrans({"−": "-", "–": "-", "\u00a0": " ", "\u202f": " ", "\u2009": " "})

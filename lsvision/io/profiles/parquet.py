@@ -106,7 +106,7 @@ def _texts(column: Any) -> list[str] | None:
 
 
 def _unit_statements(metadata: Any, axis: str = "") -> tuple[UnitStatement, ...]:
-    """Return the units in the metadata of a table, as ``unit: um``."""
+    """Return the units in the metadata of a table, such as ``unit: um``."""
     lines = [
         f"unit {axis}: {value.decode('utf-8', 'replace')}"
         for key, value in (metadata or {}).items()

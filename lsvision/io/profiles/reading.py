@@ -175,7 +175,7 @@ def read_profiles(path: str | os.PathLike[str], **options: Unpack[ReadOptions]) 
     ----------
     path : path
         A file; a folder, whose profile files are read in natural order (2 before 10); or a
-        pattern, as ``"logs/**/*.csv"``.
+        pattern, such as ``"logs/**/*.csv"``.
     **options
         Fields of `ReadSettings`, as for `read_profile`.
 
@@ -323,7 +323,7 @@ def require_plausible_units(file: ProfileFile) -> None:
         marked = [f"{marker.count} by {marker.text}" for marker in file.markers]
         lost = f" (without {file.lost} lost points, {', '.join(marked)})" if marked else ""
         raise UnreadableFile(
-            f"{file.path}: {'; '.join(file.unit_warnings)}, or --units mm if it is right{lost}"
+            f"{file.path}: {'; '.join(file.unit_warnings)}, or --units mm if it is correct{lost}"
         )
 
 
@@ -340,7 +340,7 @@ def require_points(profiles: Sequence[Profile]) -> None:
 def _unit_warnings(low: FloatArray, high: FloatArray, stated: str) -> tuple[str, ...]:
     """Return a note if the coordinates exceed the range or fall below the width of any sensor.
 
-    It suggests another unit, or questions the stated one.
+    It suggests another unit, or a check of the stated one.
     """
     farthest = float(np.abs([low, high]).max())
     if farthest > _MAX_RANGE_MM:
@@ -348,12 +348,13 @@ def _unit_warnings(low: FloatArray, high: FloatArray, stated: str) -> tuple[str,
             (unit for unit in _FINER_UNITS if farthest * mm_per_unit(unit) < _USUAL_MM), "nm"
         )
         problem = f"coordinates reach {farthest:.3g} mm"
-        remedy = f"another unit? see --units {unit}"
+        remedy = f"if the unit is another, see --units {unit}"
     elif high[0] - low[0] < _MIN_WIDTH_MM:
-        problem, remedy = f"the profile is {high[0] - low[0]:.3g} mm wide", "metres? see --units m"
+        problem = f"the profile is {high[0] - low[0]:.3g} mm wide"
+        remedy = "if it is in metres, see --units m"
     else:
         return ()
-    return (f"{problem}: {f'is the unit right ({stated})? see --units' if stated else remedy}",)
+    return (f"{problem}: {f'check the stated unit ({stated}), see --units' if stated else remedy}",)
 
 
 def _hints(

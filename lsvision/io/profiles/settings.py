@@ -65,13 +65,13 @@ class ReadSettings:
         Columns of x and height, or of x, travel and height: indices from 0 or names, as
         ``(0, 2)`` or ``"x,z"``.
     units : str, optional
-        Unit of all coordinates, one of `MM_PER_UNIT` or with a scale as ``"0.1mm"``.
+        Unit of all coordinates, one of `MM_PER_UNIT`, or with a scale, such as ``"0.1mm"``.
     flip : bool, optional
         True where heights grow away from the sensor (ranges), False where they grow towards it.
     lost : float, str or sequence, optional
-        Value in the file that marks a lost point, in the units of the file, as ``-9999`` or
-        ``"-9999,ERR"``; ``"none"`` where every number is a height. Without it, values that repeat
-        far from the rest are read as lost points, with a note.
+        Value in the file that marks a lost point, in the units of the file, such as ``-9999`` or
+        ``"-9999,ERR"``; ``"none"`` if every number is a height. By default values that repeat far
+        from the rest are read as lost points, with a note.
     transpose : bool
         True if each column of the matrix is a profile.
     x0, dx : float, optional
@@ -79,12 +79,12 @@ class ReadSettings:
     x_start, x_pitch : float, optional
         For raw Keyence counts: XStart and XPitch as the controller states them. Units: 0.01 um.
     z_unit : float or str, optional
-        Size of one count of heights in rows without x: a number in 0.01 um as a Keyence
-        controller states ZUnit, or a length as ``"0.5um"``.
+        Size of one count of heights in rows without x: a number in 0.01 um, the unit of ZUnit in
+        Keyence controllers, or a length such as ``"0.5um"``.
     topic : str, optional
-        Topic of a ROS bag in which several hold profiles, as ``"/scan"``.
+        Topic of a ROS bag in which several hold profiles, such as ``"/scan"``.
     plane : str, optional
-        ``"fit"`` where the points are x, y, z of a tilted plane, as of a camera's frame: the
+        ``"fit"`` if the points are x, y, z of a tilted plane, such as in the frame of a camera: the
         plane is fitted, and the section lies in it. Three `columns` are then x, y and z.
 
     Raises

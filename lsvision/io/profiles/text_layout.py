@@ -56,13 +56,13 @@ class Layout:
 
 
 def may_state_size(line: str, separator: str | None) -> bool:
-    """Return whether a line may hold the numbers of rows and columns that follow, as ``2 60``."""
+    """Return whether a line may be the numbers of rows and columns that follow, like ``2 60``."""
     cells = [cell.strip() for cell in split_cells(line.strip(), separator)]
     return len(cells) == 2 and all(cell.isdecimal() for cell in cells) and 2 in map(int, cells)
 
 
 def _states_size(lines: Sequence[str], first: int, stop: int, separator: str | None) -> bool:
-    """Return whether the first line of numbers is a count of rows and columns, as ``2 60``."""
+    """Return whether the first line of numbers is a count of rows and columns, like ``2 60``."""
     if not may_state_size(lines[first], separator):
         return False
     cells = split_cells(lines[first].strip(), separator)

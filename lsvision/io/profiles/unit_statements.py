@@ -151,7 +151,7 @@ def _mentions_unit(line: str) -> bool:
 
 
 def find_lost_values(lines: Iterable[str]) -> tuple[float, ...]:
-    """Return the lost-point markers in ``key: value`` lines, as ``# invalid value: -9999``.
+    """Return the lost-point markers in ``key: value`` lines like ``# invalid value: -9999``.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Points in plain YAML as ROS and loggers write it: keys with numbers and lists, nothing else.
+"""Points in plain YAML as ROS and loggers write it: only keys with numbers and lists.
 
 No aliases, tags or types: what is not understood stays text, so that a malicious file is harmless.
 """
