@@ -116,6 +116,7 @@ def _type_of(name: str) -> "pa.DataType":
 
 
 def _rejections_type() -> "pa.DataType":
+    """Return the type of the column of rejections: a list of structs start, stop and reason."""
     import pyarrow as pa
 
     fields = [("start", pa.int64()), ("stop", pa.int64()), ("reason", pa.string())]

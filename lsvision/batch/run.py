@@ -106,19 +106,23 @@ def run_batch(
             report(outcome)
     status = read_status(folder)
     if status is None:
-        raise LsvisionError(f"{folder}: the manifest has gone: it was removed during the run")
+        raise LsvisionError(
+            f"{folder}: the manifest was removed during the run: run the batch again"
+        )
     return status
 
 
 def _run_tasks(
     tasks: Iterable[FileTask], jobs: int, scheduler: str | None
 ) -> Iterator[Finished[FileTask, FileOutcome]]:
+    """Return an iterator over tasks and outcomes, in the order in which they are finished."""
     if scheduler is not None:
         return run_on_cluster(measure_file, tasks, scheduler)
     return run_tasks(measure_file, tasks, jobs, ordered=False)
 
 
 def _outcome_of_ended_process(task: FileTask) -> FileOutcome:
+    """Return the outcome of a file in which the measuring process ended, with the reason."""
     return FileOutcome(
         task.name,
         error=f"{task.source}: it ended its process twice (out of memory, or a crash): set aside",

@@ -31,6 +31,7 @@ _COMMANDS = (
 
 _USAGE_ERROR: Any = typer.BadParameter.__mro__[1]  # click's class, which typer does not export
 _SIZE = re.compile(r"(\d{1,15}(?:\.\d{1,9})?)\s*([kKMGT]?B?)", re.ASCII)
+# Bytes of each unit, in lower case.
 _BYTES = {"": 1.0, "b": 1.0} | {
     unit: factor
     for letter, factor in (("k", 1e3), ("m", 1e6), ("g", 1e9), ("t", 1e12))
@@ -106,11 +107,11 @@ def _split_global_options(args: list[str]) -> tuple[list[str], list[str]]:
 
 
 def _parse_size(text: str) -> int:
-    """Return the number of bytes of a size as ``500MB`` or ``8 GB``."""
+    """Return the number of bytes of a size such as ``500MB`` or ``8 GB``."""
     match = _SIZE.fullmatch(text.strip())
     size = float(match[1]) * _BYTES[match[2].lower()] if match else 0.0
     if not 1 <= size <= MAX_SIZE_LIMIT:
-        raise typer.BadParameter(f"expected --max-size as 500MB or 8GB, got {text!r}")
+        raise typer.BadParameter(f"expected --max-size such as 500MB or 8GB, got {text!r}")
     return int(size)
 
 
@@ -143,9 +144,7 @@ def _global_options(
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
     max_size: Annotated[
         str,
-        typer.Option(
-            "--max-size", metavar="SIZE", help="Largest file that is read, as 500MB or 8GB."
-        ),
+        typer.Option("--max-size", metavar="SIZE", help="Largest file that is read, such as 8GB."),
     ] = "2GB",
 ) -> None:
     """Radius and orientation of cylinders from a light section, each with its uncertainty.

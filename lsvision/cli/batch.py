@@ -143,7 +143,8 @@ def _batch_job(
         print_error(f"{path}: note: {unused}")
     if job.scan is not None or job.rig.light_section is not None:
         raise LsvisionError(
-            f"{path}: a job of scans or images: batch judges profiles, see lsvision inspect"
+            f"{path}: expected a job for profiles, got one for scans or images: use lsvision "
+            "inspect"
         )
     return BatchJob(partial(measure_profiles_of_job, job=job), options, job)
 
@@ -154,6 +155,7 @@ def _root(sources: Sequence[Path]) -> Path:
 
 
 def _print_status(folder: Path) -> None:
+    """Print the summary of a batch, and the error of each file that failed."""
     from lsvision.batch.manifest import MANIFEST, read_status
 
     status = read_status(folder)
@@ -165,13 +167,14 @@ def _print_status(folder: Path) -> None:
 
 
 def _print_summary(status: "Status", names: Sequence[str] = ()) -> None:
+    """Print the counts of a batch; `names` are those of all its files, if known."""
     from lsvision.batch.manifest import summary
 
     typer.echo(summary(status, names))
 
 
 class _Report(StatusLine):
-    """Progress on stderr: files, profiles, rate and the time that is left; failures as lines."""
+    """Progress on stderr: number of files and profiles, rate, time left; a line per failure."""
 
     def __init__(self, total: int) -> None:
         super().__init__()

@@ -47,7 +47,7 @@ def target(
 
     Print it at 100 % ("actual size"), check the 100 mm bar with a ruler, measure ten squares
     with a caliper and give the true edge as --square later. Glue it onto glass or a thick plate,
-    flat: a bowed board spoils camera and plane.
+    flat: with a bowed board, camera and plane become inaccurate.
 
     \b
     The default, a ChArUco board of 11 x 8 squares of 15 mm on A4:
@@ -94,7 +94,9 @@ def camera(
     ] = False,
     flat_board: Annotated[
         bool,
-        typer.Option("--flat-board", help="The board is flat, as on glass: bow is not estimated."),
+        typer.Option(
+            "--flat-board", help="The board is flat, e.g. on glass: do not estimate its bow."
+        ),
     ] = False,
     ros_yaml: Annotated[
         Path | None,

@@ -9,13 +9,14 @@ from lsvision.cli.messages import FAILED
 from lsvision.errors import UnwritableFile
 
 DEFAULT_FOLDER = Path("lsvision-demo")
+"""Folder of profile and picture, made in the current folder."""
 NEXT_COMMANDS = (
     ("{profile} -v", "why the other arcs were rejected"),
-    ("{profile} --radius 20:30 --range-std 0.05", "with what is known of pipe and sensor"),
+    ("{profile} --radius 20:30 --range-std 0.05", "with search range and sensor noise"),
     ("{profile} --json results.json --csv results.csv", "results for other programs"),
     ("YOUR_PROFILE.csv --plot yours.png", "your own data: x and height in mm, one point per line"),
 )
-"""Arguments of ``lsvision measure``, and their purpose."""
+"""Arguments of ``lsvision measure`` for the printed commands, and the purpose of each."""
 
 
 def demo(
@@ -41,7 +42,7 @@ def demo(
     from lsvision.cli.outputs import Pictures
 
     profile, picture = _write_profile(out), out / "profile.png"
-    typer.echo(f"$ lsvision measure {_quoted(profile)} --plot {_quoted(picture)}")
+    typer.echo(f"$ lsvision measure {_quote(profile)} --plot {_quote(picture)}")
     measuring = build_measure_function(None, None, None, None, paper=False)
     pictures = Pictures(picture, several=False)
     options = PartOptions(measuring=measuring)
@@ -83,8 +84,9 @@ def _write_profile(folder: Path) -> Path:
 
 
 def _next_lines(profile: Path, picture: Path) -> list[str]:
+    """Return the printed text: where the picture is, and commands to try next."""
     commands = [
-        (f"lsvision measure {arguments.format(profile=_quoted(profile))}", purpose)
+        (f"lsvision measure {arguments.format(profile=_quote(profile))}", purpose)
         for arguments, purpose in NEXT_COMMANDS
     ]
     commands.append(("lsvision --help", "scans, camera images, calibration, robots"))
@@ -97,7 +99,7 @@ def _next_lines(profile: Path, picture: Path) -> list[str]:
     ]
 
 
-def _quoted(path: Path) -> str:
+def _quote(path: Path) -> str:
     """Return a path as it is typed in a shell."""
     import shlex
 

@@ -320,6 +320,7 @@ def _header(options: PartOptions, file: "ProfileFile | ImageFile", first: int = 
 
 
 def _section_lines(options: PartOptions, part: FilePart, section: _Section) -> list[str]:
+    """Return the printed table of a profile, with its number if the file has several."""
     text_lines = measurement_lines(section.measurement, section.profile, verbose=options.verbose)
     if part.several:
         head = f"{_kind(part.file)} {part.first + section.index}:"
@@ -372,6 +373,7 @@ def _draw(options: PartOptions, part: FilePart, sections: Sequence[_Section]) ->
 
 
 def _draw_section(options: PartOptions, part: FilePart, section: _Section, path: Path) -> None:
+    """Write a picture of a measured profile, over its image if there is one."""
     from lsvision.draw import draw_measurement, draw_overlay, figure_bytes
     from lsvision.files.atomic_files import write_atomic
 

@@ -93,7 +93,7 @@ class HandEyeResultOptions:
     def __post_init__(self) -> None:
         if not all(self.frame_names):
             raise typer.BadParameter(
-                f"expected --frames ROBOT:SENSOR, as {DEFAULT_FRAMES}, got {self.frames!r}"
+                f"expected --frames ROBOT:SENSOR such as {DEFAULT_FRAMES}, got {self.frames!r}"
             )
         if self.mounting not in PLACEMENTS:
             raise typer.BadParameter(
@@ -183,6 +183,7 @@ class PosePlanOptions:
 
 
 def _parse_robot_std(text: str | None) -> tuple[float, float] | None:
+    """Return the stds of position (mm) and rotation (rad) from ``MM:DEG``; None without."""
     if text is None:
         return None
     try:
@@ -190,7 +191,9 @@ def _parse_robot_std(text: str | None) -> tuple[float, float] | None:
     except ValueError:
         position = rotation = 0.0
     if not (0 < position < math.inf and 0 < rotation < math.inf):
-        raise typer.BadParameter(f"expected --robot-std MM:DEG above 0, as 0.05:0.01, got {text!r}")
+        raise typer.BadParameter(
+            f"expected --robot-std MM:DEG above 0, such as 0.05:0.01, got {text!r}"
+        )
     return position, math.radians(rotation)
 
 
@@ -277,6 +280,7 @@ def report_hand_eye(
 
 
 def _check_plan(options: HandEyeOptions, plan: PosePlanOptions) -> None:
+    """Raise a usage error if poses cannot be planned with these options."""
     if plan.plan_poses and options.placement == "eye_to_hand":
         raise typer.BadParameter(
             "expected --plan-poses with --mounting eye-in-hand, got eye-to-hand"

@@ -149,12 +149,14 @@ def check_colours(
     bayer: str | None = None,
     remedies: ImageRemedies = OPTIONS,
 ) -> None:
-    """Raise an error if the colours of an image contradict the laser's; a raw mosaic has none.
+    """Raise an error if the stated laser colour does not suit an image in colour or in grey.
+
+    The grey raw image of a colour camera (`bayer`) suits every laser colour.
 
     Raises
     ------
     UnreadableFile
-        If they do; the message begins with `where` and states the remedy.
+        If it does not; the message begins with `where` and states the remedy.
     """
     coloured = image.ndim == 3 and bool((image != image[..., :1]).any())
     if coloured and laser == "grey":
@@ -193,6 +195,7 @@ def read_image_source(
 
 
 def _read_images(source: Path | LiveCamera, max_frames: int | None) -> Iterable[Any]:
+    """Return the image of a file, the frames of a video one by one, or those of a camera."""
     if isinstance(source, LiveCamera):
         from lsvision.io.frames import capture_frames
 
@@ -261,6 +264,7 @@ def _prefix_errors(where: str, remedies: ImageRemedies) -> Iterator[None]:
 def _measure_image(
     image: Any, imaging: ImagingOptions, remedies: ImageRemedies
 ) -> "tuple[Profile, Any, LaserLine]":
+    """Return profile, image (None if it is not kept) and laser line of an image."""
     check_colours(image, imaging.line.channel, bayer=imaging.line.bayer, remedies=remedies)
     line = imaging.light_section.line(image, imaging.line, imaging.laser_off)
     profile = _with_surface_noise(
@@ -285,6 +289,7 @@ def _with_surface_noise(profile: "Profile", surface_std: float) -> "Profile":
 
 
 def _empty_profile(imaging: ImagingOptions) -> "Profile":
+    """Return a profile of lost points only, one per image column, for a frame without a line."""
     import numpy as np
 
     from lsvision.profile import Profile
@@ -293,6 +298,7 @@ def _empty_profile(imaging: ImagingOptions) -> "Profile":
 
 
 def _summary(lines: "list[LaserLine]", frames: int) -> str:
+    """Return frames, direction, lost points and median std of the laser lines as text."""
     import numpy as np
 
     std = float(np.median(np.concatenate([line.std[~np.isnan(line.std)] for line in lines])))
@@ -303,6 +309,7 @@ def _summary(lines: "list[LaserLine]", frames: int) -> str:
 
 
 def _warnings(lines: "list[LaserLine]", frames: int) -> "list[str]":
+    """Return notes on frames without a line, a second line and saturated points."""
     import numpy as np
 
     notes = []
@@ -311,12 +318,13 @@ def _warnings(lines: "list[LaserLine]", frames: int) -> "list[str]":
     second_fraction = max(line.second_line_fraction for line in lines)
     if second_fraction > MAX_SECOND_LINE_FRACTION:
         notes.append(
-            f"a second line runs through {second_fraction:.0%} of the image: see lsvision line "
-            "--plot which one is measured; --laser-off removes lines that are not the laser's"
+            f"a second line runs through {second_fraction:.0%} of the image: lsvision line --plot "
+            "shows which one is measured; --laser-off removes lines that are not the laser's"
         )
     saturated = float(np.mean([line.saturated.mean() for line in lines]))
     if saturated > MAX_SATURATED_FRACTION:
         notes.append(
-            f"{saturated:.0%} of the line is at full scale: expose shorter, or --method gaussian"
+            f"{saturated:.0%} of the line is at full scale: shorten the exposure, or use --method "
+            "gaussian"
         )
     return notes

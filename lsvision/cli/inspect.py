@@ -148,6 +148,7 @@ class _Run:
         yield name, 0, measure_scan_of_job(profiles, poses, self.job, calibration)
 
     def _poses(self, count: int) -> "tuple[list[Pose], Any]":
+        """Return `count` poses of a scan's sections, and the hand-eye calibration or None."""
         from lsvision.cli.robot_poses import RobotOptions
         from lsvision.cli.scan_poses import Robot, parse_motion, scan_poses
 
@@ -184,7 +185,10 @@ def _group_files(
 def _inspect_all(
     run: _Run, groups: Sequence[tuple[str, list[Path]]], blocked: str, *, to_stderr: bool
 ) -> "Iterator[JudgedMeasurement]":
-    """Yield all verdicts after printing each; a failure does not stop the others."""
+    """Yield all verdicts after printing each; a failure does not stop the others.
+
+    `blocked` is the reason why no part can be OK, from `find_blocking_reason`; empty if none.
+    """
     for name, sources in groups:
         parts = [(name, sources)] if run.job.scan is not None else [(str(s), [s]) for s in sources]
         for label, part in parts:
@@ -206,6 +210,7 @@ def _judge_profile(
     measurement: "Measurement | ScanMeasurement",
     blocked: str,
 ) -> "JudgedMeasurement":
+    """Return a measurement with its verdict and, for a single profile, the remedies."""
     from lsvision.inspection.inspected import JudgedMeasurement
     from lsvision.inspection.judge import judge
     from lsvision.inspection.remedies import plan_remedies
@@ -251,6 +256,7 @@ def _check_golden(
 def _write_results(
     inspected: "Sequence[JudgedMeasurement]", outputs: tuple[Path | None, Path | None, Path | None]
 ) -> None:
+    """Write the verdicts to the JSON, CSV and Parquet file, where given."""
     from lsvision.files.atomic_files import write_atomic
     from lsvision.io.verdict_files import verdicts_csv, verdicts_json, verdicts_parquet
 
@@ -270,6 +276,7 @@ def _write_report(
     run: _Run,
     golden: "tuple[Sequence[Record], datetime.datetime]",
 ) -> None:
+    """Write the page of a run; `golden` holds the log of the golden part and the time now."""
     from lsvision.draw.inspection_page import InspectionContext, inspection_page
     from lsvision.inspection.calibration_files import calibration_age_days
 

@@ -40,7 +40,7 @@ def line(
     """Extract the laser line of an image, column by column, to a fraction of a pixel.
 
     A check before calibration or measurement: whether the laser's line was found, whether it is
-    saturated (then expose shorter), and whether its std is small. Needs no rig.
+    saturated (then shorten the exposure), and whether its std is small. Needs no rig.
 
     \b
     See the line of an image:

@@ -106,7 +106,7 @@ def range_warning(profile: "Profile", sensor: "ProfileSensor | None") -> str | N
         return None
     return (
         f"the points lie {distance:.3g} mm from the origin, the sensor measures at "
-        f"{sensor.min_range:g} to {sensor.max_range:g} mm: are heights counted from the sensor?"
+        f"{sensor.min_range:g} to {sensor.max_range:g} mm: check that heights start at the sensor"
     )
 
 

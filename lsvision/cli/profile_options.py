@@ -36,7 +36,7 @@ KnownPhi = Annotated[
     str | None,
     typer.Option(
         metavar="DEG|DEG:SIGMA",
-        help="Tilt known beforehand, as 0 for a section perpendicular to the axis; reduces the "
+        help="Tilt known beforehand, e.g. 0 for a section perpendicular to the axis; reduces the "
         "uncertainty of the radius.",
     ),
 ]
@@ -87,7 +87,7 @@ class SensorOptions:
         Raises
         ------
         typer.BadParameter
-            For an unknown name, a name and a noise, or a length that is not positive.
+            For an unknown sensor, a sensor and a noise at once, or a length that is not positive.
         """
         if self.sensor is None and self.range_std is None:
             if self.reference_range is not None:
@@ -137,7 +137,7 @@ class ReadingOptions:
         str | None,
         typer.Option(
             metavar="VALUE|none",
-            help="What marks a lost point, as -9999 or ERR; else guessed from values far from "
+            help="Mark of a lost point, e.g. -9999 or ERR; else guessed from values far from "
             "the rest.",
         ),
     ] = None
@@ -157,7 +157,7 @@ class ReadingOptions:
         str | None,
         typer.Option(
             metavar="UNIT|N",
-            help="Rows of heights: size of one count, as 0.5um; Keyence's ZUnit in 0.01 um.",
+            help="Rows of heights: size of one count, e.g. 0.5um; Keyence's ZUnit in 0.01 um.",
         ),
     ] = None
     x_start: Annotated[
@@ -169,7 +169,7 @@ class ReadingOptions:
     topic: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME", help="Topic of a ROS bag, as /scan, if several contain profiles."
+            metavar="NAME", help="Topic of a ROS bag, e.g. /scan, if several contain profiles."
         ),
     ] = None
     plane: Annotated[

@@ -47,6 +47,7 @@ def scan_lines(
 
 
 def _remarks(tube: "ScannedCylinder", shape: "TubeShape | None") -> list[str]:
+    """Return the lines below the table on a cylinder: its axial range, twin and shape."""
     from lsvision.scan.scan_table import twin_note
     from lsvision.scan.shape_result import shape_lines
 

@@ -48,6 +48,7 @@ def measurement_lines(
 
 
 def _correlation_notes(cylinders: Sequence["CylinderSection"]) -> list[str]:
+    """Return a note for each cylinder whose intervals are wider for correlated residuals."""
     return [
         f"  {number}: residuals correlated over {cylinder.residual_correlation:.1f} points along "
         "the line: intervals widened (the sensor smooths, or the cylinder is not exact)"
@@ -57,6 +58,7 @@ def _correlation_notes(cylinders: Sequence["CylinderSection"]) -> list[str]:
 
 
 def _rejection_line(rejection: "Rejection", profile: "Profile") -> str:
+    """Return the columns of a rejected arc, its range of x and the reason as one line."""
     arc = rejection.arc
     x = arc.of(profile)[:, 0]
     finite = [value for value in x.tolist() if math.isfinite(value)]

@@ -49,7 +49,8 @@ def simulate(
         float, typer.Option(metavar="P", min=0, max=1, help="Fraction of columns lost at random.")
     ] = 0.03,
     jumps: Annotated[
-        float, typer.Option(metavar="P", min=0, max=1, help="Fraction of points off by 2-12 mm.")
+        float,
+        typer.Option(metavar="P", min=0, max=1, help="Fraction of points with errors of 2-12 mm."),
     ] = 0.02,
 ) -> None:
     """Write simulated light sections of pipes, each with the truth beside it.

@@ -135,13 +135,14 @@ def _no_file_error(name: str, suffixes: frozenset[str]) -> UnreadableFile:
     if is_directory(name):
         if suffixes is PROFILE_SUFFIXES and find_files(name, IMAGE_SUFFIXES | VIDEO_SUFFIXES):
             return UnreadableFile(
-                f"{name}: no profile in this folder, only images: of a laser line, measure them "
-                "with the rig that took them, lsvision measure --light-section rig.json"
+                f"{name}: no profile in this folder, only images: if they show a laser line, "
+                "measure them with the rig that took them, lsvision measure --light-section "
+                "rig.json"
             )
         kind, pattern = ("image", "*.png") if suffixes is IMAGE_SUFFIXES else ("profile", "*.csv")
         return UnreadableFile(
-            f"{name}: no {kind} in this folder: name another, its subfolders as "
-            f"'{Path(name) / '**' / pattern}', or files whose suffix is not one of "
+            f"{name}: no {kind} in this folder: name another folder, its subfolders by "
+            f"'{Path(name) / '**' / pattern}', or each file if its suffix is not one of "
             f"{' '.join(sorted(suffixes))}"
         )
     return UnreadableFile(f"{name}: no file matches this pattern: check it with ls")

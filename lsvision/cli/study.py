@@ -36,7 +36,7 @@ study = command_group(
 Tolerance = Annotated[
     float | None, typer.Option(min=0, metavar="WIDTH", help="Width of the tolerance.")
 ]
-Level = Annotated[float, typer.Option(metavar="P", help="Probability of the intervals.")]
+Level = Annotated[float, typer.Option(metavar="P", help="Confidence level of the intervals.")]
 QUANTITIES = ("radius", "theta", "phi", "centre-x", "centre-y")
 
 
@@ -45,10 +45,10 @@ QUANTITIES = ("radius", "theta", "phi", "centre-x", "centre-y")
 def repeat(
     *,
     files: Annotated[
-        list[str], typer.Argument(metavar="FILE|DIR|GLOB", help="Profiles of one part, repeated.")
+        list[str], typer.Argument(metavar="FILE|DIR|GLOB", help="Repeated profiles of one part.")
     ],
     reference: Annotated[
-        float, typer.Option(metavar="VALUE", help="True value of the part, mm or deg.")
+        float, typer.Option(metavar="VALUE", help="Reference value of the part, mm or deg.")
     ],
     quantity: Annotated[
         str, typer.Option(metavar="NAME", help=f"One of {', '.join(QUANTITIES)}.")
@@ -125,11 +125,13 @@ def grr(
 
 
 def _check_level(level: float) -> None:
+    """Raise a usage error unless the confidence level is in (0, 1)."""
     if not 0 < level < 1:
         raise typer.BadParameter(f"expected --level between 0 and 1, got {level:g}")
 
 
 def _print_result(result: "Result", json_file: Path | None, *head: str) -> None:
+    """Print a result below some lines, on stderr if its JSON goes to stdout, and write the JSON."""
     print_lines([*head, *str(result).splitlines()], err=json_file == STDOUT)
     if json_file is not None:
         write_output(json_file, result.to_json(indent=2) + "\n")

@@ -11,7 +11,7 @@ from lsvision.geometry.arrays import FloatArray, as_readonly_array
 X_COLUMNS = ("x", "x_mm")
 """Names of a data frame's column along the laser line, in any case."""
 Y_COLUMNS = ("z", "z_mm", "y", "y_mm", "height", "height_mm")
-"""Names of its column of heights, which grow towards the sensor."""
+"""Names of a data frame's column of heights towards the sensor, in any case."""
 
 
 def as_section_points(values: Any) -> FloatArray:
@@ -55,7 +55,7 @@ def as_section_points(values: Any) -> FloatArray:
 def as_number_or_pair(
     value: Any, name: str, unit: str, pair: str
 ) -> float | tuple[float, float] | None:
-    """Return a number as float and two of them as a tuple; None as None.
+    """Return a number as float, two numbers as a tuple of floats, and None as None.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def as_number_or_pair(
     Raises
     ------
     TypeError
-        If it is neither.
+        If the value is not a number or a sequence of numbers.
     ValueError
         If there are not one or two numbers.
 
@@ -102,14 +102,14 @@ def as_known_phi(value: Any) -> float | tuple[float, float] | None:
     TypeError
         If it is neither a number nor a pair.
     ValueError
-        If it is above pi / 2, or its std is.
+        If the tilt or its std is pi / 2 or more.
 
     Examples
     --------
     >>> as_known_phi(20)
     Traceback (most recent call last):
     ...
-    ValueError: expected known_phi from 0 to below pi/2 rad, got 20: degrees? known_phi is in rad, \
+    ValueError: expected known_phi from 0 to below pi/2 rad, got 20: convert degrees by \
 math.radians(20) = 0.349
     """
     known = as_number_or_pair(value, "known_phi", "rad", "(phi, std)")
@@ -119,13 +119,14 @@ math.radians(20) = 0.349
     for number_name, number in zip(("known_phi", "the std of known_phi"), numbers, strict=False):
         if number >= math.pi / 2:
             raise ValueError(
-                f"expected {number_name} from 0 to below pi/2 rad, got {number:g}: degrees? "
-                f"known_phi is in rad, math.radians({number:g}) = {math.radians(number):.3g}"
+                f"expected {number_name} from 0 to below pi/2 rad, got {number:g}: convert "
+                f"degrees by math.radians({number:g}) = {math.radians(number):.3g}"
             )
     return known
 
 
 def _convert_to_table(values: Any) -> FloatArray:
+    """Return an array, list, masked array or data frame as a float array; lost points are NaN."""
     if isinstance(values, str | bytes | os.PathLike):
         raise TypeError(
             f"expected points as an (n, 2) array in mm, got {values!r}: files are read by "
@@ -172,6 +173,7 @@ def _select_columns(frame: Any) -> FloatArray:
 
 
 def _shape_hint(shape: tuple[int, ...]) -> str:
+    """Return the remedy for points of a wrong shape, for the end of a message; may be empty."""
     if len(shape) != 2:
         return ""
     if shape[0] == 2:

@@ -143,9 +143,9 @@ def apply_in_groups(
 
 
 def as_column(values: Sequence[Any]) -> Any:
-    """Return one number for each of k rows as a column (k, 1), that of a single row as a number.
+    """Return k numbers as a column (k, 1), which broadcasts over rows; a single one as a scalar.
 
-    With a number, numpy is faster than with a column.
+    With a scalar, numpy is faster than with a column.
 
     Examples
     --------
@@ -239,9 +239,10 @@ def measure_extent(points: Points) -> float:
 
 
 MAX_COORDINATE_MM = 1e9
-"""Largest coordinate of a fit: a thousand kilometres; squares of larger ones lose all digits."""
+"""Largest coordinate of a fit: a thousand kilometres; squares of larger ones lose all digits.
+Units: mm."""
 MAX_VARIANCE_MM2 = MAX_COORDINATE_MM**2
-"""Largest variance of a point."""
+"""Largest variance of a point. Units: mm^2."""
 PSD_TOLERANCE = 1e-9
 """Smallest eigenvalue of a covariance that still counts as 0, relative to its largest."""
 

@@ -62,6 +62,11 @@ class Cylinder(ComparedByValue):
     radius : float
         Radius of the cylinder. Units: mm.
 
+    Raises
+    ------
+    ValueError
+        If the direction has the length 0, the radius is not positive, or a number is not finite.
+
     Examples
     --------
     >>> rod = Cylinder((0, 0, 0), (0, math.sin(0.5), math.cos(0.5)), radius=10.0)

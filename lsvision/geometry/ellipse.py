@@ -11,6 +11,7 @@ import numpy as np
 from lsvision.geometry.arrays import TINY, FloatArray, Points
 
 MAX_FOOT_POINT_ITERATIONS = 30
+"""Largest number of steps of the foot point iteration."""
 FOOT_POINT_TOLERANCE = 1e-5
 """Change of the eccentric anomaly (rad) at which the foot point iteration stops. Near the ellipse
 each step gains about two digits, and the distance depends on the remaining error quadratically."""

@@ -24,6 +24,11 @@ class Plane(ComparedByValue):
     distance : float
         Distance from the origin along `normal`. Units: mm.
 
+    Raises
+    ------
+    ValueError
+        If the normal has the length 0, or a number is not finite.
+
     Examples
     --------
     >>> Plane((0, 0, 2), 10.0).distance

@@ -136,7 +136,7 @@ radius_mm = { nominal = 19, upper = 3, lower = -3 }
         REPOSITORY / "fixtures/jobs/scan_welded_pair.toml",
     )
     assert scan.exit_code == 1
-    assert "a job of scans or images" in scan.stderr
+    assert "got one for scans or images" in scan.stderr
 
 
 def test_a_file_is_no_folder_of_results(run, folder):

@@ -267,7 +267,10 @@ def test_poses_of_another_count_are_rejected(run, out, tmp_path):
 
 POSE_ROWS = POSES.read_text().splitlines()[1:]
 SPOILT_POSES = {
-    "shuffled": ([POSE_ROWS[i] for i in (5, 2, 8, 0, 11, 3, 9, 1, 7, 10, 4, 6)], "are pairs shuff"),
+    "shuffled": (
+        [POSE_ROWS[i] for i in (5, 2, 8, 0, 11, 3, 9, 1, 7, 10, 4, 6)],
+        "the order of the pairs",
+    ),
     "reversed": (POSE_ROWS[::-1], "the poses are in reverse order"),
     "lost": ([POSE_ROWS[0].replace(POSE_ROWS[0].split(",")[0], "nan"), *POSE_ROWS[1:]], "finite"),
     "none": ([], "no row with numbers"),

@@ -152,7 +152,7 @@ def test_other_ways_to_measure_find_the_pipe(run, rows, written, pipe, options):
 
 def test_heights_not_counted_from_the_sensor_are_noted(run, written, pipe):
     middle = written(pipe + np.array([0, 400]))
-    warning = "mm from the origin, the sensor measures at 200 to 600 mm: are heights counted"
+    warning = "mm from the origin, the sensor measures at 200 to 600 mm: check that heights"
     assert warning in run("measure", middle, "--sensor", "lps36hi").stdout
     assert "from the origin" not in run("measure", middle).stdout
     assert "from the origin" not in run("measure", written(pipe), "--sensor", "lps36").stdout

@@ -166,7 +166,7 @@ def test_an_image_without_a_rig_names_the_option(run, tmp_path):
         run("measure", IMAGES / "single.png")
     )
     saved(tmp_path / "a.png", np.zeros((99, 99), np.uint8))
-    assert "only images: of a laser line, measure them" in run("measure", tmp_path).stderr
+    assert "only images: if they show a laser line, measure them" in run("measure", tmp_path).stderr
 
 
 BAD = {

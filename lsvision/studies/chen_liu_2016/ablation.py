@@ -31,7 +31,9 @@ from lsvision.studies.chen_liu_2016.tables import ProgressCallback
 from lsvision.studies.chen_liu_2016.variants import VARIANTS, AblationArc, Variant, VariantFit
 
 KINDS = ("single", "welded_pair", "complex")
+"""Kinds of simulated scenes, keys of `SCENE_KINDS`."""
 TUBES = TubeRanges(radius_mm=(15.0, 29.0), phi_deg=(15.0, 30.0))
+"""Radii of the paper's tables, and tilts as in them but for phi = 10 deg."""
 SECTION_SETTINGS = SectionSettings(lost_fraction=0.03, jump_fraction=0.05)
 """Errors of the sensor in every section: enough jumps that each arc contains some of them."""
 MEDIAN_OF_MODULUS = NormalDist().inv_cdf(0.75)
@@ -113,15 +115,15 @@ def _detect_arcs(section: SimulatedSection) -> list[tuple[TubeTruth, AblationArc
     labels = section.truth.labels[profile.sensor_columns]
     detected = []
     for tube in section.truth.tubes:
-        arc = next((a for a in arcs if _mostly(labels, a.indices, tube.label)), None)
-        seed = next((s for s in seeds if _mostly(labels, s.indices, tube.label)), None)
+        arc = next((a for a in arcs if _are_mostly_on(labels, a.indices, tube.label)), None)
+        seed = next((s for s in seeds if _are_mostly_on(labels, s.indices, tube.label)), None)
         if arc is not None and seed is not None:
             detected.append((tube, AblationArc(profile, arc, seed)))
     return detected
 
 
-def _mostly(labels: IntArray, indices: IntArray, label: int) -> bool:
-    """Return whether most of the points belong to the pipe of a label."""
+def _are_mostly_on(labels: IntArray, indices: IntArray, label: int) -> bool:
+    """Return whether more than half of the points belong to the pipe with a label."""
     return bool((labels[indices] == label).mean() > 0.5)
 
 

@@ -118,7 +118,10 @@ def case_bound(case: Case, method: Method, *, noise_mm: float) -> tuple[Triple, 
 
 
 def case_errors(estimate: Estimate, case: Case, pipe: int) -> Triple:
-    """Return the errors of the estimate of a pipe; that of theta is in [-90, 90) deg."""
+    """Return the errors (estimate minus truth) of pipe number `pipe`, from 0.
+
+    The error of theta is in [-90, 90) deg.
+    """
     row = case.rows[pipe]
     radius, theta, phi = estimate
     theta_error = (math.degrees(theta) - row.theta_deg + 90) % 180 - 90
@@ -139,6 +142,7 @@ def _paper_settings(section: SimulatedSection) -> PaperSettings:
 def _measure_scan(
     case: Case, sections: tuple[SimulatedSection, ...], poses: tuple[Pose, ...]
 ) -> tuple[Estimate | None, ...]:
+    """Return the estimate of each pipe from several sections; None if it was not found."""
     scan = measure_scan([s.profile for s in sections], poses, radius=case.radius_mm)
     labels = np.array([section.truth.labels for section in sections])
     estimates = []

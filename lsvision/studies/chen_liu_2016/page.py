@@ -58,6 +58,7 @@ def report_page(report: PaperReport) -> str:
     """
 
     def pooled(method: Method, table: int) -> ErrorStatistics:
+        """Return the errors of a method over all pipes of a table."""
         rows = [row for row in report.rows if row.printed.table == table]
         return pool_errors([row.spreads[method] for row in rows])
 
@@ -150,6 +151,7 @@ class _UnreachableErrors:
 
 
 def _unreachable_errors(report: PaperReport) -> _UnreachableErrors:
+    """Return how many groups of printed errors are too small for one section."""
     unreachable = [result for result in report.achievability if not result.reachable]
     noise_ratio = report.repeatability.noise_of_printed_box_mm / report.noise_mm
     return _UnreachableErrors(

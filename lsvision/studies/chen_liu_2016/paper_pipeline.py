@@ -215,7 +215,7 @@ def homogenise_profile_paper(points: Points, step_mm: float = 0.5) -> Points:
 def _identify_spans(
     points: Points, radius: float, settings: PaperSettings
 ) -> list[tuple[int, int]]:
-    """Return the spans of Figure 6: consecutive windows in which all r_j are small."""
+    """Return (start, stop) of each span of Figure 6: consecutive windows with small r_j only."""
     count = len(points)
     num = settings.window_points(count)
     spans: list[tuple[int, int]] = []

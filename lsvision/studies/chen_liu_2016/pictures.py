@@ -32,13 +32,16 @@ WIDTH_INCH = 4.6
 BLUE, GREEN, PURPLE, _ = CYLINDERS
 ORANGE, GREY = REJECTED[0], "0.45"
 
+# Beginning of an id in SVG, or of a reference to one.
 _ID_OR_REFERENCE = re.compile(r'(\bid="|url\(#|href="#)')
+# Without the date, the same figure gives the same text.
 _NO_METADATA = {"Date": None, "Creator": None, "Format": None, "Type": None}
 AXIS_NAMES = {"radius_mm": "radius / mm", "theta_deg": "θ / °", "phi_deg": "φ / °"}
 """Labels of the quantities on the axes."""
 COLOURS: dict[Method, str] = {
     "paper": ORANGE, "section": BLUE, "known": PURPLE, "two": GREEN, "twenty": "black",
 }  # fmt: skip
+"""Colour of each method in all figures."""
 ELLIPSE_SIGMAS = 3.0
 """Size of the covariance ellipse of the bound, in standard deviations."""
 RESIDUAL_LIMIT_MM = 1.5

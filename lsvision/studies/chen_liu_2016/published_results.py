@@ -70,9 +70,10 @@ class PublishedTime:
     seconds: float
 
 
-_RADII = (15.0, 16.0, 18.5, 29.0)
-_WELDED_RADIUS = 19.0
-_ANGLES = ((10.0, 30.0), (20.0, 20.0), (30.0, 10.0))
+_RADII = (15.0, 16.0, 18.5, 29.0)  # of the pipes in each of Tables 1-3, mm
+_WELDED_RADIUS = 19.0  # of the pipes in Table 4, mm
+_ANGLES = ((10.0, 30.0), (20.0, 20.0), (30.0, 10.0))  # theta, phi in Tables 1, 2 and 3, deg
+# Errors of radius (mm), theta and phi (deg): Tables 1, 2 and 3, one line per pipe.
 _SINGLE = (
     (
         (-0.2457, -0.1493, 0.0530),
@@ -93,6 +94,7 @@ _SINGLE = (
         (-0.1670, -0.1719, 0.1884),
     ),
 )
+# Table 4: one line per pair of welded pipes.
 _WELDED = (
     ((-0.0928, 0.2417, 0.1787), (-0.0797, -0.1057, -0.1379)),
     ((-0.1389, 0.1903, -0.4406), (-0.0897, -0.1169, 0.1129)),
@@ -101,6 +103,7 @@ _WELDED = (
 
 
 def _rows() -> tuple[PublishedRow, ...]:
+    """Return the rows of Tables 1-4."""
     rows = []
     for table, (angles, errors) in enumerate(zip(_ANGLES, _SINGLE, strict=True), 1):
         for number, (radius, error) in enumerate(zip(_RADII, errors, strict=True), 1):

@@ -105,7 +105,8 @@ def measure_repeatedly(repeats: int, *, noise_mm: float, seed: int = 0) -> Repea
 def expected_range(count: int) -> float:
     """Return the mean range (largest minus smallest) of `count` standard normal numbers.
 
-    Definition: integral of 1 - F^n - (1 - F)^n.
+    Definition: integral over x of 1 - F(x)^n - (1 - F(x))^n, with n = `count` and F the standard
+    normal distribution function.
 
     Examples
     --------

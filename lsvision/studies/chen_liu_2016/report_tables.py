@@ -18,6 +18,7 @@ from lsvision.studies.chen_liu_2016.scenes import SceneFigure, Timing
 from lsvision.studies.chen_liu_2016.tables import TableRow, pool_errors
 
 README_HEAD = ("Paper's Table", "", "Radius, mm", "θ, °", "φ, °")
+"""Names of the columns of the README's table; the second one is the method."""
 ERROR_NAMES = {
     "radius_mm": "Radius error, mm",
     "theta_deg": "θ error, degrees",
@@ -135,12 +136,14 @@ def readme_table(rows: Sequence[TableRow]) -> str:
 
 
 def _rms_and_bound(rms: float, bound: float) -> str:
+    """Return ``rms (bound)`` as text; "given" for a radius that was known."""
     if bound < MAX_GIVEN_RADIUS_ERROR_MM:
         return "given"
     return f"{format_significant(rms)} ({format_significant(bound)})"
 
 
 def _markdown_row(*cells: str) -> str:
+    """Return cells as a row of a Markdown table."""
     return "| " + " | ".join(cells) + " |"
 
 
@@ -169,6 +172,7 @@ def error_table(rows: Sequence[TableRow], number: int) -> Table:
 
 
 def _error_row(row: TableRow, quantity: str) -> Row:
+    """Return printed error, bound and rms error of each method for a quantity of a pipe."""
     printed = row.printed
     name = f"r = {printed.radius_mm:g} mm"
     if printed.table == 4:
@@ -215,6 +219,7 @@ def _achievability_row(result: Achievability) -> Row:
 
 
 def _format_probability(probability: float) -> str:
+    """Return a probability in percent, a small one as ``1 in n``."""
     if probability >= 0.01:
         return f"{100 * probability:.0f} %"
     if probability >= 1e-5:

@@ -23,6 +23,7 @@ from lsvision.studies.chen_liu_2016.published_results import PUBLISHED_TIMES, Pu
 from lsvision.studies.chen_liu_2016.tables import ProgressCallback
 
 RADIUS_MM = 19.0
+"""Radius of every pipe, that of the paper's welded pipes. Units: mm."""
 TUBES = TubeRanges(radius_mm=(RADIUS_MM, RADIUS_MM), theta_deg=(0.0, 180.0), phi_deg=(10.0, 30.0))
 """Pipes like the paper's welded ones, with the tilts of its tables."""
 SEARCH_RANGE_MM = (10.0, 40.0)
@@ -126,7 +127,9 @@ def count_matches(measurement: Measurement, truth: SectionTruth) -> tuple[int, i
     for cylinder in measurement.cylinders:
         points = np.zeros(len(truth.labels), dtype=bool)
         points[cylinder.indices] = True
-        matches = [label for label in sorted(unmatched) if _match(points, truth.labels == label)]
+        matches = [
+            label for label in sorted(unmatched) if _exceeds_min_iou(points, truth.labels == label)
+        ]
         if matches:
             unmatched.remove(matches[0])
         else:
@@ -134,7 +137,7 @@ def count_matches(measurement: Measurement, truth: SectionTruth) -> tuple[int, i
     return len(truth.tubes) - len(unmatched), false
 
 
-def _match(points: BoolArray, pipe: BoolArray) -> bool:
+def _exceeds_min_iou(points: BoolArray, pipe: BoolArray) -> bool:
     """Return whether the overlap (intersection over union) of two point sets exceeds `MIN_IOU`."""
     return bool((points & pipe).sum() > MIN_IOU * (points | pipe).sum())
 

@@ -24,6 +24,7 @@ from lsvision.studies.chen_liu_2016.paper_pipeline import (
 KIND, SEED = "welded_complex", 2
 """Kind and seed of the scene."""
 TUBES = TubeRanges(radius_mm=(19.0, 19.0), phi_deg=(15.0, 30.0))
+"""Pipes of the scene: the radius of the paper's welded pipes, tilts from its tables."""
 WINDOW_STEP = 2
 """Step from window to window, in points: every second one is enough for a picture."""
 
@@ -44,7 +45,7 @@ class StepExample:
         Middle of each window of the paper's rough identification (x) and its largest abs(r_j);
         inf where no ellipse fits. Units: mm.
     identified : IdentifiedArc
-        Arc with the most points, before accurate screening.
+        Arc of a pipe with the most points, before accurate screening.
     screened : ScreenedArc
         Arc after accurate screening.
     smoothed : SmoothedArc
@@ -98,7 +99,7 @@ def run_steps(*, noise_mm: float) -> StepExample:
         section=section,
         measurement=measure_cylinders(section.profile, radius=RADIUS_RANGE),
         profile=profile,
-        windows=_windows(profile),
+        windows=_compute_windows(profile),
         identified=identified,
         screened=screened,
         smoothed=smoothed,
@@ -107,8 +108,8 @@ def run_steps(*, noise_mm: float) -> StepExample:
     )
 
 
-def _windows(profile: PreparedProfile) -> FloatArray:
-    """Return the middle x and largest abs(r_j) of the paper's windows, (k, 2) (Figure 6)."""
+def _compute_windows(profile: PreparedProfile) -> FloatArray:
+    """Return middle x and largest abs(r_j) of the paper's k windows (Figure 6), (k, 2) in mm."""
     points = profile.points[profile.valid_indices]
     num = PaperSettings().window_points(len(points))
     radius = float(np.sqrt(RADIUS_RANGE[0] * RADIUS_RANGE[1]))

@@ -111,6 +111,7 @@ def pool_errors(spreads: Sequence[ErrorStatistics]) -> ErrorStatistics:
     equal_weights = np.ones(len(spreads))
 
     def mean(field: str, power: int, weights: FloatArray) -> Triple:
+        """Return the weighted power mean of a field: 1 is the mean, 2 the root mean square."""
         values = np.array([_numbers(getattr(spread, field)) for spread in spreads])
         with np.errstate(invalid="ignore"):  # 0 / 0 = NaN if no pipe was found
             mean_power = weights @ np.nan_to_num(values) ** power / weights.sum()
@@ -150,5 +151,5 @@ def _pipe_statistics(
 
 
 def _numbers(triple: Triple) -> list[float]:
-    """Return the fields of a triple, in the order of `QUANTITIES`."""
+    """Return the three numbers of a triple, in the order of `QUANTITIES`."""
     return [getattr(triple, name) for name in QUANTITIES]

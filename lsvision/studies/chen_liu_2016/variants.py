@@ -135,6 +135,7 @@ def _fit_screened(screened: ScreenedArc) -> VariantFit:
 
 
 def _smooth(screened: ScreenedArc) -> SmoothedArc:
+    """Return one arc smoothed along its ellipse."""
     (smoothed,) = smooth_arcs([screened.points], [screened.ellipse])
     return smoothed
 
@@ -161,10 +162,12 @@ def _with_evaluations(fit: EllipseFit, initial_guess: Ellipse) -> VariantFit:
 
 
 def _without_smoothing(arc: AblationArc) -> VariantFit:
+    """Return the fit to all screened points, from the screened ellipse."""
     return _fit(arc.screened.points, arc.screened.ellipse)
 
 
 def _without_homogenising(arc: AblationArc) -> VariantFit:
+    """Return the fit to the points without jumps, from the screened ellipse."""
     return _fit(arc.inliers, arc.screened.ellipse)
 
 
@@ -181,15 +184,18 @@ def _direct_fit(arc: AblationArc) -> VariantFit:
 
 
 def _equal_weights(arc: AblationArc) -> VariantFit:
+    """Return the fit by orthogonal residuals without the points' covariances."""
     return _unweighted(as_vectors(arc.inliers.z), arc.initial_guess)
 
 
 def _unweighted(points: Points, initial_guess: Ellipse) -> VariantFit:
+    """Return the fit of points (n, 2) in mm by orthogonal residuals of equal weight."""
     fit = fit_ellipse(points, initial_guess, settings=FITTING)
     return _with_evaluations(fit, initial_guess)
 
 
 def _radial(arc: AblationArc) -> VariantFit:
+    """Return the fit by the paper's radial residuals of equal weight, Eq. (4)."""
     fit = fit_ellipse(as_vectors(arc.inliers.z), arc.initial_guess, settings=RADIAL_FITTING)
     return _with_evaluations(fit, arc.initial_guess)
 
@@ -208,29 +214,32 @@ def _fixed_sensor_error(arc: AblationArc) -> VariantFit:
 
 
 def _smoothed_over_x(arc: AblationArc) -> VariantFit:
-    smooth = smooth_profile_paper(_by_x(as_vectors(arc.inliers.z)))
+    """Return the fit after smoothing y(x), as in the paper's section 3.3.1."""
+    smooth = smooth_profile_paper(_order_by_x(as_vectors(arc.inliers.z)))
     return _unweighted(smooth, arc.initial_guess)
 
 
 def _homogenised_over_x(arc: AblationArc) -> VariantFit:
-    homogenised = homogenise_profile_paper(_by_x(as_vectors(arc.inliers.z)))
+    """Return the fit after resampling y(x) by a spline, as in the paper's section 3.3.2."""
+    homogenised = homogenise_profile_paper(_order_by_x(as_vectors(arc.inliers.z)))
     return _unweighted(homogenised, arc.initial_guess)
 
 
 def _smoothing_to_fit_of_paper(arc: AblationArc) -> VariantFit:
     """Return the fit by sections 3.3 and 2.3 as published, for an arc from lsvision's screening."""
-    smooth = smooth_profile_paper(_by_x(as_vectors(arc.screened.points.z)))
+    smooth = smooth_profile_paper(_order_by_x(as_vectors(arc.screened.points.z)))
     fit = fit_ellipse(homogenise_profile_paper(smooth), arc.initial_guess, settings=RADIAL_FITTING)
     return _with_evaluations(fit, arc.initial_guess)
 
 
-def _by_x(points: Points) -> Points:
+def _order_by_x(points: Points) -> Points:
     """Return the points ordered by x."""
     ordered: Points = points[np.argsort(points[:, 0], kind="stable")]
     return ordered
 
 
 LEFT_OUT, AS_PAPER = "left out", "as in the paper"
+"""Groups of variants, besides "as it is"."""
 VARIANTS = (
     Variant("as it is", "every step, as lsvision does it", lambda arc: _fit_screened(arc.screened)),
     Variant(LEFT_OUT, "rough identification: the first candidate is the arc",
