@@ -61,6 +61,7 @@ def measure_many(
 def _measure_many(
     profiles: "Iterable[Profile | npt.ArrayLike]", jobs: int, options: dict[str, Any]
 ) -> Iterator[Measurement]:
+    """Yield the measurement of each profile; groups of them are measured in `jobs` processes."""
     measured = 0
     groups = _split_into_groups(map(as_profile, profiles))
     for task, measurements in run_tasks(

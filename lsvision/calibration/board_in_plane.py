@@ -64,6 +64,7 @@ class BoardInPlane(Result):
         return f"{len(self.residuals)} points of the board, rms {self.rms_px:.3f} px"
 
     def _cells(self) -> list[tuple[str, ...]]:
+        """Return the header and one row of the printed table."""
         plane = self.light_section.laser_plane
         normal = ", ".join(f"{value:.4f}" for value in plane.normal)
         row = (

@@ -287,6 +287,7 @@ def _restricted_likelihood(
     prior_rows = np.concatenate([prior[0] * column_scales, prior_residual[0, :, None]], axis=-1)
 
     def likelihood(scales: FloatArray) -> FloatArray:
+        """Return the restricted log-likelihood at scales (..., parts), up to a constant."""
         covariances = observations.covariances[used] + np.tensordot(scales**2, parts, axes=(-1, 1))
         # Normal matrix, right-hand side and sum of squares in one symmetric matrix.
         weighted = np.linalg.solve(covariances, rows).reshape(*scales.shape[:-1], -1, columns)

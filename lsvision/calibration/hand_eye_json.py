@@ -211,6 +211,7 @@ def _scale_from_document(value: Any) -> tuple[float, float] | None:
 
 
 def _target_document(target: Sphere | Plane | Pose) -> dict[str, Any]:
+    """Return a target as a JSON object with its kind. Units: mm."""
     if isinstance(target, Sphere):
         return {
             "kind": "sphere",
@@ -224,6 +225,7 @@ def _target_document(target: Sphere | Plane | Pose) -> dict[str, Any]:
 
 
 def _target_from_document(document: dict[str, Any]) -> Sphere | Plane | Pose:
+    """Return the target of a JSON object from `_target_document`."""
     kind = document["kind"]
     if kind == "sphere":
         return Sphere(document["centre"], document["radius"], document["radius_std"])

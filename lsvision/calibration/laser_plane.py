@@ -327,8 +327,8 @@ def _require_one_plane(views: Sequence[CalibratedLaserView]) -> None:
     if median_rms > OUTLIER_DISTANCE_PX:
         raise CalibrationFailed(
             f"the laser lines of {len(views)} views do not lie in one plane, but "
-            f"{median_rms:.0f} px off the best: are board and line images shuffled, did laser and "
-            "camera move against each other, or the board between its two images?"
+            f"{median_rms:.0f} px off the best: check the order of board and line images, and that "
+            "neither the laser on the camera nor the board between its two images has moved"
         )
 
 

@@ -83,6 +83,7 @@ def _require_empty(folder: Path) -> None:
 
 
 def _write_pair(pair: "Pair", number: int, boards: Path, lines: Path) -> None:
+    """Write the images of a pair as PNG files with the same number, into both folders."""
     from lsvision.files.atomic_files import write_atomic
     from lsvision.io.images import encode_png
 

@@ -152,6 +152,7 @@ def scan(
 def _build_pose_errors(
     pose_std: float, feed_std_deg: float, motion: Encoder | Robot
 ) -> "PoseErrors":
+    """Return the errors of the poses from the options and the hand-eye file."""
     from lsvision.scan import PoseErrors
 
     try:
@@ -184,6 +185,7 @@ def _measure_all(
     known_radius: float | tuple[float, float] | None,
     sensor: "ProfileSensor | None",
 ) -> "list[Measurement]":
+    """Measure each profile by itself, with a progress bar."""
     from lsvision.measure import PROFILES_AT_ONCE
     from lsvision.scan import measure_sections
 
@@ -201,7 +203,7 @@ def _measure_all(
 
 
 def _measure_shapes(scan_result: "ScanMeasurement") -> "list[TubeShape | None]":
-    """Return the form of each cylinder; None where it has too few sections."""
+    """Return bow, taper and ovality of each cylinder; None where it has too few sections."""
     from lsvision.scan import measure_shape
     from lsvision.scan.shape import MIN_SECTIONS
 

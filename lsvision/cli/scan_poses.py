@@ -95,10 +95,11 @@ def motion_uncertainty_caption(motion: Encoder | Robot) -> str:
 
 
 def _parse_direction(text: str) -> tuple[float, float, float]:
+    """Return the direction of ``--feed``, of any length above 0, from ``X,Y,Z``."""
     try:
         x, y, z = (float(part) for part in text.split(","))
     except ValueError:
-        raise typer.BadParameter(f"expected --feed X,Y,Z, as 0,0,1, got {text!r}") from None
+        raise typer.BadParameter(f"expected --feed X,Y,Z such as 0,0,1, got {text!r}") from None
     if not 0 < math.hypot(x, y, z) < math.inf:
         raise typer.BadParameter(f"expected --feed of a length above 0, got {text!r}")
     return x, y, z

@@ -90,6 +90,7 @@ def simulate(
 
 
 def _tube_ranges(radius: str, theta_deg: str, phi_deg: str) -> "TubeRanges":
+    """Return the ranges of the options; raises a usage error for an impossible one."""
     from lsvision.simulate import TubeRanges
 
     try:

@@ -132,6 +132,7 @@ def profile_names(file: "ProfileFile", name: str) -> list[str]:
 
 
 def _no_file_error(name: str, suffixes: frozenset[str]) -> UnreadableFile:
+    """Return the error for a name without a file, with what to name instead."""
     if is_directory(name):
         if suffixes is PROFILE_SUFFIXES and find_files(name, IMAGE_SUFFIXES | VIDEO_SUFFIXES):
             return UnreadableFile(

@@ -219,6 +219,7 @@ def _photos(
 
 
 def _caption(photo: ViewPhoto, factors: tuple[float, float], reason: str | None) -> str:
+    """Return the caption of a view: why it is left out, or rms residuals and scale of arrows."""
     if reason is not None:
         return f"{photo.name}: left out: {reason}"
     texts = [

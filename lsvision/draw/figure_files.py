@@ -72,6 +72,7 @@ def svg_element(figure: "Figure") -> str:
 
 
 def _save_svg(figure: "Figure", content: io.BytesIO) -> None:
+    """Write a figure as SVG; the same figure gives the same bytes."""
     import matplotlib as mpl
 
     # The ids inside an SVG are random unless this global setting has a value.

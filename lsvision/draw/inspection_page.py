@@ -91,6 +91,7 @@ def _series_values(series: Series) -> dict[str, Any]:
 
 
 def _capability_rows(capability: Capability) -> list[tuple[str, str]]:
+    """Return the rows of a capability table: name and value; Cp only if there are two limits."""
     low, high = capability.cpk_interval
     rows = [
         ("mean", f"{capability.mean:.5g}"),
@@ -108,6 +109,7 @@ def _capability_rows(capability: Capability) -> list[tuple[str, str]]:
 
 
 def _part_values(judged: JudgedMeasurement) -> dict[str, Any]:
+    """Return the values of a judged part for the template of the page."""
     verdict, figure = judged.verdict, None
     if isinstance(judged.measurement, Measurement):
         figure = draw_judged_profile(judged.measurement, verdict)

@@ -108,6 +108,7 @@ def line_summary(line: LaserLine) -> str:
 
 
 def _draw_on_photo(photo: Axes, image: npt.ArrayLike, line: LaserLine) -> None:
+    """Draw the image and the points of the line in it, with a legend."""
     show_photo(photo, image)
     limits = photo.axis()
     _draw_points(photo, line.pixels, line.saturated)
@@ -148,6 +149,7 @@ def _figure_fractions(box: Box, size: tuple[float, float]) -> Box:
 
 
 def _draw_points(axes: Axes, points: Points, saturated: BoolArray) -> None:
+    """Draw points (n, 2), the saturated ones in another colour."""
     axes.plot(*points.T, ".", color=LASER_LINE, ms=2, label="laser line")
     axes.plot(*points[saturated].T, ".", color=SATURATED, ms=2, label="at full scale")
 

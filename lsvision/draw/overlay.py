@@ -35,6 +35,7 @@ SIZE_INCH, DPI = (13.0, 15.0), 100
 HEIGHT_RATIOS = (8.0, 7.0)
 """Heights of the photo and of the drawing in mm below it."""
 OUTLINE_STEPS = 721
+"""Number of points of a drawn ellipse."""
 
 
 def draw_overlay(
@@ -133,6 +134,7 @@ def draw_on_photo(
 def _draw_cylinder(
     axes: Axes, light_section: LightSection, pixels: Points, cylinder: CylinderSection, number: int
 ) -> None:
+    """Draw points, ellipse, major axis if it is determined, and number of a cylinder, in px."""
     colour, ellipse = cylinder_colour(number), cylinder.ellipse
     outline = light_section.project(ellipse.points_at(np.linspace(0, 2 * math.pi, OUTLINE_STEPS)))
     cylinder_pixels = pixels[cylinder.indices].T

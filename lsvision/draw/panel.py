@@ -58,6 +58,7 @@ def draw_panel(
 
 
 def _cylinder_lines(cylinders: Sequence[CylinderSection]) -> list[tuple[str, str]]:
+    """Return the panel's lines on the cylinders with their colours, shorter ones for many."""
     if not cylinders:
         return [("No cylinder found", HEADING), ("", HEADING)]
     lines = [("Cylinders", HEADING)]
@@ -76,6 +77,7 @@ def _cylinder_lines(cylinders: Sequence[CylinderSection]) -> list[tuple[str, str
 
 
 def _value_lines(cylinder: CylinderSection) -> list[str]:
+    """Return the values of a cylinder as four lines of text."""
     radius, theta, phi, *_ = cylinder.estimates
     x, y = cylinder.centre
     return [
@@ -87,6 +89,7 @@ def _value_lines(cylinder: CylinderSection) -> list[str]:
 
 
 def _rejected_lines(rejected: Sequence[RejectedArc]) -> list[tuple[str, str]]:
+    """Return the panel's lines on rejected arcs with their colours: letter and wrapped reason."""
     lines = [("Rejected arcs", HEADING)] if rejected else []
     for arc in rejected:
         wrapped = textwrap.wrap(arc.reason, COLUMNS - 4)

@@ -103,6 +103,7 @@ def draw_scan(
 def _draw_in_space(
     axes: "Axes3D", scan: ScanMeasurement, points: Points, vertical: Vertical
 ) -> None:
+    """Draw the points near the cylinders, and the cylinders, from the side that was measured."""
     axes.view_init(ELEVATION_DEG, _azimuth(scan, vertical), vertical_axis=vertical)
     _draw_points(axes, _points_near_cylinders(points, scan))
     for number, tube in enumerate(scan.cylinders, 1):
@@ -142,11 +143,13 @@ def _points_near_cylinders(points: Points, scan: ScanMeasurement) -> Points:
 
 
 def _draw_points(axes: "Axes3D", points: Points) -> None:
+    """Draw at most about `MAX_POINTS` of the points, evenly selected."""
     sample = points[:: max(1, len(points) // MAX_POINTS)]
     axes.plot(*sample.T, ".", color=POINTS, ms=1.6, zorder=1, label="measured points")
 
 
 def _draw_tube(axes: "Axes3D", tube: ScannedCylinder, number: int) -> None:
+    """Draw the points, the transparent surface, the axis and the number of a cylinder."""
     colour = cylinder_colour(number)
     axes.plot(*tube.points.T, ".", color=colour, ms=2.4, zorder=3,
               label=label_once(axes, "points of a cylinder"))  # fmt: skip
@@ -186,7 +189,7 @@ def _draw_panel(figure: "Figure", scan: ScanMeasurement) -> None:
 
 
 def _value_lines(tube: ScannedCylinder) -> list[str]:
-    """Return lines of text, the most important first."""
+    """Return the values of a cylinder as lines of text, the most important first."""
     direction = ", ".join(f"{value:+.4f}" for value in tube.direction)
     point = ", ".join(f"{value:.2f}" for value in tube.point)
     sections = counted(len(tube.sections), "section")

@@ -1,4 +1,4 @@
-"""Titles and legends in one style for all figures, whether ours or axes given by the caller."""
+"""Titles and legends in one style for all figures, also for axes that the caller passes."""
 
 from typing import TYPE_CHECKING
 

@@ -142,6 +142,7 @@ def _dots(points: Points, radius: float, colour: str) -> str:
 
 
 def _arrows(points: Points, vectors: FloatArray, colour: str, stroke: float) -> str:
+    """Return arrows from points along vectors, both (n, 2) in px, as one SVG path."""
     paths = []
     for (u, v), (du, dv) in zip(points.tolist(), vectors.tolist(), strict=True):
         # The head: two strokes of a quarter of the length, at 30 deg to the shaft.

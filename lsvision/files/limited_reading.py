@@ -136,6 +136,7 @@ def check_readable(path: str | os.PathLike[str]) -> None:
 
 
 def _read(name: str) -> bytes:
+    """Return the content of a regular file or a pipe; see `read_bytes` for the limits."""
     status = Path(name).stat()
     is_pipe = stat.S_ISFIFO(status.st_mode)
     if not is_pipe:

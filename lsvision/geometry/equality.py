@@ -39,6 +39,7 @@ class ComparedByValue:
 
 
 def _are_equal(first: Any, second: Any) -> bool:
+    """Return whether two values are equal; see `ComparedByValue`."""
     if type(first) is not type(second):
         return bool(first == second)
     if isinstance(first, np.ndarray):

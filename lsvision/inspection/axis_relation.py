@@ -138,6 +138,7 @@ class _Pair:
 
     @classmethod
     def of(cls, first: ObservedCylinder, second: ObservedCylinder) -> _Pair:
+        """Return a pair with the points of both axes that are compared."""
         a, b = first.fit, second.fit
         sign = 1.0 if a.direction @ b.direction >= 0 else -1.0
         along = _nearest_approach((a.point, a.direction), (b.point, b.direction))

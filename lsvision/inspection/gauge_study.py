@@ -164,6 +164,7 @@ class GaugeStudy(Result):
         return f"gauge {gauge:.1f} % of total, ndc {self.distinct_categories}"
 
     def _cells(self) -> list[tuple[str, ...]]:
+        """Return the header of the printed table, and a row for each component."""
         percent = f"{100 * self.level:g} % interval"
         header: tuple[str, ...] = ("", "std", percent, "% of total", "% of tolerance")
         rows = [header]
@@ -182,6 +183,7 @@ class GaugeStudy(Result):
         return rows
 
     def _notes(self) -> list[str]:
+        """Return the lines below the table: analysis of variance, pooling, limits of the study."""
         lines = [
             f"{row.source}: {row.degrees_of_freedom} degrees of freedom, sum of squares "
             f"{row.sum_of_squares:.6g}, mean square {row.mean_square:.6g}"

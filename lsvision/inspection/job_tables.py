@@ -83,6 +83,7 @@ class Measure(JobTable):
 
     @model_validator(mode="after")
     def _check(self) -> Measure:
+        """Raise an error for keys that exclude each other or a reversed range."""
         if self.sensor is not None and self.range_std_mm is not None:
             raise ValueError("expected sensor or range_std_mm, got both: leave one out")
         if self.sensor is not None:
@@ -130,6 +131,7 @@ class Part(JobTable):
 
     @model_validator(mode="after")
     def _check(self) -> Part:
+        """Raise an error unless the cylinder is identified in one way, and limits have nominals."""
         for axis, window in self.windows.items():
             if window[0] >= window[1]:
                 raise ValueError(f"{axis}_mm reversed: expected [min, max], got {[*window]}")

@@ -208,6 +208,7 @@ def _judge_periodic_angle(
 def _judge_relation(
     limits: RelationLimits, cylinders: Mapping[str, CylinderOfJob], job: Job
 ) -> ItemVerdict:
+    """Return the verdict on the relation of two parts; undecided if one was not found."""
     name = " - ".join(limits.between)
     missing = [part for part in limits.between if part not in cylinders]
     if missing:
@@ -286,6 +287,7 @@ def _find_exchanged_parts(
     """Return a note for each pair of parts whose sizes fit only the limits of the other part."""
 
     def fits(name: str, part_name: str) -> bool:
+        """Return whether a cylinder would not be NG as this part by the limits of its radius."""
         part = job.part(part_name)
         keys = [key for key in ("radius_mm", "diameter_mm") if key in part.limits]
         verdicts = [

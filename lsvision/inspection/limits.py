@@ -68,6 +68,7 @@ class Limits(JobTable):
 
     @model_validator(mode="after")
     def _check(self) -> Limits:
+        """Raise an error unless the limits are stated in one way and in order."""
         deviations = self.upper is not None or self.lower is not None
         ends = self.min is not None or self.max is not None
         if deviations == ends:

@@ -81,6 +81,7 @@ def lies_in_windows(part: Part, position: Sequence[float]) -> bool:
 
 
 def _match_by_position_or_order(part: Part, cylinders: Sequence[CylinderOfJob]) -> int | None:
+    """Return the index of the part's cylinder; None if there is none or the part has neither."""
     if part.order is not None:
         return part.order - 1 if part.order <= len(cylinders) else None
     if not part.windows:
@@ -103,6 +104,7 @@ def _match_by_position_or_order(part: Part, cylinders: Sequence[CylinderOfJob]) 
 def _match_by_radius(
     parts: Sequence[Part], cylinders: Sequence[CylinderOfJob], unassigned: Sequence[int]
 ) -> dict[str, int]:
+    """Return the index of each part's cylinder, assigned by the smallest sum of deviations."""
     if not parts or not unassigned:
         return {}
     from scipy.optimize import linear_sum_assignment

@@ -53,6 +53,7 @@ def measure_quantity(cylinder: CylinderOfJob, part: Part, key: str, level: float
 
 
 def _measure_in_section(section: CylinderSection, part: Part, key: str, level: float) -> Estimate:
+    """Return a quantity of a single section, for a key of `SECTION_KEYS`."""
     if key not in SECTION_KEYS:
         raise ValueError(
             f"expected limits among {', '.join(SECTION_KEYS)} for a profile, got {key} of part "
@@ -105,6 +106,7 @@ def _measure_position(tube: ScannedCylinder, part: Part, key: str) -> Uncertain:
 
 
 def _measure_form(shape: TubeShape, key: str) -> Uncertain:
+    """Return bow (mm), ovality (percent) or taper (mm per m) of a scanned cylinder."""
     if key == "bow_mm":
         return Length(shape.bow.values, shape.bow.covariance)
     if key == "ovality_percent":

@@ -209,6 +209,7 @@ class Relation(Result):
         ]
 
     def _notes(self) -> list[str]:
+        """Return the line on the seam below the table, if there is a seam."""
         seam = self.seam
         if seam is None:
             return []

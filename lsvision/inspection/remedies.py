@@ -84,6 +84,7 @@ def plan_remedies(verdict: Verdict, measurement: Measurement, job: Job) -> tuple
 
 
 def _plan_remedy(item: str, verdict: QuantityVerdict, section: CylinderSection, job: Job) -> Remedy:
+    """Return the shortest scan that would decide a quantity, or why none would."""
     key, extra = verdict.key, job.extra_std(verdict.key)
     margin = min(abs(verdict.estimate.value - end) for end in verdict.limits) / two_sided_factor(
         job.decision.level
@@ -126,6 +127,7 @@ def _std_ratio(section: CylinderSection) -> float:
 
 
 def _predict_std(section: CylinderSection, key: str, sections: int) -> float:
+    """Return the predicted std of a quantity from a scan, in the unit of its key."""
     feed = Feed(sections=sections, spacing=SPACING_MM)
     scan: ScanPrediction = plan_scan(
         section.radius, section.theta, section.phi, view=_measured_view(section), feed=feed

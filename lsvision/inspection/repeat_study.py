@@ -107,6 +107,7 @@ class RepeatStudy(Result):
         return []
 
     def _notes(self) -> list[str]:
+        """Return the lines below the table: bias, repeatability, and the predicted std if known."""
         low, high = self.bias_interval
         low_std, high_std = self.std_interval
         significance = "significant" if self.p_value < SIGNIFICANCE else "not significant"

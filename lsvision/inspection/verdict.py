@@ -285,6 +285,7 @@ class Verdict(Result):
         return item_cells(self.items)
 
     def _notes(self) -> list[str]:
+        """Return the lines below the table: the reasons of all verdicts that are not OK."""
         reasons = [
             f"{item.name}: {item.reason}"
             for item in self.items

@@ -63,6 +63,7 @@ def write_calibration(
 
 
 def _camera_values(calibration: CameraCalibration) -> dict[str, Any]:
+    """Return the content of a camera file. Units: px, mm."""
     views = [
         {
             "image": view.index,
@@ -86,6 +87,7 @@ def _camera_values(calibration: CameraCalibration) -> dict[str, Any]:
 
 
 def _laser_plane_values(calibration: LaserPlaneCalibration) -> dict[str, Any]:
+    """Return the content of a laser-plane file. Units: px, mm."""
     views = [
         {
             "image": view.index,

@@ -120,6 +120,7 @@ def write_camera_yaml(path: str | os.PathLike[str], camera: Camera) -> None:
 
 
 def _camera_from_yaml(text: str, size: tuple[int, int] | None) -> Camera:
+    """Return the camera of a ROS or OpenCV YAML file."""
     model = re.search(r"^distortion_model:[ \t]*[\"']?([^\"'\s]*)", text, re.MULTILINE)
     if model and model.group(1) not in MODELS:
         raise ValueError(

@@ -49,6 +49,7 @@ def _read_camera_frames(index: int) -> Iterator[Frame]:
 
 
 def _read_genicam_frames(address: str) -> Iterator[Frame]:
+    """Yield the frames of a GigE Vision camera without end."""
     try:
         library: Any = import_module("viva_genicam")
     except ImportError:

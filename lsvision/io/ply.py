@@ -54,6 +54,7 @@ def write_ply(
 
 
 def _encode_header(points: int, triangles: int | None) -> bytes:
+    """Return the header of a binary PLY file; without `triangles` one of points only."""
     lines = [
         "ply",
         "format binary_little_endian 1.0",

@@ -106,6 +106,7 @@ def common_length_unit(units: set[str]) -> LengthUnit | None:
 
 
 def _common_angle_unit(units: set[str]) -> AngleUnit | None:
+    """Return the unit of all angles of a header; None if it states none."""
     if not units:
         return None
     known = {_ANGLES.get(unit) for unit in units}

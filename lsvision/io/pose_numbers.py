@@ -147,6 +147,7 @@ def frame_rows(hand_eye: HandEye, convention: str) -> list[Row]:
 
 
 def _matrix_rows(name: str, matrix: FloatArray, covariance: FloatArray) -> list[Row]:
+    """Return the rows of a printed 4x4 matrix, and the stds of position and rotation."""
     decimals = [DECIMALS[""]] * 3 + [DECIMALS["mm"]]
     rows: list[Row] = [
         (

@@ -80,6 +80,7 @@ def _without_kuka_comment(line: str) -> str:
 
 
 def _fanuc_rows(path: Path, text: str, pose_convention: PoseConvention) -> list[list[float]]:
+    """Return the positions of a FANUC program (LS), one row each, in the order of the file."""
     rows, frames = [], {}
     for name, body in _FANUC.findall(text):
         position = f"P[{name}]"
@@ -109,6 +110,7 @@ def _fanuc_rows(path: Path, text: str, pose_convention: PoseConvention) -> list[
 def _order_fields(
     path: Path, position: str, values: dict[str, float], pose_convention: PoseConvention
 ) -> list[float]:
+    """Return the values of a position in the order of the convention's fields."""
     missing = [field for field in pose_convention.fields if field not in values]
     if missing:
         raise UnreadableFile(

@@ -77,6 +77,7 @@ def _parse(path: Path, text: str, parse: Callable[[str], Any]) -> Any:
 def _structured_rows(
     document: Any, pose_convention: PoseConvention, path: Path
 ) -> list[list[float]]:
+    """Return the rows of a list of poses in JSON or YAML."""
     if isinstance(document, Mapping):
         lists = {key: value for key, value in document.items() if isinstance(value, list)}
         if len(lists) != 1:
@@ -109,6 +110,7 @@ def _flatten(row: Any, pose_convention: PoseConvention) -> list[float]:
 
 
 def _text_rows(path: Path, text: str, pose_convention: PoseConvention, skip: int) -> PoseRows:
+    """Return the rows of a text table with the units that its header or comments state."""
     lines = text.splitlines()
     numbered = [(n, cells) for n, line in enumerate(lines, 1) if (cells := _split_cells(line))]
     first = numbered[0][0] if numbered else 1
@@ -155,6 +157,7 @@ def _stated_length_unit(lines: Sequence[str]) -> LengthUnit | None:
 
 
 def _parse_row(cells: list[str], pose_convention: PoseConvention, location: str) -> list[float]:
+    """Return the numbers of a row; errors begin with its location."""
     if len(cells) != len(pose_convention.fields):
         raise UnreadableFile(
             f"{location}: expected {len(pose_convention.fields)} numbers "

@@ -141,6 +141,7 @@ class _RewrittenFile:
         self._unwritten, self._next_rewrite = False, time.monotonic() + CHECKPOINT_S
 
     def add(self, records: Sequence[Record]) -> None:
+        """Add records, and rewrite the file if the last time is long enough ago."""
         head = self._format.head
         if self._format.prepare(records):
             self._convert_earlier(head)

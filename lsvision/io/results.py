@@ -198,6 +198,7 @@ class CsvFormat:
 
 
 def _placed_record(twins: "tuple[PlacedCylinder, PlacedCylinder]") -> Record:
+    """Return the record of a cylinder in the robot's frame, with both possible directions."""
     first, _ = twins
     return {
         "point_mm": first.point.tolist(),
@@ -227,6 +228,7 @@ def _attributes(record: Record) -> dict[str, Any]:
 
 
 def _placed_columns(frame: str) -> list[str]:
+    """Return the names of the columns of a cylinder in the robot's frame."""
     numbers = [0.0, 0.0, 0.0]
     twin = {"direction": numbers, "direction_std_deg": 0.0}
     empty = {
@@ -239,6 +241,7 @@ def _placed_columns(frame: str) -> list[str]:
 
 
 def _placed_row(frame: str, placed: Mapping[str, Any]) -> Record:
+    """Return the columns of a record from `_placed_record`."""
     row: Record = {}
     for name, numbers in (("point", placed["point_mm"]), ("point_std", placed["point_std_mm"])):
         row |= coordinate_columns(f"{frame}_{name}", numbers, "_mm")

@@ -153,6 +153,7 @@ def pose_from_numbers(
 
 
 def _rotation(values: FloatArray, convention: str, rad_per_unit: float) -> FloatArray:
+    """Return the rotation matrix (3, 3) of numbers in a convention."""
     from scipy.spatial.transform import Rotation
 
     if convention.startswith("quaternion"):
@@ -171,6 +172,7 @@ def _rotation(values: FloatArray, convention: str, rad_per_unit: float) -> Float
 
 
 def _pose_from_matrix(matrix: FloatArray, mm_per_unit: float) -> Pose:
+    """Return the pose of a 4x4 matrix, after a check and with an orthonormal rotation."""
     rotation = matrix[:3, :3]
     deviation = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
     if deviation > MAX_ORTHONORMALITY_ERROR or not np.allclose(

@@ -183,6 +183,7 @@ def encoder_poses(
 def _find_angle_problem(
     rows: npt.NDArray[np.float64], pose_convention: PoseConvention, stated: AngleUnit | None
 ) -> str | None:
+    """Return why the unit of the angles is implausible; None if it is not."""
     if pose_convention.rotation.startswith(("quaternion", "matrix")) or stated is not None:
         return None
     largest = float(np.abs(rows[:, 3:]).max())
@@ -213,6 +214,7 @@ def _length_unit_remedy(unit: LengthUnit) -> str:
 
 
 def _find_motion_problem(poses: Iterable[Pose], stated: LengthUnit | None) -> str | None:
+    """Return why the unit of the positions is implausible; None if it is not."""
     origins = np.array([pose.translation for pose in poses])
     rotations = np.array([pose.rotation for pose in poses])
     max_distance = float(np.linalg.norm(origins, axis=1).max())

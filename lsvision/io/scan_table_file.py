@@ -116,6 +116,7 @@ def _angle_columns(
 def _quantity_columns(
     name: str, unit: str, value: float | str, std: float | str, interval: Sequence[float]
 ) -> dict[str, Any]:
+    """Return the columns of a quantity: value, std and ends of the 95 % interval."""
     low, high = interval
     return {
         f"{name}_{unit}": value,

@@ -79,6 +79,7 @@ class _Builder:
             self._open.pop()
 
     def _add_value(self, value: Any) -> None:
+        """Add a value to the innermost open list or mapping, there as a key or its value."""
         if not self._open:
             self.document = value
             return

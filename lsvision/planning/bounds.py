@@ -266,6 +266,7 @@ def scan_bound(
 
 
 def _predict_scan(cylinder: Cylinder, covariance: FloatArray, points: int) -> ScanPrediction:
+    """Return the prediction from the covariance (5, 5) of position, direction and radius."""
     variances = np.diag(covariance)
     sin_phi = math.hypot(cylinder.direction[0], cylinder.direction[1])
     theta_std = math.sqrt(variances[3]) / sin_phi if sin_phi > 0 else math.inf

@@ -267,6 +267,7 @@ def _fit(
     known_radius: RadiusPrior | None,
     settings: JointFitSettings,
 ) -> CylinderFit:
+    """Return the cylinder fitted to the points of a cloud at some rows."""
     return fit_cylinder(
         cloud.points[rows],
         cloud.covariances[rows] if cloud.noise_known else None,

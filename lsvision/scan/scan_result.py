@@ -177,6 +177,7 @@ class ScannedCylinder(WithCylinder, Result):
         return twin_notes([self])
 
     def _rows(self) -> list[Record]:
+        """Return the row of the cylinder for tables."""
         record = self.to_dict()
         start, stop = record["ends_mm"]
         return [

@@ -149,6 +149,7 @@ def _solid_record(tube: TubeSolid) -> dict[str, Any]:
 
 
 def _tube_record(tube: TubeTruth) -> dict[str, Any]:
+    """Return the truth of a tube as a JSON object."""
     return {
         "label": tube.label,
         "radius_mm": _round(tube.radius),
@@ -164,6 +165,7 @@ def _tube_record(tube: TubeTruth) -> dict[str, Any]:
 
 
 def _sensor_record(sensor: ProfileSensor) -> dict[str, Any]:
+    """Return the data of a sensor as a JSON object."""
     return {
         "name": sensor.name,
         "range_std_mm": _round(sensor.range_std),

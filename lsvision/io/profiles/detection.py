@@ -160,6 +160,7 @@ def _zip_format(content: bytes, suffix: str) -> str:
 
 
 def _text_format(content: bytes) -> str:
+    """Return the name of the reader for a text; raises an error for a text without points."""
     head = content[:_HEAD_BYTES] if content.isascii() else content
     start = "\n".join(decode_text(head)[:4000].splitlines())
     for pattern, name in _FIRST_LINES:

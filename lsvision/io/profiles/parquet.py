@@ -66,6 +66,7 @@ def profiles_from_table(table: "pa.Table", settings: ReadSettings) -> RawProfile
 
 
 def _pyarrow() -> Any:
+    """Return the imported pyarrow; an error names the extra that installs it."""
     try:
         import pyarrow
         import pyarrow.parquet

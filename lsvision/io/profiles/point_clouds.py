@@ -95,6 +95,7 @@ class _Layout:
 
 
 def _parse_ply_layout(lines: list[list[str]], order: str) -> _Layout:
+    """Return the types of a vertex's numbers, from a PLY header whose vertices come first."""
     elements = [k for k, line in enumerate(lines) if line[:1] == ["element"]]
     try:
         _, name, count = lines[elements[0]]
@@ -112,6 +113,7 @@ def _parse_ply_layout(lines: list[list[str]], order: str) -> _Layout:
 
 
 def _parse_pcd_layout(header: dict[str, list[str]]) -> tuple[_Layout, int]:
+    """Return the types of a point's numbers, and the number of points in a row."""
     try:
         counts = [int(count) for count in header.get("COUNT", ["1"] * len(header["FIELDS"]))]
         if not all(1 <= count <= _MAX_COUNT for count in counts):
@@ -131,6 +133,7 @@ def _parse_pcd_layout(header: dict[str, list[str]]) -> tuple[_Layout, int]:
 
 
 def _parse_points(body: bytes, layout: _Layout, *, ascii_: bool) -> TextTable:
+    """Return x, y and z of the points as a table."""
     dtype = np.dtype(layout.dtype)
     names = dtype.names or ()
     if not {"x", "y", "z"} <= set(names):
@@ -148,6 +151,7 @@ def _parse_points(body: bytes, layout: _Layout, *, ascii_: bool) -> TextTable:
 
 
 def _ascii_columns(body: bytes, dtype: np.dtype[np.void], count: int) -> list[FloatArray]:
+    """Return the columns x, y and z of points that are written as text."""
     widths = [int(np.prod(dtype[name].shape, dtype=int)) for name in dtype.names or ()]
     starts = dict(zip(dtype.names or (), np.cumsum([0, *widths]), strict=False))
     cells = body.decode("latin-1").split()

@@ -110,6 +110,7 @@ def _select_connections(connections: Sequence[Any], topic: str | None) -> list[A
 
 
 def _list_topics(connections: Sequence[Any]) -> str:
+    """Return the topics with their types and numbers of messages as text, for a message."""
     counts: dict[str, int] = {}
     for connection in connections:
         kind = connection.msgtype.rpartition("/")[2]
@@ -122,6 +123,7 @@ def _list_topics(connections: Sequence[Any]) -> str:
 
 
 def _decode_messages(reader: Any, connections: Sequence[Any]) -> Iterator[Message]:
+    """Yield the content of each message, with its time stamp and frame."""
     for connection, recorded_ns, raw in reader.messages(connections=connections):
         fields = reader.deserialize(raw, connection.msgtype)
         stamp = fields.header.stamp

@@ -222,6 +222,7 @@ def _parse_count_size(z_unit: float | str) -> float:
 
 
 def _parse_markers(lost: float | str | Sequence[float | str]) -> tuple[float | str, ...]:
+    """Return the marks of lost points as numbers and words; hexadecimal numbers are converted."""
     if isinstance(lost, str):
         cells: Sequence[float | str] = lost.split(",")
     else:
@@ -241,6 +242,7 @@ def _parse_markers(lost: float | str | Sequence[float | str]) -> tuple[float | s
 
 
 def _parse_columns(columns: str | Sequence[int | str]) -> tuple[int | str, ...]:
+    """Return two or three columns: indices from 0, or names."""
     cells = columns.split(",") if isinstance(columns, str) else columns
     words = [cell.strip() if isinstance(cell, str) else int(cell) for cell in cells]
     parsed = tuple(int(w) if isinstance(w, str) and w.isdecimal() else w for w in words)

@@ -62,6 +62,7 @@ def require_known_unit(
 
 
 def _find_stated_units(table: TextTable, x: int, height: int) -> tuple[str | None, str | None]:
+    """Return the units of x and height that header and comments state; None where none is."""
     header_units = table.units or (None,) * table.values.shape[1]
     names = table.names or ("",) * table.values.shape[1]
     return (

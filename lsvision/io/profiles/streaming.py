@@ -134,6 +134,7 @@ def _streamed_kind(file: Path, settings: ReadSettings) -> str | None:
 def _parquet_parts(
     file: Path, settings: ReadSettings, at_once: int
 ) -> Iterator[tuple[RawProfiles, Any]]:
+    """Yield the profiles of each part of a table, and its other columns if one row is a profile."""
     for table in iterate_tables(file, at_once):
         raw = profiles_from_parquet(table, settings)
         names = [

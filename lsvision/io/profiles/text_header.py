@@ -93,10 +93,10 @@ def _is_not_header(line: str, text: str, labels: Sequence[str], separator: str |
 
 
 def _split_labels(text: str, separator: str | None, width: int) -> list[str] | None:
+    """Return the labels of a header line with `width` columns; None if there are not so many."""
     joined = _BRACKETS.sub(lambda match: match[0].replace(" ", _INNER_BLANK), text)
-    joined = re.sub(
-        r"(?<! ) +(?=[\[(])", "", joined
-    )  # 'x [1/10 mm]' is one label, whatever separates the cells
+    # 'x [1/10 mm]' is one label, whatever separates the cells.
+    joined = re.sub(r"(?<! ) +(?=[\[(])", "", joined)
     for labels in (
         split_cells(joined, separator),
         [w for w in re.split(r"[,;\s|]+", joined.replace('"', "")) if w],

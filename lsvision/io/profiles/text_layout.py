@@ -144,6 +144,7 @@ def is_number_or_lost(cell: str) -> bool:
 
 
 def _find_first_number_row(lines: Sequence[str]) -> tuple[int, str | None] | None:
+    """Return index and separator of the first row of numbers; None without such a row."""
     preamble = 0
     for index, line in enumerate(lines):
         text = line.strip()
@@ -259,6 +260,7 @@ def _find_table_end(
 
 
 def _is_footer(cells: Sequence[str], numeric: tuple[int, ...], width: int, rows: int) -> bool:
+    """Return whether a row ends the table: words, a rule, or the number of its rows."""
     if len(cells) in (width, width + 1):
         head = cells[numeric[0]]
         return not is_number_or_lost(head) and not any(

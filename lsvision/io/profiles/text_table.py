@@ -175,6 +175,7 @@ def _regular_body(text: str) -> _Body | None:
 
 
 def _irregular_body(lines: Sequence[str], lost_words: frozenset[str]) -> _Body:
+    """Return the table of a text with blank lines, comments, words or a footer."""
     layout = find_layout(lines)
     table = _parse_numeric_table(lines, layout)
     if table is None:
@@ -203,6 +204,7 @@ def _has_control_characters(content: bytes, text: str) -> bool:
 
 
 def _encodings(content: bytes) -> list[str]:
+    """Return the encodings to try, by byte order mark or by the position of null bytes."""
     if content.startswith((b"\xff\xfe\0\0", b"\0\0\xfe\xff")):
         return ["utf-32"]
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
@@ -246,6 +248,7 @@ def _parse_numeric_table(lines: Sequence[str], layout: Layout) -> TextTable | No
 def _parse_mixed_table(
     lines: Sequence[str], layout: Layout, lost_words: frozenset[str]
 ) -> TextTable:
+    """Return a table in which some cells are not numbers: words, marks of lost points, times."""
     rows = _number_lines(lines, layout)
     cells = _split_rows(rows, layout)
     columns = [[row[c] for row in cells] for c in range(layout.width)]
@@ -266,6 +269,7 @@ def _parse_mixed_table(
 
 
 def _split_rows(rows: Sequence[tuple[int, str]], layout: Layout) -> list[list[str]]:
+    """Return the cells of each row; a missing last cell is added as empty."""
     separator, width = layout.separator, layout.width
     cells = []
     for number, row in rows:

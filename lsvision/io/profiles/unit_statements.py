@@ -174,6 +174,7 @@ def find_lost_values(lines: Iterable[str]) -> tuple[float, ...]:
 
 
 def _parse_statements(line: str) -> Iterator[UnitStatement]:
+    """Yield the statements of a comment line on units, such as ``unit: mm``."""
     text = "" if len(line) > MAX_LINE_LENGTH else _COMMENT.sub("", line).strip()
     if not text:
         return
@@ -217,6 +218,7 @@ def _axis(words: set[str]) -> str | None:
 
 
 def _parse_unit_value(value: str, line: str, axis: str | None) -> Iterator[UnitStatement]:
+    """Yield the statements of a value: one unit, or one for each axis."""
     value = value.strip().strip("\"'[](){} ").rstrip(",;. ")
     unit = parse_unit(value)
     if unit is not None:

@@ -179,6 +179,7 @@ def split_label(label: str) -> tuple[str, StatedUnit | None]:
 def _from_brackets(
     before: str, bracket: str, inside: str, after: str
 ) -> tuple[str, StatedUnit | None]:
+    """Return the name and the unit of a label such as ``x [mm]``; None for a remark in brackets."""
     name = before.strip(" _:-/,") or after.strip(" _:-/,")
     if not inside or inside in ("-", "1"):
         return name, None
@@ -194,6 +195,7 @@ def _from_brackets(
 
 
 def _parse_scale(match: re.Match[str]) -> float:
+    """Return the factor before a unit, such as 0.1 of ``1/10 mm``; 0 if it is not possible."""
     scale = 1.0
     if match["numerator"]:
         denominator = float(match["denominator"])

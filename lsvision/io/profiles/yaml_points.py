@@ -101,6 +101,7 @@ def _parse_item(lines: list[str]) -> Any:
 
 
 def _parse_scalar(text: str) -> Any:
+    """Return a YAML value on one line as number, list, mapping or text."""
     text = text.strip()
     if not text:
         return text

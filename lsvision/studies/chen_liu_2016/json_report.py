@@ -55,6 +55,7 @@ def _scene(scene: SceneFigure) -> dict[str, Any]:
 
 
 def _repeatability(repeatability: Repeatability) -> dict[str, Any]:
+    """Return the results of Figure 16 as a JSON object."""
     order = ("centre_x_mm", "centre_y_mm", "semi_major_mm", "semi_minor_mm")
     return {
         "measurements": len(repeatability.ellipses),

@@ -204,6 +204,7 @@ def achievability_table(results: Sequence[Achievability]) -> Table:
 
 
 def _achievability_row(result: Achievability) -> Row:
+    """Return a row of `achievability_table`."""
     unit = result.quantity.rsplit("_", 1)[1]
     return Row(
         QUANTITY_NAMES[result.quantity].split(",")[0],
