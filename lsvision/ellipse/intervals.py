@@ -61,7 +61,8 @@ of the centre's interval from the centre, in semi-major axes."""
 PRIOR_FRACTION = 0.995
 """Ratio of a known quantity's std to its prior's, above which its interval is that of the prior."""
 MIN_NOISE = 1e-9
-"""Smallest noise of points over m: below it F consists of rounding errors."""
+"""Smallest ratio of the points' noise to the mean semi-axis m: below it F consists of rounding
+errors."""
 
 
 class Intervals(NamedTuple):
@@ -74,9 +75,9 @@ class Intervals(NamedTuple):
     centre_y: Interval
 
 
+# Results that were computed for each fit, by level; they are dropped together with the fit.
 _INTERVALS: WeakKeyDictionary[EllipseFit, dict[float, Intervals]] = WeakKeyDictionary()
 _THETA_DETERMINED: WeakKeyDictionary[EllipseFit, bool] = WeakKeyDictionary()
-"""Results of each fit, by level; dropped together with the fit."""
 
 
 def interval(fit: EllipseFit, quantity: Quantity, level: float = 0.95) -> Interval:
@@ -191,16 +192,17 @@ def _determine_thetas(fits: Sequence[EllipseFit]) -> list[bool]:
 def _decide_linearly(fits: Sequence[EllipseFit]) -> tuple[BoolArray, BoolArray]:
     """Return whether theta is determined in the linear approximation, and whether that is clear."""
     degrees_of_freedom = np.array([fit.degrees_of_freedom for fit in fits], dtype=float)
-    of_circle = squared_quantile(2, degrees_of_freedom, CIRCLE_LEVEL)
-    of_theta = squared_quantile(1, degrees_of_freedom, THETA_LEVEL)
+    circle_quantile = squared_quantile(2, degrees_of_freedom, CIRCLE_LEVEL)
+    theta_quantile = squared_quantile(1, degrees_of_freedom, THETA_LEVEL)
     (pp, pq), (_, qq) = np.array([fit.parameter_covariance[3:, 3:] for fit in fits]).T
     p, q = np.array([fit.parameters[3:] for fit in fits]).T
+    # F - min F of the circle, d = 0: d' C^-1 d with the covariance C of d.
     ratio = (qq * p * p - 2 * pq * p * q + pp * q * q) / np.maximum(pp * qq - pq * pq, TINY)
     across = pp * q * q - 2 * pq * p * q + qq * p * p
     largest = THETA_MAX_ERROR * 2 * (p * p + q * q)  # std of theta is sqrt(across) / 2 h^2
-    determined = ratio > CLEAR_RATIO * of_circle
-    determined &= CLEAR_RATIO * of_theta * across < largest**2
-    clear = determined | (ratio < of_circle / CLEAR_RATIO)
+    determined = ratio > CLEAR_RATIO * circle_quantile
+    determined &= CLEAR_RATIO * theta_quantile * across < largest**2
+    clear = determined | (ratio < circle_quantile / CLEAR_RATIO)
     tilt_known = np.array([fit.problem.known_phi is not None for fit in fits])  # not linear in d
     return determined, clear & ~tilt_known
 
@@ -208,9 +210,9 @@ def _decide_linearly(fits: Sequence[EllipseFit]) -> tuple[BoolArray, BoolArray]:
 def _decide_by_search(stack: FitStack) -> BoolArray:
     """Return whether a circle is excluded, and the interval of theta is short enough."""
     ratios = CriticalRatios.of(stack, THETA_LEVEL)
-    of_circle = squared_quantile(2, stack.degrees_of_freedom, CIRCLE_LEVEL)
+    circle_quantile = squared_quantile(2, stack.degrees_of_freedom, CIRCLE_LEVEL)
     ends = find_end_points(stack, ratios, _mask_of_ends(stack, CIRCLE, THETA_LOW, THETA_HIGH))
-    excluded = ~stack.may_be_circle | (ends.circle_ratios > of_circle)
+    excluded = ~stack.may_be_circle | (ends.circle_ratios > circle_quantile)
     errors = []
     for fit, parameters in zip(stack.fits, ends.parameters, strict=True):
         low, high = _theta_interval(fit, parameters)
@@ -241,7 +243,7 @@ def _compute_intervals(fits: Sequence[EllipseFit], level: float) -> list[Interva
 
 
 def _mask_of_ends(stack: FitStack, *ends: int) -> BoolArray:
-    """Return a mask of the same ends of all fits, (s, 13)."""
+    """Return the mask (s, 13) of some of the 13 ends, the same for all s fits."""
     mask = np.zeros((len(stack.fits), ENDS), dtype=bool)
     mask[:, ends] = True
     return mask

@@ -71,7 +71,7 @@ def _measure_in_section(section: CylinderSection, part: Part, key: str, level: f
         "centre_y": lambda: (section.centre[1], math.sqrt(section.covariance[1, 1])),
     }[quantity.name]()
     scale = factor * quantity.scale
-    # Judged by the interval, not by the std; the interval (0, pi) contains every direction.
+    # Judge by the interval, not by the std: it is (0, pi) where every direction is possible.
     determined = key != "theta_deg" or high - low < math.pi
     return Estimate(quantity, scale * value, scale * std, (scale * low, scale * high), determined)
 

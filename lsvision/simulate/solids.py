@@ -142,7 +142,11 @@ class Tube:
 def _circle_interval(
     start: FloatArray, ray: FloatArray, radius: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return where rays enter and leave an infinite tube, from components normal to its axis."""
+    """Return where rays enter and leave an infinite tube, from components normal to its axis.
+
+    A ray that meets nothing enters at infinity and leaves at minus infinity; one along the axis
+    inside the tube enters at minus infinity.
+    """
     squared = np.einsum("ij,ij->i", ray, ray)
     half = np.einsum("ij,ij->i", start, ray)
     outside = np.einsum("ij,ij->i", start, start) - radius**2

@@ -60,8 +60,8 @@ def fit_section_plane(clouds: Sequence[FloatArray]) -> FittedSections:
     Raises
     ------
     UnreadableFile
-        If they do not have three coordinates, are fewer than `MIN_POINTS`, do not lie in a plane,
-        lie on a line, or are too large for any sensor.
+        If the points do not have three coordinates, are fewer than `MIN_POINTS`, do not lie in a
+        plane, lie on a line, or have coordinates too large for any sensor.
     """
     if any(cloud.shape[1] != 3 for cloud in clouds):
         raise UnreadableFile(
@@ -109,6 +109,6 @@ def _check_flatness(extents: FloatArray) -> None:
     if thickness > MAX_THICKNESS * width:
         raise UnreadableFile(
             f"the points do not lie in a plane (rms {thickness:.3g} mm from the best one, and "
-            f"{width:.3g} mm across their line): write the points of one laser plane, one section "
-            "a file or separated by a column"
+            f"{width:.3g} mm across their line): write the points of one laser plane only, "
+            "each section in its own file or with its number in a column"
         )
