@@ -93,7 +93,7 @@ def test_arcs_that_do_not_meet_ask_for_the_poses(run) -> None:
     [
         ([PAIR], 2, "expected --feed X,Y,Z and --step MM, or --poses F and --convention NAME"),
         ([PAIR, "--feed", "0,0,1"], 2, "expected --feed X,Y,Z and --step MM"),
-        ([PAIR, "--feed", "0,1", "--step", 1], 2, "expected --feed X,Y,Z, as 0,0,1, got '0,1'"),
+        ([PAIR, "--feed", "0,1", "--step", 1], 2, "expected --feed X,Y,Z such as 0,0,1, got '0,1'"),
         ([PAIR, "--feed", "0,0,0", "--step", 1], 2, "expected --feed of a length above 0"),
         ([PAIR, "--feed", "0,0,1", "--step", 0], 2, "expected --step in mm other than 0"),
         ([PAIR, *MOTION, "--poses", "p.csv"], 2, "or --poses, got both"),
