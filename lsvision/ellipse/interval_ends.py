@@ -76,9 +76,9 @@ class EndPoints(NamedTuple):
         False for ends that are not needed.
     circle_ratios : (s,) ndarray
         F of the best circle less min F, or a value above all critical ones.
-    reliable : (s,) bool ndarray
-        False if a wanted end has not converged, or if another one has a more extreme value of its
-        quantity.
+    reliable : (s, 13) bool ndarray
+        False for an end whose quantity is more extreme at another end; for all ends of a fit if one
+        of them has not converged.
     """
 
     parameters: FloatArray
@@ -112,10 +112,12 @@ def find_end_points(stack: FitStack, ratios: CriticalRatios, wanted: BoolArray) 
                 if not search.rows.ends.size:
                     break
                 search.advance()
+            not_converged = search.rows.owners
             search.restart_surpassed()
             if not search.rows.ends.size:
                 break
-    reliable = ~np.isin(all_fits, search.rows.owners)
+    reliable = np.ones(wanted.shape, dtype=bool)
+    reliable[search.rows] = reliable[not_converged] = False
     return EndPoints(search.ends, search.wanted, search.targets.circle_ratios, reliable)
 
 

@@ -58,6 +58,15 @@ MAX_PHI = math.radians(88.0)
 MIN_RADIUS_FACTOR, MAX_RADIUS_FACTOR = 0.02, 50.0
 """Limits of an interval of the radius, in radii. The second is also the largest distance of an end
 of the centre's interval from the centre, in semi-major axes."""
+ENDS_OF = {
+    "radius": ((RADIUS_LOW, RADIUS_LOW_2), (RADIUS_HIGH,)),
+    "phi": ((PHI_LOW, CIRCLE), (PHI_HIGH, PHI_HIGH_2)),
+    "centre_x": ((X_LOW,), (X_HIGH,)),
+    "centre_y": ((Y_LOW,), (Y_HIGH,)),
+}
+"""Ends of the search from which the low and the high end of each interval are computed."""
+ENDS_OF_THETA = THETA_LOW, THETA_HIGH, CIRCLE
+"""The same for both ends of theta."""
 PRIOR_FRACTION = 0.995
 """Ratio of a known quantity's std to its prior's, above which its interval is that of the prior."""
 MIN_NOISE = 1e-9
@@ -123,8 +132,8 @@ def intervals(fit: EllipseFit, level: float = 0.95) -> Intervals:
     Intervals
         Units: mm or rad. Theta extends from low to high, also beyond [0, pi); (0, pi) if every
         direction is possible. Phi is limited to [0, 88 deg], the radius to 0.02 to 50 times the
-        estimate; these limits are returned where the search finds no end, as on arcs of less
-        than 60 deg.
+        estimate; a limit is returned where the search finds no end, as on arcs of less than
+        60 deg.
 
     Raises
     ------
@@ -217,7 +226,9 @@ def _decide_by_search(stack: FitStack) -> BoolArray:
     for fit, parameters in zip(stack.fits, ends.parameters, strict=True):
         low, high = _theta_interval(fit, parameters)
         errors.append(max(high - fit.ellipse.theta, fit.ellipse.theta - low))
-    determined: BoolArray = excluded & ends.reliable & (np.array(errors) < THETA_MAX_ERROR)
+    determined: BoolArray = (
+        excluded & ends.reliable.all(axis=1) & (np.array(errors) < THETA_MAX_ERROR)
+    )
     return determined
 
 
@@ -282,15 +293,15 @@ class _EndsOfFit(NamedTuple):
         Parameters at each end.
     wanted : sequence of bool
         Which of the 13 ends of `lsvision.ellipse.region_extrema` were searched.
-    reliable : bool
-        Whether the search has converged.
+    reliable : sequence of bool
+        Which of them were found; limits are reported for the others.
     may_be_circle, theta_open : bool
         Whether a circle is possible, for the interval of phi and for that of theta.
     """
 
     parameters: FloatArray
     wanted: Sequence[bool]
-    reliable: bool
+    reliable: Sequence[bool]
     may_be_circle: bool
     theta_open: bool
 
@@ -306,8 +317,6 @@ def _split_by_fit(ratios: CriticalRatios, ends: EndPoints) -> Iterator[_EndsOfFi
 def _intervals_between(fit: EllipseFit, ends: _EndsOfFit) -> Intervals:
     """Return the intervals between end points, clipped to their limits."""
     limits = _limits(fit)
-    if not ends.reliable:
-        return limits
     x, y, m, p, q = ends.parameters.T.tolist()
     h = list(map(math.hypot, p, q))
     low, high = (
@@ -316,21 +325,29 @@ def _intervals_between(fit: EllipseFit, ends: _EndsOfFit) -> Intervals:
     phi_low, *phi_highs = (
         2 * math.atan(math.sqrt(min(h[end] / m[end], 1.0))) for end in (PHI_LOW, *high)
     )
+    theta_open = ends.theta_open or not all(ends.reliable[end] for end in ENDS_OF_THETA)
     between = Intervals(
         radius=(min(m[end] - h[end] for end in low), m[RADIUS_HIGH] - h[RADIUS_HIGH]),
-        theta=limits.theta if ends.theta_open else _theta_interval(fit, ends.parameters),
+        theta=limits.theta if theta_open else _theta_interval(fit, ends.parameters),
         phi=(0.0 if ends.may_be_circle else phi_low, max(phi_highs)),
         centre_x=(x[X_LOW], x[X_HIGH]),
         centre_y=(y[Y_LOW], y[Y_HIGH]),
     )
     clipped = {
-        name: (max(low, lowest), min(high, highest))
-        for name, (low, high), (lowest, highest) in zip(
-            between._fields, between, limits, strict=True
+        name: _clip(
+            getattr(between, name),
+            getattr(limits, name),
+            [all(ends.reliable[end] for end in side) for side in sides],
         )
-        if name != "theta"
+        for name, sides in ENDS_OF.items()
     }
     return between._replace(**clipped)
+
+
+def _clip(interval: Interval, limits: Interval, found: Sequence[bool]) -> Interval:
+    """Return an interval within its limits; a limit takes the place of an end that is not found."""
+    (low, high), (lowest, highest), (low_found, high_found) = interval, limits, found
+    return max(low, lowest) if low_found else lowest, min(high, highest) if high_found else highest
 
 
 def _theta_interval(fit: EllipseFit, ends: FloatArray) -> Interval:

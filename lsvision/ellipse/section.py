@@ -113,7 +113,7 @@ class CylinderSection(WithEllipse, Result):
         if self.fit.problem.known_radius is not None or self.radius > SKEWED_RADIUS_SIGMAS * std:
             return std
         _, high = self.interval("radius", LEVEL)
-        if high >= MAX_RADIUS_FACTOR * self.ellipse.semi_major:  # no end was found
+        if high >= MAX_RADIUS_FACTOR * self.radius:  # no end was found
             return std
         square = squared_quantile(1, np.array([self.fit.degrees_of_freedom]), LEVEL)
         return max(std, (high - self.radius) / math.sqrt(square[0]))
