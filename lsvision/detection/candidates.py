@@ -9,6 +9,7 @@ are a fixed lattice instead of random draws, so that results are repeatable.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -17,7 +18,7 @@ from lsvision.detection import windows
 from lsvision.detection.arcs import MAX_OVERLAP
 from lsvision.geometry import BoolArray, Ellipse, FloatArray, IntArray, Points
 from lsvision.geometry.arrays import select_rows, stack_with_mask
-from lsvision.profile import MAX_RELATIVE_SCATTER, Arc, PreparedProfile
+from lsvision.profile import MAX_RELATIVE_SCATTER, PreparedProfile
 from lsvision.statistics.robust import SIGNIFICANT_SIGMAS
 
 MAX_AXIS_RATIO = 2.0
@@ -40,11 +41,9 @@ class CandidateSettings:
     min_span_points: int = 10
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Candidate:
-    """Window with the curvature of a pipe: span, indices of its points, and their circle in mm."""
+class Candidate(NamedTuple):
+    """Window with the curvature of a pipe: indices of its points, and their circle in mm."""
 
-    arc: Arc
     indices: IntArray
     centre: tuple[float, float]
     radius: float
@@ -87,19 +86,18 @@ def find_candidates(
     circles = windows.fit_window_circles(points, all_windows)
     limits = np.array([(*radius_ranges[i], profiles[i].noise_std) for i in searched])
     passed = _passes_limits(circles, *limits.take(all_windows.rows, axis=0).T).nonzero()[0]
-    selected, centres = select_rows((all_windows, circles.centre), passed)
+    found = select_rows((all_windows, circles.centre, circles.radius), passed)
+    selected, centres, _ = found
     coverage = windows.arc_coverage(points, selected, centres)
     # float32: windows whose coverage differs by rounding only are sorted by their centre's x.
     order = np.lexsort((centres.real, -coverage.astype(np.float32), selected.rows))
     order = order[(coverage * (selected.stops - selected.starts) >= MIN_COVERAGE_POINTS)[order]]
     best = order[_suppress_non_maxima(select_rows(selected, order))]
-    radii = circles.radius[passed]
-    for i, row, start, stop in zip(
-        best, *(field[best].tolist() for field in selected), strict=True
+    (rows, starts, stops), *circle = select_rows(found, best)
+    for row, start, stop, centre, radius in zip(
+        *(field.tolist() for field in (rows, starts, stops, *circle)), strict=True
     ):
-        indices, centre = sequences[row][start:stop], complex(centres[i])
-        arc = Arc(int(indices[0]), int(indices[-1]) + 1)
-        candidate = Candidate(arc, indices, (centre.real, centre.imag), float(radii[i]))
+        candidate = Candidate(sequences[row][start:stop], (centre.real, centre.imag), radius)
         candidates[searched[row]].append(candidate)
     return candidates
 

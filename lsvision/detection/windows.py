@@ -103,7 +103,7 @@ def fit_window_circles(points: ComplexArray, windows: Windows) -> WindowCircles:
         centre /= variance**2 - modulus**2
         from_mean = centre - mean
         radius = np.sqrt(variance + (from_mean * from_mean.conj()).real)
-        radius[~(radius < np.inf)] = np.inf
+        radius = np.fmin(radius, np.inf)  # NaN becomes inf
         rms = np.sqrt(np.maximum(var_q - 2 * (centre.conj() * cov_qz).real, 0.0)) / (2 * radius)
     line_rms = np.sqrt(np.maximum(variance - modulus, 0.0) / 2)
     centre += origins.take(rows)
@@ -116,8 +116,7 @@ def arc_coverage(points: ComplexArray, windows: Windows, centres: ComplexArray) 
     `points` are rows (p, n) of points, `centres` (w,) those of the circles, x + iy in mm.
     """
     rows, starts, stops = windows
-    offsets = rows * points.shape[1]
-    ends = (points.take(offsets + i) - centres for i in (starts, stops - 1))
-    first, last = (np.angle(end * -1j) for end in ends)
+    ends = points.take(np.array([starts, stops - 1]) + rows * points.shape[1]) - centres
+    first, last = np.arctan2(ends.real, ends.imag)
     coverage: FloatArray = np.abs(first - last)
     return coverage

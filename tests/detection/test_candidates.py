@@ -13,7 +13,6 @@ from lsvision.detection.candidates import (
 from lsvision.detection.profile_preparation import prepare_profile
 from lsvision.detection.range_image import build_range_image, connected_components
 from lsvision.detection.windows import Windows
-from lsvision.profile import Arc
 from tests.detection.scenes import bowl, dome, find_candidates, flat, line
 
 RANGE = (5.0, 60.0)
@@ -29,7 +28,8 @@ def whole(points, noise_mm=1e-4, radius_range=RANGE):
     covariances = np.tile(np.diag([0, noise_mm**2]), (len(points), 1, 1))
     profile = prepare_profile(Profile(points), PointNoise(covariances))
     every = [np.arange(len(points))]
-    spans = [(c.arc.start, c.arc.stop) for c in find_candidates(profile, every, radius_range)]
+    found = find_candidates(profile, every, radius_range)
+    spans = [(c.indices[0], c.indices[-1] + 1) for c in found]
     return (0, len(points)) in spans
 
 
@@ -117,12 +117,6 @@ def test_of_two_touching_pipes_each_seeds_an_arc():
         assert any(abs(candidate.centre[0] - centre) < 0.5 for candidate in best)
 
 
-def test_the_indices_of_a_candidate_lie_in_its_arc():
-    for candidate in candidates_of(line(flat(-40, -20), dome(0, 20), flat(20, 40))):
-        assert candidate.arc.start == candidate.indices[0]
-        assert candidate.arc.stop == candidate.indices[-1] + 1
-
-
 def test_the_seed_ellipse_is_near_the_circle_of_a_dome():
     profile = line(dome(0, 20))
     seed = seed_ellipse(profile, candidates_of(profile)[0])
@@ -135,21 +129,22 @@ def test_a_seed_is_no_ellipse_tilted_by_more_than_60_degrees(ratio, is_ellipse):
     turn = np.radians(np.linspace(10, 170, 80))
     points = np.column_stack([15 * ratio**0.5 * np.cos(turn), 15 / ratio**0.5 * np.sin(turn)])
     profile = prepare_profile(Profile(points), None)
-    seed = seed_ellipse(profile, Candidate(Arc(0, 80), np.arange(80), (0.0, 0.0), 15.0))
+    seed = seed_ellipse(profile, Candidate(np.arange(80), (0.0, 0.0), 15.0))
     expected = ratio if is_ellipse else 1.0
     assert seed.semi_major / seed.semi_minor == pytest.approx(expected, rel=1e-3)
 
 
 def test_where_no_ellipse_fits_the_seed_is_the_circle():
     profile = prepare_profile(Profile(flat(0, 30)), None)
-    seed = seed_ellipse(profile, Candidate(Arc(0, 50), np.arange(50), (15.0, -460.0), 20.0))
+    seed = seed_ellipse(profile, Candidate(np.arange(50), (15.0, -460.0), 20.0))
     assert (seed.centre, seed.semi_major, seed.semi_minor) == ((15.0, -460.0), 20.0, 20.0)
 
 
 def test_same_profile_same_candidates():
     profile = line(flat(-40, -20), dome(0, 20), flat(20, 40))
     first, second = candidates_of(profile), candidates_of(profile)
-    assert [c.arc for c in first] == [c.arc for c in second]
+    spans = [[(c.indices[0], c.indices[-1]) for c in found] for found in (first, second)]
+    assert spans[0] == spans[1]
 
 
 def test_no_components_have_no_candidates():

@@ -39,7 +39,7 @@ def best_candidate(profile):
 
 def seed_at(start, stop, *, radius=20.0, centre=(0.0, -440.0)):
     """The candidate of all points [start, stop)."""
-    return Candidate(Arc(start, stop), np.arange(start, stop), centre, radius)
+    return Candidate(np.arange(start, stop), centre, radius)
 
 
 def grown(profile, candidate, free=None):
