@@ -68,7 +68,8 @@ def shape_rejection_reason(
     tilt_deg = math.degrees(ellipse.phi)
     if tilt_deg > settings.max_tilt_deg:
         return f"tilt {tilt_deg:.0f} deg over {settings.max_tilt_deg:.0f} deg"
-    directions = np.angle(normals * middle.conjugate())
+    rotated = normals * middle.conjugate()
+    directions = np.arctan2(rotated.imag, rotated.real)
     coverage_deg = math.degrees(float(directions.max() - directions.min()))
     if coverage_deg < settings.min_coverage_deg:
         return f"arc covers {coverage_deg:.0f} deg, needs {settings.min_coverage_deg:.0f} deg"

@@ -14,7 +14,7 @@ from lsvision.detection.arcs import MIN_POINTS, IdentifiedArc
 from lsvision.detection.end_points import PREDECESSORS, WINDOW
 from lsvision.ellipse.parameters import parameters_from_ellipse
 from lsvision.geometry import BoolArray, Ellipse, FloatArray, IntArray
-from lsvision.geometry.arrays import stack_with_mask
+from lsvision.geometry.arrays import padded_rows, stack_padded, stack_with_mask
 from lsvision.geometry.noisy_points import NoisyPoints
 from lsvision.profile import PreparedProfile
 
@@ -71,8 +71,10 @@ class ArcStack(NamedTuple):
         Indices of the points in the profile of the arc.
     points : NoisyPoints
         Points (k, n), with the last of an end or middle part repeated.
-    valid : (k, n) bool ndarray
-        False for repeated points.
+    ends_valid : (k, 2, m + 2) bool ndarray
+        False for repeated points of the ends.
+    middle_valid : (k, j) bool ndarray or None
+        False for repeated points of the middle parts; None if no point is repeated.
     members : (k, 2, m) bool ndarray
         Inliers of both ends so far, among the m points beyond the two of the middle part.
     parameters : (k, 5) ndarray
@@ -84,7 +86,8 @@ class ArcStack(NamedTuple):
     arcs: list[SplitArc]
     indices: IntArray
     points: NoisyPoints
-    valid: BoolArray
+    ends_valid: BoolArray
+    middle_valid: BoolArray | None
     members: BoolArray
     parameters: FloatArray
     end_size: int
@@ -93,19 +96,20 @@ class ArcStack(NamedTuple):
     def of(cls, arcs: list[SplitArc], ellipses: Sequence[Ellipse]) -> "ArcStack":
         """Return the stack of one or more arcs with their ellipses (mm, rad)."""
         count = len(arcs)
-        ends, end_valid = stack_with_mask([end for arc in arcs for end in arc.ends])
+        all_ends = [end for arc in arcs for end in arc.ends]
+        positions, ends_valid = padded_rows(list(map(len, all_ends)))
+        ends = stack_padded(all_ends, positions)
         middles, middle_valid = stack_with_mask([arc.middle for arc in arcs])
         end_size = ends.shape[1]
         members = np.zeros((2 * count, end_size - PREDECESSORS), dtype=bool)
         for row, mask in zip(members, (m for arc in arcs for m in arc.members), strict=True):
             row[: len(mask)] = mask
         indices = np.concatenate([ends.reshape(count, -1), middles], axis=1)
-        valid = np.concatenate([end_valid.reshape(count, -1), middle_valid], axis=1)
         pairs = zip(arcs, indices, strict=True)
         points, _ = NoisyPoints.stack([arc.profile.noisy_points[row] for arc, row in pairs])
         parameters = np.array([parameters_from_ellipse(ellipse) for ellipse in ellipses])
-        members = members.reshape(count, 2, -1)
-        return cls(arcs, indices, points, valid, members, parameters, end_size)
+        masks = ends_valid.reshape(count, 2, -1), middle_valid, members.reshape(count, 2, -1)
+        return cls(arcs, indices, points, *masks, parameters, end_size)
 
     @property
     def middle(self) -> slice:

@@ -7,6 +7,8 @@ such as the foot of a weld bead: it begins tangentially, too, but is concave tow
 
 import cmath
 import math
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +17,7 @@ from lsvision.detection.arcs import IdentifiedArc
 from lsvision.geometry import Ellipse, IntArray
 from lsvision.geometry.noisy_points import ComplexArray
 from lsvision.profile import PreparedProfile
-from lsvision.statistics.robust import SIGNIFICANT_SIGMAS, upper_median
+from lsvision.statistics.robust import SIGNIFICANT_SIGMAS
 
 if TYPE_CHECKING:
     from lsvision.detection.screening import ScreenedArc
@@ -88,23 +90,24 @@ def tangential_end_reason(
 
 
 def find_connected_beyond(
-    arc_points: ComplexArray, beyond: ComplexArray, max_count: int
-) -> IntArray:
+    arc_points: Sequence[complex], beyond: Sequence[complex], max_count: int
+) -> list[int]:
     """Return the positions of up to `max_count` points beyond an arc, each near the one before.
 
     `arc_points` are at least two points of the arc towards its end, `beyond` those that follow
     outwards, as x + iy. Units: mm.
     """
-    arc_points = arc_points[-2 * POINTS_BEYOND :]
-    max_step = MAX_GAP_STEPS * upper_median(np.abs(arc_points[1:] - arc_points[:-1]))
-    last, positions = complex(arc_points[-1]), []
-    for i, point in enumerate(beyond.tolist()):
+    near = arc_points[-2 * POINTS_BEYOND :]
+    steps = sorted([abs(after - before) for before, after in pairwise(near)])
+    max_step = MAX_GAP_STEPS * steps[len(steps) // 2]
+    last, positions = near[-1], list[int]()
+    for i, point in enumerate(beyond):
         if abs(point - last) <= max_step:
             positions.append(i)
             last = point
             if len(positions) == max_count:
                 break
-    return np.array(positions, dtype=int)
+    return positions
 
 
 def _split_ends(
@@ -117,7 +120,10 @@ def _split_ends(
         (z[indices[:near]][::-1], z[max(0, first - 2 * count) : first][::-1]),
         (z[indices[-near:]], z[beyond : beyond + 2 * count]),
     ]
-    return [(inner, outer[find_connected_beyond(inner, outer, count)]) for inner, outer in sides]
+    return [
+        (inner, outer[find_connected_beyond(inner.tolist(), outer.tolist(), count)])
+        for inner, outer in sides
+    ]
 
 
 def _end_turn(inner: ComplexArray, beyond: ComplexArray, ellipse: Ellipse, min_count: int) -> float:

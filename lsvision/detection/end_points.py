@@ -131,7 +131,7 @@ def find_end_inliers(ends: EndPoints, prediction: Prediction) -> EndInliers:
     """
     inliers, likelihood = _filter_ends(ends, prediction)
     decisive = inliers.members & (inliers.leverages > DECISIVE_LEVERAGE)
-    if not decisive.any():
+    if not np.count_nonzero(decisive):
         return inliers
     doubtful: BoolArray = np.logical_or.reduce(decisive, axis=-1)
     first_decisive = decisive & (decisive.cumsum(axis=-1) == 1)
@@ -149,20 +149,23 @@ def find_end_inliers(ends: EndPoints, prediction: Prediction) -> EndInliers:
 
 def _filter_ends(ends: EndPoints, prediction: Prediction) -> tuple[EndInliers, FloatArray]:
     """Return the inliers of ends by a Kalman filter, and the log likelihood ratio of each end."""
-    jacobian = ends.jacobian[..., PREDECESSORS:]
-    point_variances = ends.variances[..., PREDECESSORS:]
+    # Contiguous arrays, with which numpy is twice as fast.
+    jacobian, point_variances, visible = (
+        np.ascontiguousarray(field[..., PREDECESSORS:])
+        for field in (ends.jacobian, ends.variances, ends.visible)
+    )
     residuals = prediction.innovations(ends.residuals[..., PREDECESSORS:], jacobian)
     correlation_time = prediction.autocorrelation_time[..., None]
     log_outlier = np.log(OUTLIER_FRACTION / 2 / prediction.radius)[..., None]
-    covariance, visible = prediction.covariances(jacobian), ends.visible[..., PREDECESSORS:]
+    covariance = prediction.covariances(jacobian)
     # The filter uses only points that are possible inliers of the ellipse predicted without them.
     variances = point_variances + covariance.diagonal(axis1=-2, axis2=-1)
     possible = visible & (_log_inlier_density(residuals, variances) > log_outlier)
     used = np.where(possible, correlation_time, EXCLUDED) * point_variances
     residuals, variances = _predict_sequentially(covariance, used, residuals)
-    variances = np.maximum(variances - used, 0.0) + point_variances
-    log_inlier = _log_inlier_density(residuals, variances)
-    log_inlier[~visible] = -np.inf
+    variances -= used
+    variances = np.maximum(variances, 0.0) + point_variances
+    log_inlier = np.where(visible, _log_inlier_density(residuals, variances), -np.inf)
     log_ratio = np.logaddexp(log_inlier, log_outlier)
     log_ratio -= _log_other_line_density(ends, prediction.radius[..., None], log_outlier)
     cumulated = log_ratio.cumsum(axis=-1) / correlation_time
@@ -193,7 +196,7 @@ def _predict_sequentially(
     # With the residuals as one more row, that of the factor has the normalised innovations. Its
     # last element exceeds their sum of squares.
     total[..., -1, :-1] = residuals
-    diagonal[..., -1] = 1 + (residuals * residuals / variances).sum(axis=-1)
+    diagonal[..., -1] = 1 + np.add.reduce(residuals * residuals / variances, axis=-1)
     failed = []
     for matrix in total.reshape(-1, count + 1, count + 1):
         # LAPACK takes the transpose, in Fortran's order, and writes the factor into its place.
@@ -276,7 +279,12 @@ def _log_marginal_ratio(
 
 def _log_inlier_density(residuals: FloatArray, variances: FloatArray) -> FloatArray:
     """Return the log of the density of residuals times the prior probability of an inlier."""
-    return LOG_INLIER - 0.5 * (residuals * residuals / variances + np.log(variances))
+    density: FloatArray = residuals * residuals
+    density /= variances
+    density += np.log(variances)
+    density *= -0.5
+    density += LOG_INLIER
+    return density
 
 
 def _log_other_line_density(

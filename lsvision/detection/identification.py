@@ -273,7 +273,8 @@ def _compare(growths: list[_Growth], parameters: FloatArray) -> tuple[EllipseRes
     """
     points, valid = NoisyPoints.stack([growth.next_window() for growth in growths])
     compared = ellipse_residuals(points, parameters)
-    return compared, _within_sensor_error(compared, growths) & valid
+    within = _within_sensor_error(compared, growths)
+    return compared, within if valid is None else within & valid
 
 
 def _within_sensor_error(compared: EllipseResiduals, growths: list[_Growth]) -> BoolArray:

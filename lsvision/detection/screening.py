@@ -177,7 +177,7 @@ def _fit_middle(stack: ArcStack, numbers: IntArray) -> _MiddleFits | None:
 
     Arcs without an ellipse are left out; None if there is no other.
     """
-    valid = stack.valid[:, stack.middle]
+    valid = stack.middle_valid
     compared = ellipse_residuals(stack.points[..., stack.middle], stack.parameters)
     stack = stack._replace(parameters=gauss_newton_step(compared, stack.parameters, valid))
     fitted = ~np.isnan(stack.parameters[:, 0])
@@ -188,8 +188,8 @@ def _fit_middle(stack: ArcStack, numbers: IntArray) -> _MiddleFits | None:
     compared = ellipse_residuals(stack.points, stack.parameters)
     normalised = compared.residuals[:, stack.middle] / np.sqrt(compared.variances[:, stack.middle])
     noises = [
-        estimate_arc_noise(row[mask], split.profile.min_variance_factor)
-        for row, mask, split in zip(normalised, valid, stack.arcs, strict=True)
+        estimate_arc_noise(row[: len(split.middle)], split.profile.min_variance_factor)
+        for row, split in zip(normalised, stack.arcs, strict=True)
     ]
     noise = _Noises(*map(np.array, zip(*noises, strict=True)))
     return _MiddleFits(stack, numbers, compared, noise)
@@ -223,41 +223,43 @@ def _compare_once(fits: _MiddleFits) -> tuple[_MiddleFits, _ComparedEnds, BoolAr
     stack = fits.stack
     system = WeightedSystem.of(fits.compared, fits.noise.variance_factor[:, None])
     middle = WeightedSystem(system.rows[..., stack.middle], system.weights[:, stack.middle])
-    equations = middle.normal_equations(stack.valid[:, stack.middle])
-    add_flattening_prior(equations, stack.parameters)
+    equations = middle.normal_equations(stack.middle_valid)
+    predicting = equations.copy()
+    add_flattening_prior(predicting, stack.parameters)
     rows, weights = stack.take_ends(system.rows), stack.take_ends(system.weights)
     ends = WeightedSystem(rows[..., PREDECESSORS:], weights[..., PREDECESSORS:])
     # Each end is predicted from the middle part and the other end.
-    others = equations[:, None] + ends.normal_equations(stack.members)[:, ::-1]
+    others = predicting[:, None] + ends.normal_equations(stack.members)[:, ::-1]
     prediction, singular = _predict(others, fits)
     points = _end_points(fits, rows[..., :PARAMETERS, :])
     inliers = find_end_inliers(points, prediction)
-    converged = (inliers.members == stack.members).reshape(len(stack.arcs), -1).all(axis=1)
-    equations += ends.normal_equations(inliers.members).sum(axis=1)
+    changed = np.logical_or.reduce(inliers.members != stack.members, axis=(1, 2))
+    first, second = ends.normal_equations(inliers.members).swapaxes(0, 1)
+    equations += first
+    equations += second
     parameters = stack.parameters + damped_step(equations, stack.parameters)
     valid = are_ellipses(parameters) & ~singular
     fits = fits._replace(stack=stack._replace(members=inliers.members, parameters=parameters))
     compared = _ComparedEnds(points, prediction, inliers)
     if not valid.all():
-        return select_rows((fits, compared, converged), valid)
-    return fits, compared, converged
+        return select_rows((fits, compared, ~changed), valid)
+    return fits, compared, ~changed
 
 
 def _predict(equations: FloatArray, fits: _MiddleFits) -> tuple[Prediction, BoolArray]:
     """Return the predictions of both ends (k, 2), and which arcs have singular equations (k,)."""
     covariance = inverse_information(equations)
     singular = np.isnan(covariance[..., 0, 0])
-    no_difference = np.zeros(2)  # between the ends of an arc
     covariance[singular] = 0.0
     offset = (covariance @ equations[..., PARAMETERS:])[..., 0]
     prediction = Prediction(
         offset,
         covariance * fits.noise.low_frequency_time[:, None, None, None],
-        fits.noise.autocorrelation_time[:, None] + no_difference,
-        fits.stack.parameters[:, 2:3] + no_difference,
+        # The same for both ends of an arc.
+        np.repeat(fits.noise.autocorrelation_time, 2).reshape(-1, 2),
+        np.repeat(fits.stack.parameters[:, 2], 2).reshape(-1, 2),
     )
-    singular_arcs: BoolArray = np.logical_or.reduce(singular, axis=1)
-    return prediction, singular_arcs
+    return prediction, singular[:, 0] | singular[:, 1]
 
 
 def _end_points(fits: _MiddleFits, jacobian: FloatArray) -> EndPoints:
@@ -266,11 +268,11 @@ def _end_points(fits: _MiddleFits, jacobian: FloatArray) -> EndPoints:
     z, variances, deviator = stack.points.z, stack.points.mean_variance, stack.points.deviator
     points = NoisyPoints(stack.take_ends(z), stack.take_ends(variances), stack.take_ends(deviator))
     residuals, normals = stack.take_ends(compared.residuals), stack.take_ends(compared.normals)
-    feet = points.z - residuals * normals
+    feet = points.z - residuals.astype(complex) * normals
     positions = np.zeros(residuals.shape)
     np.abs(feet[..., 1:] - feet[..., :-1]).cumsum(axis=-1, out=positions[..., 1:])
     visible = points.incidence_cosines(normals) > MIN_INCIDENCE_COSINE
-    visible &= stack.take_ends(stack.valid)
+    visible &= stack.ends_valid
     variances = stack.take_ends(compared.inflated_variances)
     variances = variances * fits.noise.variance_factor[:, None, None]
     return EndPoints(residuals, variances, jacobian, visible, positions)
@@ -332,10 +334,10 @@ def _mark_connected_beyond(stack: ArcStack) -> BoolArray:
     points = stack.take_ends(stack.points.z)
     for arc, split in enumerate(stack.arcs):
         for side, end in enumerate(split.ends):
-            inliers = stack.members[arc, side].nonzero()[0] + PREDECESSORS
-            if len(inliers):
-                z, last = points[arc, side, : len(end)], int(inliers[-1])
-                inside = np.concatenate([z[:PREDECESSORS], z[inliers]])
-                chain = find_connected_beyond(inside, z[last + 1 :], POINTS_BEYOND)
-                following[arc, side, last + 1 - PREDECESSORS + chain] = True
+            inliers = stack.members[arc, side].nonzero()[0].tolist()
+            if inliers:
+                z, beyond = points[arc, side, : len(end)].tolist(), inliers[-1] + 1
+                inside = z[:PREDECESSORS] + [z[PREDECESSORS + i] for i in inliers]
+                chain = find_connected_beyond(inside, z[PREDECESSORS + beyond :], POINTS_BEYOND)
+                following[arc, side, [beyond + i for i in chain]] = True
     return following

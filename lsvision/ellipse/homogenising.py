@@ -21,11 +21,7 @@ from lsvision.ellipse.parameters import (
     parameters_from_ellipse,
     split_parameters,
 )
-from lsvision.ellipse.robust_gauss_newton import (
-    WeightedSystem,
-    add_flattening_prior,
-    damped_step,
-)
+from lsvision.ellipse.robust_gauss_newton import WeightedSystem, damped_step
 from lsvision.ellipse.smoothing import SmoothedArc
 from lsvision.geometry import Ellipse, Points
 from lsvision.geometry.noisy_points import as_vectors
@@ -72,7 +68,6 @@ def homogenise_arcs(smoothed: Sequence[SmoothedArc]) -> list[HomogenisedArc]:
     # The residual is linear in small changes of the parameters: one Gauss-Newton step is enough.
     parameter_jacobian(normals, w, out=jacobian)
     equations = WeightedSystem(rows, 1 / (stds * stds)).normal_equations()
-    add_flattening_prior(equations, screened)
     fitted = screened + damped_step(equations, screened)
     return [
         HomogenisedArc(

@@ -29,12 +29,16 @@ from lsvision.statistics.robust import MAD_TO_STD, SIGNIFICANT_SIGMAS, upper_med
 FLATTENING_PRIOR_STD = 0.3
 """Prior standard deviation of (a - b) / (a + b): a tilt of 57 deg."""
 IDENTITY = np.eye(PARAMETERS)
-_DEVIATOR_DIAGONAL, _DEVIATOR_GRADIENT = slice(21, None, 7), slice(23, None, 6)
-"""Elements (p, p) and (q, q) of normal equations (5, 6) in one row, and their last column."""
+FLATTENING_INFORMATION = np.diag([0, 0, 0, 1, 1, 0])[:PARAMETERS] / FLATTENING_PRIOR_STD**2
+"""Normal equations (5, 6) of the prior on the flattening of a circle, for m = 1 mm."""
+FLATTENING_DIAGONAL = FLATTENING_INFORMATION.sum(axis=1, keepdims=True)
+"""Its information about each parameter, (5, 1)."""
 MAX_RELATIVE_STEP = 0.1
 """Damping: a step of this fraction of m costs as much as a residual of one sigma."""
 DAMPING = IDENTITY / MAX_RELATIVE_STEP**2
 """Information that damps a step, for m = 1 mm. Units: 1/mm^2."""
+DAMPED_PRIOR = DAMPING + FLATTENING_INFORMATION[:, :PARAMETERS]
+"""Information of the damping and of the prior on the flattening, for m = 1 mm. Units: 1/mm^2."""
 VARIANCE_FLOOR_FRACTION = 0.05
 """Fraction of the total variance added along any normal: as for a normal that is 13 deg wrong."""
 
@@ -81,13 +85,13 @@ def ellipse_residuals(points: NoisyPoints, parameters: FloatArray) -> EllipseRes
     offset = points.z - centre
     w = offset - d * offset.conj()
     size = np.maximum(np.abs(w), TINY)
-    w *= 1 / size
+    w *= (1 / size).astype(complex)
     n = w - d * w.conj()
-    steepness = np.maximum(np.abs(n), TINY)
-    n *= 1 / steepness
+    cosine = 1 / np.maximum(np.abs(n), TINY)
+    n *= cosine.astype(complex)
     # The ray meets the ellipse at m det(E / m) / size of the offset from the centre; the distance
-    # from there is multiplied by the cosine of the ray with n, 1 / steepness.
-    signed = (size - (m - m * (d * d.conjugate()).real)) / steepness
+    # from there is multiplied by the cosine of the ray with n.
+    signed = (size - (m - m * (d * d.conjugate()).real)) * cosine
     variances = points.normal_variances(n)
     inflated = variances + (2 * VARIANCE_FLOOR_FRACTION) * points.mean_variance
     return EllipseResiduals(signed, n, w, variances, inflated)
@@ -150,18 +154,20 @@ class WeightedSystem(NamedTuple):
 
 def add_flattening_prior(equations: FloatArray, parameters: FloatArray) -> None:
     """Add the weak prior that few pipes are tilted by more than 60 deg, in place."""
-    m = parameters[..., 2:3]
-    weight = FLATTENING_PRIOR_STD**-2 / (m * m)
-    matrices = equations.reshape(-1, PARAMETERS * (PARAMETERS + 1))  # a view
-    matrices[:, _DEVIATOR_DIAGONAL] += weight
-    matrices[:, _DEVIATOR_GRADIENT] -= weight * parameters[..., 3:]
+    m = _mean_semi_axes(parameters)
+    equations += FLATTENING_INFORMATION / (m * m)
+    equations[..., PARAMETERS:] -= FLATTENING_DIAGONAL / (m * m) * parameters[..., None]
 
 
 def damped_step(equations: FloatArray, parameters: FloatArray) -> FloatArray:
-    """Return the step (..., 5) to the minimum, damped in units of m; NaN if singular."""
+    """Return the step (..., 5) to the minimum with the weak prior; NaN if singular.
+
+    `equations` are those without the prior. The step is damped in units of m.
+    """
     m = _mean_semi_axes(parameters)
-    damped = equations[..., :PARAMETERS] + DAMPING / (m * m)
-    return solve_positive_definite(damped, equations[..., PARAMETERS])
+    information = equations[..., :PARAMETERS] + DAMPED_PRIOR / (m * m)
+    gradient = equations[..., PARAMETERS:] - FLATTENING_DIAGONAL / (m * m) * parameters[..., None]
+    return solve_positive_definite(information, gradient)[..., 0]
 
 
 def _mean_semi_axes(parameters: FloatArray) -> Any:
@@ -214,7 +220,6 @@ def gauss_newton_step(
     medians = row_medians(compared.normalised_squares, members)
     factor = as_column([max(median * MAD_TO_STD**2, 1.0) for median in medians])
     equations = WeightedSystem.of(compared, factor).normal_equations(members)
-    add_flattening_prior(equations, parameters)
     refined = parameters + damped_step(equations, parameters)
     for row in refined.reshape(-1, PARAMETERS):
         if not is_ellipse(row):

@@ -11,15 +11,16 @@ with weight 0.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from lsvision.ellipse.parameters import parameters_from_ellipse
-from lsvision.ellipse.robust_gauss_newton import ellipse_residuals
+from lsvision.ellipse.robust_gauss_newton import ellipse_residuals, row_medians
 from lsvision.geometry import BoolArray, Ellipse, FloatArray, IntArray
 from lsvision.geometry.arrays import TINY, as_column
 from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints
-from lsvision.statistics.robust import upper_mad_std
+from lsvision.statistics.robust import MAD_TO_STD
 
 WINDOW_FRACTION = 0.3
 """Width of the local regression as a fraction of the arc (paper: 30 % of the points)."""
@@ -28,6 +29,8 @@ TUKEY_CONSTANT = 4.685
 POSITIONS = 16
 """Number of positions at equal steps of arc length (paper section 3.3.2) at which the local
 quadratic is evaluated: five per window of 30 %, since a quadratic has no finer detail."""
+EVEN_STEPS = np.linspace(0, 1, POSITIONS)
+"""These positions over the arc's length."""
 RIDGE = 1e-9
 """Ridge of the regression relative to its weights, and smallest step relative to the arc's length,
 since points may share a foot point. Larger than rounding errors."""
@@ -63,18 +66,18 @@ def smooth_arcs(points: Sequence[NoisyPoints], ellipses: Sequence[Ellipse]) -> l
     parameters = np.array([parameters_from_ellipse(ellipse) for ellipse in ellipses])
     evaluated = ellipse_residuals(stacked, parameters)
     # Angles relative to the middle of each arc, so that they have no jump of 2 pi.
-    middle = as_column([row[:size].sum() for row, size in zip(evaluated.w, sizes, strict=True)])
-    middle = middle / np.abs(middle)
+    sums = [complex(row[:size].sum()) for row, size in zip(evaluated.w, sizes, strict=True)]
+    middle = as_column([total / abs(total) for total in sums])
     rotated = evaluated.w * middle.conjugate()
     angles = np.arctan2(rotated.imag, rotated.real)
     order = _sort_rows(angles, sizes)
     angles, residuals = angles.take(order), evaluated.residuals.take(order)
     stds = np.sqrt(evaluated.variances.take(order))
-    feet = stacked.z.take(order) - residuals * evaluated.normals.take(order)
+    feet = stacked.z.take(order) - residuals.astype(complex) * evaluated.normals.take(order)
     length = _arc_length(feet, sizes)
-    even = np.arange(POSITIONS) * (length[:, -1:] / (POSITIONS - 1))
+    even = EVEN_STEPS * length[:, -1:]
     smooth, weights = smooth_residuals(length, residuals, stds, even, valid)
-    inliers = np.empty(valid.shape, dtype=bool)
+    inliers = np.empty(weights.shape, dtype=bool)
     inliers.put(order, weights > 0)
     directions = middle * np.exp(1j * _interpolate_rows(even, length, angles))
     stds = _interpolate_rows(even, length, stds)
@@ -96,16 +99,20 @@ def _sort_rows(angles: FloatArray, sizes: list[int]) -> IntArray:
 
 def _arc_length(feet: ComplexArray, sizes: list[int]) -> FloatArray:
     """Return the ascending arc length (k, n) of foot points. Units: mm."""
-    length: FloatArray = np.zeros(feet.shape)
-    np.abs(feet[:, 1:] - feet[:, :-1]).cumsum(axis=1, out=length[:, 1:])
-    counts = np.minimum(np.arange(feet.shape[1]), as_column(sizes) - 1)
+    steps = np.zeros(feet.shape)
+    np.abs(feet[:, 1:] - feet[:, :-1], out=steps[:, 1:])
+    length: FloatArray = steps.cumsum(axis=1)
+    counts = np.minimum(np.arange(float(feet.shape[1])), as_column(sizes) - 1)
     length += (RIDGE * length[:, -1:] + TINY) * counts
     return length
 
 
 def _interpolate_rows(x: FloatArray, knots: FloatArray, values: FloatArray) -> FloatArray:
     """Return the values (k, n) at knots (k, n), linearly interpolated at x (k, p)."""
-    return np.array([np.interp(*row) for row in zip(x, knots, values, strict=True)])
+    interpolated = np.empty(x.shape)
+    for row in range(len(x)):
+        interpolated[row] = np.interp(x[row], knots[row], values[row])
+    return interpolated
 
 
 def smooth_residuals(
@@ -113,34 +120,39 @@ def smooth_residuals(
     residuals: FloatArray,
     stds: FloatArray,
     even: FloatArray,
-    valid: BoolArray,
+    valid: BoolArray | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Return residuals smoothed at p arc lengths `even` (k, p), and robust weights (k, n).
 
     One pass of robust local quadratic regression; the paper's reference 20 fits local lines in two
-    passes. A weight of 0 is a jump. `length` is the ascending arc length of the points (k, n).
-    Units: mm.
+    passes. A weight of 0 is a jump. `length` is the ascending arc length of the points (k, n), and
+    `valid` their mask, None if all are valid. Units: mm.
     """
     first, last = length[:, :1], length[:, -1:]
     half = WINDOW_FRACTION * (last - first) / 2 + TINY
     # At the ends the window is one-sided; it is extended inwards to keep its width.
-    missing = np.maximum(first + half - even, even + half - last)
-    widths = half + np.maximum(missing, 0.0)
-    u = (length[:, None] - even[..., None]) / widths[..., None]
-    tricube = np.maximum(1 - np.abs(u * u * u), 0.0)
+    widths = np.maximum(half, np.maximum(first - even, even - last) + 2 * half)
+    u = length[:, None] - even[..., None]
+    u /= widths[..., None]
+    cube = np.abs(u)
+    cube *= u * u
+    tricube = np.maximum(1 - cube, 0.0)
     # The first weights come from the residuals from the screened ellipse, which no jump has
     # shifted: an unweighted regression would follow jumps and reject their valid neighbours.
-    weights = _bisquare_weights(residuals / stds, valid) / (stds * stds) * valid
+    weights = _bisquare_weights(residuals / stds, valid) / (stds * stds)
+    if valid is not None:
+        weights *= valid
     smooth = _local_quadratics(u, tricube * tricube * tricube * weights[:, None], residuals)
     smoothed = _interpolate_rows(length, even, smooth)
     return smooth, _bisquare_weights((residuals - smoothed) / stds, valid)
 
 
-def _bisquare_weights(normalised: FloatArray, valid: BoolArray) -> FloatArray:
+def _bisquare_weights(normalised: FloatArray, valid: BoolArray | None) -> FloatArray:
     """Return Tukey's weights of residuals over their standard deviations, (k, n)."""
-    stds = [upper_mad_std(row[mask]) for row, mask in zip(normalised, valid, strict=True)]
+    medians = row_medians(np.abs(normalised), valid)
     # The scale is at least that of the noise model, so that points within the noise are kept.
-    z = normalised * as_column([1 / (TUKEY_CONSTANT * max(std, 1.0)) for std in stds])
+    limits = [TUKEY_CONSTANT * max(MAD_TO_STD * median, 1.0) for median in medians]
+    z = normalised / as_column(limits)
     weights: FloatArray = np.maximum(1 - z * z, 0.0) ** 2
     return weights
 
@@ -150,15 +162,16 @@ def _local_quadratics(u: FloatArray, weights: FloatArray, residuals: FloatArray)
 
     `u` and `weights` are (k, p, n), `residuals` (k, n).
     """
-    first = weights * u
-    second = first * u
-    third = second * u
-    m0, m1, m2, m3 = (moment.sum(axis=-1) for moment in (weights, first, second, third))
-    columns = residuals[..., None]
-    r0, r1, r2 = ((moment @ columns)[..., 0] for moment in (weights, first, second))
+    powers = np.empty((5, *u.shape))
+    powers[0] = weights
+    for lower, higher in pairwise(powers):
+        np.multiply(lower, u, out=higher)
+    # Sums as products with ones, which are faster.
+    m0, m1, m2, m3, m4 = powers @ np.ones(u.shape[-1])
+    r0, r1, r2 = (powers[:3] @ residuals[..., None])[..., 0]
     # Ridge regression: a window with two points gets a line, an empty one the ellipse itself.
     ridge = RIDGE * (m0 + RIDGE * m0.max(axis=1, keepdims=True)) + TINY
-    d0, d2, d4 = m0 + ridge, m2 + ridge, (third * u).sum(axis=-1) + ridge
+    d0, d2, d4 = m0 + ridge, m2 + ridge, m4 + ridge
     # First row of the normal equations' inverse, by Cramer's rule.
     c0, c1, c2 = d2 * d4 - m3 * m3, m2 * m3 - m1 * d4, m1 * m3 - m2 * d2
     value: FloatArray = (c0 * r0 + c1 * r1 + c2 * r2) / (c0 * d0 + c1 * m1 + c2 * m2)

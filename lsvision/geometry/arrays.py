@@ -62,8 +62,12 @@ def stack_padded(arrays: Sequence[npt.NDArray[Any]], indices: IntArray) -> npt.N
     return stacked
 
 
-def stack_with_mask(arrays: Sequence[npt.NDArray[Any]]) -> tuple[npt.NDArray[Any], BoolArray]:
+def stack_with_mask(
+    arrays: Sequence[npt.NDArray[Any]],
+) -> tuple[npt.NDArray[Any], BoolArray | None]:
     """Stack k arrays of up to n elements as (k, n), and return the mask of their own elements.
+
+    The mask of a single array is None: it has no other elements.
 
     Examples
     --------
@@ -72,12 +76,12 @@ def stack_with_mask(arrays: Sequence[npt.NDArray[Any]]) -> tuple[npt.NDArray[Any
     ([[1, 2, 3], [4, 4, 4]], [3, 1])
     """
     if len(arrays) == 1:
-        return arrays[0][None], np.ones((1, len(arrays[0])), dtype=bool)
+        return arrays[0][None], None
     indices, valid = padded_rows([len(array) for array in arrays])
     return stack_padded(arrays, indices), valid
 
 
-def select_rows(stack: Stack, rows: BoolArray | IntArray | list[int]) -> Stack:
+def select_rows(stack: Stack, rows: BoolArray | IntArray | list[int] | tuple[IntArray]) -> Stack:
     """Return some rows of all arrays and lists of a named tuple, and of named tuples in it.
 
     Fields of another type are the same for all rows.
@@ -88,12 +92,15 @@ def select_rows(stack: Stack, rows: BoolArray | IntArray | list[int]) -> Stack:
     (array([1, 3]), ['a', 'c'], 7)
     """
 
+    is_mask = isinstance(rows, np.ndarray) and rows.dtype == bool
+    chosen: Any = rows.nonzero() if is_mask else rows
+
     def select(field: Any) -> Any:
         if isinstance(field, tuple):
-            return select_rows(field, rows)
+            return select_rows(field, chosen)
         if isinstance(field, list):
-            return [field[index] for index in np.arange(len(field))[rows]]
-        return field[rows] if hasattr(field, "__getitem__") else field
+            return [field[index] for index in np.arange(len(field))[chosen].tolist()]
+        return field[chosen] if hasattr(field, "__getitem__") else field
 
     fields = map(select, stack)
     return type(stack)(*fields) if hasattr(stack, "_fields") else type(stack)(fields)

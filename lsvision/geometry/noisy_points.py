@@ -60,15 +60,14 @@ class NoisyPoints:
         return cls(z, mean, deviator)
 
     @classmethod
-    def stack(cls, arcs: Sequence[Self]) -> tuple[Self, BoolArray]:
-        """Return the points of k arcs, (k, n), and the mask of valid ones.
+    def stack(cls, arcs: Sequence[Self]) -> tuple[Self, BoolArray | None]:
+        """Return the points of k arcs, (k, n), and the mask of valid ones; None if all are valid.
 
         Each arc has n points or fewer, at least one; its last point is repeated.
         """
         if len(arcs) == 1:
             (arc,) = arcs
-            valid = np.ones((1, len(arc)), dtype=bool)
-            return cls(arc.z[None], arc.mean_variance[None], arc.deviator[None]), valid
+            return cls(arc.z[None], arc.mean_variance[None], arc.deviator[None]), None
         indices, valid = padded_rows([len(arc) for arc in arcs])
         z = stack_padded([arc.z for arc in arcs], indices)
         mean = stack_padded([arc.mean_variance for arc in arcs], indices)
@@ -103,9 +102,10 @@ class NoisyPoints:
         the point's largest error; if that is not clearly along Y, the largest cosine over a fan
         of rays within 30 deg of +Y is returned.
         """
-        rays = np.sqrt(self.deviator.conj())  # The square root halves the angle of the deviator.
-        cosines: FloatArray = (normals * rays.conj()).real
-        cosines /= np.copysign(np.maximum(np.abs(rays), TINY), rays.imag)
+        # The square root halves the angle of the deviator: the conjugate of a vector along the ray.
+        roots = np.sqrt(self.deviator)
+        cosines: FloatArray = (normals * roots).real
+        cosines /= np.copysign(np.maximum(np.abs(roots), TINY), -roots.imag)
         ray_is_known = -self.deviator.real > MIN_RANGE_ANISOTROPY * self.mean_variance
         if ray_is_known.all():
             return cosines
