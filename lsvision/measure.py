@@ -8,7 +8,7 @@ planes for huge ellipses. The paper's pipeline without them is
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 from lsvision.detection.acceptance import (
@@ -224,16 +224,13 @@ def _measure(
     radius, known_radius, known_phi = radii_and_tilt
     priors = Priors.from_values(known_radius, known_phi)
     search = as_number_or_pair(radius, "radius", "mm", "(min, max)")
-    measurements = _find_cylinders(profiles, search, priors, sensor, settings)
-    return [
-        replace(measurement, profile=profile)
-        for measurement, profile in zip(measurements, profiles, strict=True)
-    ]
+    return _find_cylinders(profiles, search, priors, sensor, settings)
 
 
 class _Search(NamedTuple):
-    """A prepared profile, the range of radii to search (mm) and the indices of each component."""
+    """A profile, prepared, the range of radii to search (mm), and each component's indices."""
 
+    measured: Profile
     profile: PreparedProfile
     radius_range: tuple[float, float]
     components: list[IntArray]
@@ -257,7 +254,7 @@ def _find_cylinders(
     # Rough identification, section 3.2.1.
     identified = identify_arcs(prepared, candidates, ranges, settings.acceptance)
     # The following steps take arcs of similar size together, whichever profiles they belong to.
-    searches = [_Search(*fields) for fields in zip(prepared, ranges, components, strict=True)]
+    searches = list(map(_Search, profiles, prepared, ranges, components))
     by_profile = list(zip(searches, identified, strict=True))
     arcs = [(search, arc) for search, (profile_arcs, _) in by_profile for arc in profile_arcs]
     sizes = [len(arc.indices) for _, arc in arcs]
@@ -348,4 +345,4 @@ def _build_complete_measurement(
         search.radius_range,
         settings.candidates.min_span_points,
     )
-    return build_measurement(cylinders, rejections, search.profile)
+    return build_measurement(cylinders, rejections, search.profile, search.measured)

@@ -149,22 +149,18 @@ def find_end_inliers(ends: EndPoints, prediction: Prediction) -> EndInliers:
 
 def _filter_ends(ends: EndPoints, prediction: Prediction) -> tuple[EndInliers, FloatArray]:
     """Return the inliers of ends by a Kalman filter, and the log likelihood ratio of each end."""
-    # Contiguous arrays, with which numpy is twice as fast.
-    jacobian, point_variances, visible = (
-        np.ascontiguousarray(field[..., PREDECESSORS:])
-        for field in (ends.jacobian, ends.variances, ends.visible)
-    )
+    jacobian = ends.jacobian[..., PREDECESSORS:]
+    point_variances = ends.variances[..., PREDECESSORS:]
     residuals = prediction.innovations(ends.residuals[..., PREDECESSORS:], jacobian)
     correlation_time = prediction.autocorrelation_time[..., None]
     log_outlier = np.log(OUTLIER_FRACTION / 2 / prediction.radius)[..., None]
-    covariance = prediction.covariances(jacobian)
+    covariance, visible = prediction.covariances(jacobian), ends.visible[..., PREDECESSORS:]
     # The filter uses only points that are possible inliers of the ellipse predicted without them.
     variances = point_variances + covariance.diagonal(axis1=-2, axis2=-1)
     possible = visible & (_log_inlier_density(residuals, variances) > log_outlier)
     used = np.where(possible, correlation_time, EXCLUDED) * point_variances
     residuals, variances = _predict_sequentially(covariance, used, residuals)
-    variances -= used
-    variances = np.maximum(variances, 0.0) + point_variances
+    variances = np.maximum(variances - used, 0.0) + point_variances
     log_inlier = np.where(visible, _log_inlier_density(residuals, variances), -np.inf)
     log_ratio = np.logaddexp(log_inlier, log_outlier)
     log_ratio -= _log_other_line_density(ends, prediction.radius[..., None], log_outlier)
@@ -192,11 +188,9 @@ def _predict_sequentially(
     total[..., :-1, :-1] = covariance
     diagonal = total.reshape(*residuals.shape[:-1], -1)[..., :: count + 2]
     diagonal[..., :-1] += variances
-    point_variances = diagonal[..., :-1].copy()
     # With the residuals as one more row, that of the factor has the normalised innovations. Its
-    # last element exceeds their sum of squares.
-    total[..., -1, :-1] = residuals
-    diagonal[..., -1] = 1 + np.add.reduce(residuals * residuals / variances, axis=-1)
+    # last element must exceed their sum of squares.
+    total[..., -1, :-1], total[..., -1, -1] = residuals, 1e300
     failed = []
     for matrix in total.reshape(-1, count + 1, count + 1):
         # LAPACK takes the transpose, in Fortran's order, and writes the factor into its place.
@@ -207,7 +201,8 @@ def _predict_sequentially(
     if any(failed):  # not predicted where rounding has made a matrix indefinite
         lost = np.array(failed).reshape(residuals.shape[:-1])
         predicted[lost] = residuals[lost]
-        predicted_variances[lost] = point_variances[lost]
+        single_variances = covariance.diagonal(axis1=-2, axis2=-1) + variances
+        predicted_variances[lost] = single_variances[lost]
     return predicted, predicted_variances
 
 
@@ -279,12 +274,7 @@ def _log_marginal_ratio(
 
 def _log_inlier_density(residuals: FloatArray, variances: FloatArray) -> FloatArray:
     """Return the log of the density of residuals times the prior probability of an inlier."""
-    density: FloatArray = residuals * residuals
-    density /= variances
-    density += np.log(variances)
-    density *= -0.5
-    density += LOG_INLIER
-    return density
+    return LOG_INLIER - 0.5 * (residuals * residuals / variances + np.log(variances))
 
 
 def _log_other_line_density(

@@ -1,7 +1,7 @@
 """Measurement of one profile: its cylinders and rejected arcs."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -109,16 +109,21 @@ class Measurement(Result):
 
 
 def build_measurement(
-    cylinders: Iterable[CylinderSection], rejections: Iterable[Rejection], profile: PreparedProfile
+    cylinders: Iterable[CylinderSection],
+    rejections: Iterable[Rejection],
+    prepared: PreparedProfile,
+    profile: Profile,
 ) -> Measurement:
     """Return the measurement of a profile, with the indices of the sensor's columns.
 
     Parameters
     ----------
     cylinders, rejections : iterable
-        Results with indices and arcs that refer to the points of `profile`.
-    profile : PreparedProfile
+        Results with indices and arcs that refer to the points of `prepared`.
+    prepared : PreparedProfile
         Prepared profile, with the sensor column of each point.
+    profile : Profile
+        The measured profile.
 
     Returns
     -------
@@ -129,15 +134,14 @@ def build_measurement(
     def span_of(indices: IntArray) -> Arc:
         return Arc(int(indices.min()), int(indices.max()) + 1)
 
-    columns = profile.sensor_columns
+    columns = prepared.sensor_columns
     sections = [
         CylinderSection(cylinder.fit, span_of(columns[cylinder.indices]), columns[cylinder.indices])
         for cylinder in cylinders
     ]
     rejected = [
-        replace(rejection, arc=span_of(columns[rejection.arc.start : rejection.arc.stop]))
-        for rejection in rejections
+        Rejection(span_of(columns[each.arc.start : each.arc.stop]), each.reason, each.convex)
+        for each in rejections
     ]
-    return Measurement(
-        tuple(sorted(sections, key=lambda section: section.centre[0])), tuple(rejected)
-    )
+    ordered = sorted(sections, key=lambda section: section.centre[0])
+    return Measurement(tuple(ordered), tuple(rejected), profile)

@@ -234,9 +234,7 @@ def _compare_once(fits: _MiddleFits) -> tuple[_MiddleFits, _ComparedEnds, BoolAr
     points = _end_points(fits, rows[..., :PARAMETERS, :])
     inliers = find_end_inliers(points, prediction)
     changed = np.logical_or.reduce(inliers.members != stack.members, axis=(1, 2))
-    first, second = ends.normal_equations(inliers.members).swapaxes(0, 1)
-    equations += first
-    equations += second
+    equations += ends.normal_equations(inliers.members).sum(axis=1)
     parameters = stack.parameters + damped_step(equations, stack.parameters)
     valid = are_ellipses(parameters) & ~singular
     fits = fits._replace(stack=stack._replace(members=inliers.members, parameters=parameters))

@@ -13,6 +13,7 @@ import numpy as np
 from lsvision.ellipse.parameters import PARAMETERS, add_step_on_cone
 from lsvision.ellipse.robust_gauss_newton import solve_positive_definite
 from lsvision.geometry import FloatArray
+from lsvision.statistics.compiled_routines import dsyevd
 
 PARAMETER_TOLERANCE = 1e-10
 """Size of the trust region, relative to the parameters, below which the iteration has converged. A
@@ -186,9 +187,8 @@ def _damped_step(
 
     The damping is added to the diagonal of the information; it is found by Hebden's iteration.
     """
-    try:
-        values, vectors = np.linalg.eigh(information)
-    except np.linalg.LinAlgError:
+    values, vectors, failed = dsyevd(information, lower=1)
+    if failed:
         return np.full(PARAMETERS, np.nan), 0.0
     along = gradient @ vectors
     values = np.maximum(values, np.finfo(float).eps * values[-1])

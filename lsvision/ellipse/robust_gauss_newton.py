@@ -9,7 +9,7 @@ The functions take one arc, or a stack of k arcs as arrays with a leading axis: 
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -185,34 +185,10 @@ def inverse_information(equations: FloatArray) -> FloatArray:
     return inverses.reshape(information.shape)
 
 
-def refine_ellipse(points: NoisyPoints, parameters: FloatArray, steps: int) -> FloatArray:
-    """Refine an ellipse by robust, weighted Gauss-Newton steps with a prior on its flattening.
-
-    Parameters
-    ----------
-    points : NoisyPoints
-        Points of the arc.
-    parameters : (5,) ndarray
-        Initial guess; see `lsvision.ellipse.parameters`. Units: mm.
-    steps : int
-        Number of Gauss-Newton steps.
-
-    Returns
-    -------
-    (5,) ndarray
-        Refined parameters, NaN where a step gives no ellipse. Units: mm.
-    """
-    for _ in range(steps):
-        if math.isnan(parameters[0]):
-            break
-        parameters = gauss_newton_step(ellipse_residuals(points, parameters), parameters)
-    return parameters
-
-
 def gauss_newton_step(
     compared: EllipseResiduals, parameters: FloatArray, members: BoolArray | None = None
 ) -> FloatArray:
-    """Return the parameters after one step of `refine_ellipse`; NaN if they are not an ellipse.
+    """Return the parameters after one robust, weighted step; NaN if they are not an ellipse.
 
     `members` is the mask (..., n) of the points that are used, all of them by default; at least one
     of each arc.
@@ -235,10 +211,10 @@ def row_medians(
     `members` is the mask (k, n) of the values that count, or their positions in each row; by
     default all of them.
     """
-    rows = values.reshape(-1, values.shape[-1])
-    if members is None:
-        return [upper_median(row) for row in rows]
-    return [upper_median(row[selected]) for row, selected in zip(rows, members, strict=True)]
+    rows: Iterable[FloatArray] = values.reshape(-1, values.shape[-1])
+    if members is not None:
+        rows = (row[selected] for row, selected in zip(rows, members, strict=True))
+    return [upper_median(row) for row in rows]
 
 
 def solve_positive_definite(matrix: FloatArray, rhs: FloatArray) -> FloatArray:

@@ -110,8 +110,8 @@ def _arc_length(feet: ComplexArray, sizes: list[int]) -> FloatArray:
 def _interpolate_rows(x: FloatArray, knots: FloatArray, values: FloatArray) -> FloatArray:
     """Return the values (k, n) at knots (k, n), linearly interpolated at x (k, p)."""
     interpolated = np.empty(x.shape)
-    for row in range(len(x)):
-        interpolated[row] = np.interp(x[row], knots[row], values[row])
+    for out, *row in zip(interpolated, x, knots, values, strict=True):
+        out[:] = np.interp(*row)
     return interpolated
 
 

@@ -81,7 +81,7 @@ def stack_with_mask(
     return stack_padded(arrays, indices), valid
 
 
-def select_rows(stack: Stack, rows: BoolArray | IntArray | list[int] | tuple[IntArray]) -> Stack:
+def select_rows(stack: Stack, rows: BoolArray | IntArray | list[int]) -> Stack:
     """Return some rows of all arrays and lists of a named tuple, and of named tuples in it.
 
     Fields of another type are the same for all rows.
@@ -91,9 +91,9 @@ def select_rows(stack: Stack, rows: BoolArray | IntArray | list[int] | tuple[Int
     >>> select_rows((np.array([1, 2, 3]), ["a", "b", "c"], 7), np.array([True, False, True]))
     (array([1, 3]), ['a', 'c'], 7)
     """
-
-    is_mask = isinstance(rows, np.ndarray) and rows.dtype == bool
-    chosen: Any = rows.nonzero() if is_mask else rows
+    chosen: Any = rows
+    if isinstance(rows, np.ndarray) and rows.dtype == bool:
+        chosen = rows.nonzero()  # once instead of for each field
 
     def select(field: Any) -> Any:
         if isinstance(field, tuple):

@@ -56,7 +56,9 @@ def compiled_module(name: str) -> ModuleType:
 
 
 _flapack = compiled_module("scipy.linalg._flapack")
-dposv, dpotrf, dtrtrs = _flapack.dposv, _flapack.dpotrf, _flapack.dtrtrs
+dposv, dpotrf, dsyevd, dtrtrs = (
+    _flapack.dposv, _flapack.dpotrf, _flapack.dsyevd, _flapack.dtrtrs
+)  # fmt: skip
 """Routines of LAPACK, see `scipy.linalg.lapack`."""
 
 

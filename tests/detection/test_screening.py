@@ -12,7 +12,6 @@ from lsvision.detection.profile_preparation import prepare_profile
 from lsvision.detection.range_image import build_range_image, connected_components
 from lsvision.ellipse.arc_noise import ArcNoise
 from lsvision.ellipse.parameters import ellipse_from_parameters, parameters_from_ellipse
-from lsvision.ellipse.robust_gauss_newton import refine_ellipse
 from tests.detection.scenes import (
     STEP,
     STEP_DEG,
@@ -26,7 +25,7 @@ from tests.detection.scenes import (
     walk,
     with_foot,
 )
-from tests.ellipse.arcs import parameter_stds
+from tests.ellipse.arcs import parameter_stds, refine_ellipse
 from tests.other_scenes import other_scene
 
 ANGLES = np.arange(-60.0, 60.1, STEP_DEG)  # 81 points

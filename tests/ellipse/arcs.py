@@ -10,6 +10,7 @@ from lsvision.ellipse.fit_stack import FitStack
 from lsvision.ellipse.robust_gauss_newton import (
     WeightedSystem,
     ellipse_residuals,
+    gauss_newton_step,
     inverse_information,
 )
 
@@ -44,6 +45,14 @@ def parameter_stds(points, parameters):
     """Standard deviations of an ellipse's parameters, from noisy points that lie on it."""
     system = WeightedSystem.of(ellipse_residuals(points, parameters), 1.0)
     return np.sqrt(np.diag(inverse_information(system.normal_equations())))
+
+
+def refine_ellipse(points, parameters, steps):
+    """Parameters after robust Gauss-Newton steps; NaN where a step gives no ellipse."""
+    for _ in range(steps):
+        if not math.isnan(parameters[0]):
+            parameters = gauss_newton_step(ellipse_residuals(points, parameters), parameters)
+    return parameters
 
 
 def ratios_of(fit, level):

@@ -12,13 +12,20 @@ from lsvision.ellipse.robust_gauss_newton import (
     damped_step,
     ellipse_residuals,
     ray_normal_variances,
-    refine_ellipse,
     solve_positive_definite,
 )
 from lsvision.geometry import Ellipse, orthogonal_residuals
 from lsvision.geometry.noisy_points import NoisyPoints, as_complex
 from tests.alike import assert_same_ellipse
-from tests.ellipse.arcs import SENSOR, about, measured, parameter_stds, pipe, upper_arc
+from tests.ellipse.arcs import (
+    SENSOR,
+    about,
+    measured,
+    parameter_stds,
+    pipe,
+    refine_ellipse,
+    upper_arc,
+)
 from tests.tolerances import DIFFERENCES, ROUNDING
 
 TRUTH = pipe(25.0)

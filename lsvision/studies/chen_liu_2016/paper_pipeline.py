@@ -8,7 +8,7 @@ pipeline has no test against planes, so it reports huge ellipses on them.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -120,7 +120,7 @@ def measure_cylinders_paper(
             rejections.append(Rejection(arc, str(failure)))
             continue
         cylinders.append(CylinderSection(fit, arc, screened))
-    return replace(build_measurement(cylinders, rejections, prepared), profile=profile)
+    return build_measurement(cylinders, rejections, prepared, profile)
 
 
 def initial_ellipse(points: Points, radius: float) -> Ellipse:
