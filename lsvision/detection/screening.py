@@ -267,13 +267,13 @@ def _end_points(fits: _MiddleFits, jacobian: FloatArray) -> EndPoints:
     points = NoisyPoints(stack.take_ends(z), stack.take_ends(variances), stack.take_ends(deviator))
     residuals, normals = stack.take_ends(compared.residuals), stack.take_ends(compared.normals)
     feet = points.z - residuals.astype(complex) * normals
-    positions = np.zeros(residuals.shape)
-    np.abs(feet[..., 1:] - feet[..., :-1]).cumsum(axis=-1, out=positions[..., 1:])
+    steps = np.zeros(residuals.shape)
+    np.abs(feet[..., 1:] - feet[..., :-1], out=steps[..., 1:])
     visible = points.incidence_cosines(normals) > MIN_INCIDENCE_COSINE
     visible &= stack.ends_valid
     variances = stack.take_ends(compared.inflated_variances)
     variances = variances * fits.noise.variance_factor[:, None, None]
-    return EndPoints(residuals, variances, jacobian, visible, positions)
+    return EndPoints(residuals, variances, jacobian, visible, steps.cumsum(axis=-1))
 
 
 def _screened_arcs(

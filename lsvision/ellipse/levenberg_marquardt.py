@@ -188,17 +188,20 @@ def _damped_step(
     The damping is added to the diagonal of the information; it is found by Hebden's iteration.
     """
     values, vectors, failed = dsyevd(information, lower=1)
-    if failed:
+    if failed or not values[-1] > 0:
         return np.full(PARAMETERS, np.nan), 0.0
-    along = gradient @ vectors
-    values = np.maximum(values, np.finfo(float).eps * values[-1])
+    along = (gradient @ vectors).tolist()
+    values = np.maximum(values, np.finfo(float).eps * values[-1]).tolist()
     damping = 0.0
     for _ in range(MAX_DAMPING_ITERATIONS):
-        step = along / (values + damping)
-        size = math.sqrt(float(step @ step))
+        step = [part / (value + damping) for part, value in zip(along, values, strict=True)]
+        squares = list(map(mul, step, step))
+        size = math.sqrt(sum(squares))
         excess = size / length - 1
         if not (excess > REGION_TOLERANCE or (damping > 0 and excess < -REGION_TOLERANCE)):
             break
-        slope = float(step @ (step / (values + damping)))
+        slope = sum(
+            [square / (value + damping) for square, value in zip(squares, values, strict=True)]
+        )
         damping = max(damping + excess * size * size / slope, 0.0)
     return vectors @ step, damping
