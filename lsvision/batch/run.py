@@ -1,4 +1,4 @@
-"""Run of a batch: writes a Parquet file for each file of profiles, and a manifest."""
+"""Run a batch: write one Parquet file of results per file of profiles, and a manifest."""
 
 import importlib.util
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -14,7 +14,7 @@ from lsvision.files.limited_reading import current_size_limit
 from lsvision.files.printable import printable_name
 
 Report = Callable[[FileOutcome], None]
-"""Function that is called with the outcome of each file."""
+"""Type of a function that is called with the outcome of each file."""
 
 
 def plan_tasks(sources: Sequence[Path], root: Path, folder: Path, job: BatchJob) -> list[FileTask]:
@@ -25,33 +25,38 @@ def plan_tasks(sources: Sequence[Path], root: Path, folder: Path, job: BatchJob)
     sources : sequence of Path
         Files of profiles.
     root : Path
-        Absolute folder that holds all files; their names in the results are relative to it.
+        Absolute folder that holds all sources; their names in the results are relative to it.
     folder : Path
-        Folder of the results: ``part.parquet`` goes to ``part.parquet``, ``a.csv`` to
-        ``a.csv.parquet``.
+        Folder of the results, with the subfolders of `root`: those of ``part.parquet`` are written
+        to ``part.parquet``, those of ``a.csv`` to ``a.csv.parquet``.
     job : BatchJob
         Settings with which the files are read and measured.
 
     Raises
     ------
     LsvisionError
-        If results would overwrite a source or each other, or are among the sources.
+        If a source lies in the folder of the results, or the results of two sources would be
+        written to the same file.
+    ValueError
+        If a source is not below `root`.
     """
     tasks: dict[Path, FileTask] = {}
     folder = folder.absolute()
     for source in map(Path.absolute, sources):
-        name = source.relative_to(root)
-        suffix = "" if name.suffix.lower() == ".parquet" else ".parquet"
-        output = folder / name.with_name(name.name + suffix)
+        relative_path = source.relative_to(root)
+        suffix = "" if relative_path.suffix.lower() == ".parquet" else ".parquet"
+        output = folder / relative_path.with_name(relative_path.name + suffix)
         if source.resolve().is_relative_to(folder.resolve()):
             raise LsvisionError(
-                f"{source}: it lies in the folder of the results: name another --out"
+                f"{source}: it lies in the folder of the results: give another folder as --out"
             )
         if output in tasks:
             raise LsvisionError(
-                f"{source} and {tasks[output].source}: both would become {output}: rename one"
+                f"{source} and {tasks[output].source}: the results of both would be written to "
+                f"{output}: rename one of the two"
             )
-        tasks[output] = FileTask(source, output, printable_name(name), job, current_size_limit())
+        name = printable_name(relative_path)
+        tasks[output] = FileTask(source, output, name, job, current_size_limit())
     return list(tasks.values())
 
 
@@ -63,31 +68,35 @@ def run_batch(
     scheduler: str | None = None,
     report: Report = lambda _: None,
 ) -> Status:
-    """Measure the files that are not done yet.
+    """Measure the files that have no valid results yet, and record the outcome of each.
+
+    Files that failed in an earlier run are measured again, except those that ended their process.
 
     Parameters
     ----------
     tasks : sequence of FileTask
-        Files of one job.
+        At least one file; all of the same job.
     folder : Path
         Folder of the results and the manifest.
     jobs : int
         Number of processes on this machine.
     scheduler : str, optional
-        Address of a Dask scheduler, which takes the place of the processes.
+        Address of a Dask scheduler, whose workers measure the files instead of `jobs` processes.
     report : callable
         Function that is called with the outcome of each file, as soon as it is in the manifest.
 
     Returns
     -------
     Status
-        State after the run.
+        State of the batch after the run.
 
     Raises
     ------
     LsvisionError
-        If the folder holds results of another job or cannot be written, or the scheduler goes
-        away; finished files are kept.
+        If the folder holds results of another job or cannot be written, or the connection to the
+        scheduler is lost; results of finished files are kept.
+    ValueError
+        If there are no tasks.
     """
     if not tasks:
         raise ValueError("expected at least one file, got none")
@@ -95,14 +104,15 @@ def run_batch(
         raise LsvisionError("a batch needs pyarrow: pip install 'lsvision[batch]'")
     with Manifest(folder, tasks[0].job) as manifest:
         status = read_status(folder)
-        open_tasks = [task for task in tasks if status is None or not status.is_done(task)]
+        remaining_tasks = [task for task in tasks if status is None or not status.is_done(task)]
         manifest.begin(len(tasks))
-        for task in open_tasks:
+        for task in remaining_tasks:
             task.output.parent.mkdir(parents=True, exist_ok=True)
-        for task, value in _run_tasks(open_tasks, jobs, scheduler):
-            ended = isinstance(value, EndedProcess)
+        for task, value in _run_tasks(remaining_tasks, jobs, scheduler):
+            # "Set aside": recorded as failed, and not tried again in the next runs.
+            is_set_aside = isinstance(value, EndedProcess)
             outcome = value if isinstance(value, FileOutcome) else _outcome_of_ended_process(task)
-            manifest.add(outcome, set_aside=ended)
+            manifest.add(outcome, set_aside=is_set_aside)
             report(outcome)
     status = read_status(folder)
     if status is None:
@@ -115,15 +125,16 @@ def run_batch(
 def _run_tasks(
     tasks: Iterable[FileTask], jobs: int, scheduler: str | None
 ) -> Iterator[Finished[FileTask, FileOutcome]]:
-    """Return an iterator over tasks and outcomes, in the order in which they are finished."""
+    """Return an iterator over tasks and their outcomes or `EndedProcess`, as they are finished."""
     if scheduler is not None:
         return run_on_cluster(measure_file, tasks, scheduler)
     return run_tasks(measure_file, tasks, jobs, ordered=False)
 
 
 def _outcome_of_ended_process(task: FileTask) -> FileOutcome:
-    """Return the outcome of a file in which the measuring process ended, with the reason."""
+    """Return the outcome of a file whose measurement ended its process twice."""
     return FileOutcome(
         task.name,
-        error=f"{task.source}: it ended its process twice (out of memory, or a crash): set aside",
+        error=f"{task.source}: it ended its process twice (out of memory, or a crash): set aside, "
+        "and not tried again with this --out",
     )

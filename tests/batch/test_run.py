@@ -183,7 +183,7 @@ def test_results_never_overwrite_a_source_or_each_other(folder):
     with pytest.raises(LsvisionError, match=r"part-1\.parquet: it lies in the folder of the res"):
         plan_tasks([source / "part-1.parquet"], source, source, BatchJob())
     same = [source / "a.csv", source / "a.csv.parquet"]
-    with pytest.raises(LsvisionError, match=r"both would become .*out/a\.csv\.parquet: rename one"):
+    with pytest.raises(LsvisionError, match=r"both would be written to .*a\.csv\.parquet: rename"):
         plan_tasks(same, source, folder / "out", BatchJob())
 
 
