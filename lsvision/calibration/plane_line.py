@@ -11,9 +11,17 @@ from lsvision.statistics.correlation import debiased_autocorrelation_time
 from lsvision.statistics.robust import MAD_TO_STD, mad_std
 
 OUTLIER_SIGMAS = 3.5
-"""Distance in robust standard deviations beyond which a point is an outlier."""
+"""Distance in robust standard deviations beyond which a point is an outlier: about one in 2000
+with normally distributed errors."""
 MIN_POINTS = 20
-"""Smallest number of points on a line."""
+"""Smallest number of points on a line; the same as for the arc of a sphere."""
+_HINT = "check that the plane is in view"
+_MAX_REJECTION_ITERATIONS = 20
+_TRIAL_LINES = 200
+_MIN_OUTLIER_DISTANCE_MM = 1e-6
+"""Distance below which a point is never an outlier: exact data have deviations by rounding only."""
+_VARIANCE_FLOOR_MM2 = 1e-12
+"""Variance added to that of the residuals, so that exact data have an invertible covariance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,11 +33,14 @@ class PlaneLine:
     midpoint, direction : (3,) ndarray
         Midpoint (mm) and unit vector along the line, section frame (z = 0).
     half_length : float
-        Root mean square distance of the points from the midpoint. Units: mm.
+        Root mean square distance of the points from the midpoint, which converts a slope to a
+        distance; 0.58 of half the line's length for evenly spaced points. Units: mm.
     covariance : (2, 2) ndarray
-        Covariance of offset (mm) and slope (rad) for uncorrelated points.
+        Covariance of the line's offset along its normal at the midpoint (mm) and of its slope
+        (rad), if the errors of the points are uncorrelated.
     autocorrelation_time : float
-        Autocorrelation time of the residuals, as in `SphereArc`.
+        Number of points per effective point, from the correlation of the residuals. That of a
+        single line is inaccurate: take the mean of many, and multiply `covariance` by it.
     """
 
     midpoint: FloatArray
@@ -40,40 +51,47 @@ class PlaneLine:
 
 
 def find_plane_line(profile: Profile) -> PlaneLine:
-    """Return the straight line of most points in a profile (least median, then trimmed squares).
+    """Return the straight line on which most points of a profile lie.
+
+    The initial guess is a line of least median distance; the line of orthogonal least squares is
+    then fitted to the inliers, which are selected again until they do not change.
+
+    Parameters
+    ----------
+    profile : Profile
+        Profile of a plane; fewer than half of its points may be outliers.
 
     Returns
     -------
     PlaneLine
-        Line by orthogonal least squares, with covariance.
+        Fitted line, with covariance.
 
     Raises
     ------
     TooFewPoints
-        If fewer than 20 points lie on a line.
+        If fewer than `MIN_POINTS` points are valid, or lie on the line.
     """
     points = profile.points[np.isfinite(profile.points[:, 0])]
     if len(points) < MIN_POINTS:
-        raise TooFewPoints(
-            "profile of the plane", len(points), MIN_POINTS, "check that it is in view"
-        )
+        raise TooFewPoints("profile of the plane", len(points), MIN_POINTS, _HINT)
     inliers = _least_median_inliers(points)
-    for _ in range(20):
+    for _ in range(_MAX_REJECTION_ITERATIONS):
         midpoint, direction, normal = _fit_line(points[inliers])
         distance = (points - midpoint) @ normal
         std = mad_std(distance[inliers])
-        previous, inliers = inliers, np.abs(distance) <= max(OUTLIER_SIGMAS * std, 1e-6)
+        limit = max(OUTLIER_SIGMAS * std, _MIN_OUTLIER_DISTANCE_MM)
+        previous, inliers = inliers, np.abs(distance) <= limit
         if inliers.sum() < MIN_POINTS:
-            raise TooFewPoints(
-                "line of the plane", int(inliers.sum()), MIN_POINTS, "check that it is in view"
-            )
+            raise TooFewPoints("line of the plane", int(inliers.sum()), MIN_POINTS, _HINT)
         if np.array_equal(previous, inliers):
             break
     midpoint, direction, normal = _fit_line(points[inliers])
-    s, distance = (points[inliers] - midpoint) @ direction, (points[inliers] - midpoint) @ normal
-    variance = float((distance**2).sum()) / (len(s) - 2) + 1e-12
-    covariance = variance * np.diag([1 / len(s), 1 / float((s**2).sum())])
-    half_length = float(np.sqrt((s**2).mean()))
+    relative_points = points[inliers] - midpoint
+    along, distance = relative_points @ direction, relative_points @ normal
+    # A line has two parameters: offset and slope.
+    variance = float((distance**2).sum()) / (len(along) - 2) + _VARIANCE_FLOOR_MM2
+    covariance = variance * np.diag([1 / len(along), 1 / float((along**2).sum())])
+    half_length = float(np.sqrt((along**2).mean()))
     autocorrelation_time = debiased_autocorrelation_time(distance, 2)
     return PlaneLine(
         np.append(midpoint, 0.0),
@@ -85,23 +103,29 @@ def find_plane_line(profile: Profile) -> PlaneLine:
 
 
 def _least_median_inliers(points: FloatArray) -> BoolArray:
-    """Return the mask of points near the line through two of them with least median distance."""
-    rng = np.random.default_rng(0)
-    first = rng.integers(0, len(points), 200)
-    second = (first + rng.integers(len(points) // 4, 3 * len(points) // 4 + 1, 200)) % len(points)
+    """Return the mask of the inliers of the trial line with the least median distance to points.
+
+    Each trial line is that through two random points.
+    """
+    rng = np.random.default_rng(0)  # the same profile gives the same line
+    first = rng.integers(0, len(points), _TRIAL_LINES)
+    # At least a quarter of the profile apart, so that noise changes the direction little.
+    steps = rng.integers(len(points) // 4, 3 * len(points) // 4 + 1, _TRIAL_LINES)
+    second = (first + steps) % len(points)
     directions = points[second] - points[first]
     directions = directions / np.maximum(np.linalg.norm(directions, axis=1, keepdims=True), 1e-12)
     normals = np.column_stack([-directions[:, 1], directions[:, 0]])
     distance = np.abs(np.einsum("kij,kj->ki", points[None] - points[first][:, None], normals))
     median = np.median(distance, axis=1)
     best = int(median.argmin())
-    inliers: BoolArray = distance[best] <= max(OUTLIER_SIGMAS * MAD_TO_STD * median[best], 1e-6)
+    limit = max(OUTLIER_SIGMAS * MAD_TO_STD * median[best], _MIN_OUTLIER_DISTANCE_MM)
+    inliers: BoolArray = distance[best] <= limit
     return inliers
 
 
 def _fit_line(points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return midpoint, direction and normal of the orthogonal least-squares line."""
+    """Return midpoint, direction (x >= 0) and normal of the orthogonal least-squares line."""
     midpoint = points.mean(axis=0)
     _, axes = np.linalg.eigh((points - midpoint).T @ (points - midpoint))
-    direction = axes[:, 1] * (np.sign(axes[0, 1]) or 1.0)
+    direction = axes[:, 1] * (np.sign(axes[0, 1]) or 1.0)  # column 1: the larger eigenvalue
     return midpoint, direction, np.array([-direction[1], direction[0]])
