@@ -17,18 +17,18 @@ MAX_SIZE = 2 * 10**9
 STDIN = "-"
 """Path of standard input."""
 WRITER_TIMEOUT_S = 10.0
-"""Time limit for a named pipe that no program opens for writing. Units: s."""
+"""Longest wait until a program opens a named pipe for writing. Units: s."""
 
-_POLL_S = 0.02
-_BINARY = getattr(os, "O_BINARY", 0)
-_REMEDIES = {
+_POLL_S = 0.02  # time between two looks at a named pipe
+_BINARY = getattr(os, "O_BINARY", 0)  # Windows: no conversion of line ends
+_MESSAGES = {  # what is wrong, and the remedy
     errno.ENOENT: "no such file: check the name",
     errno.ENOTDIR: "no such file: check the name",
     errno.EISDIR: "a directory: name a file in it",
     errno.EACCES: "no permission to read it: check its owner and mode",
     errno.EPERM: "no permission to read it: check its owner and mode",
-    errno.ELOOP: "a loop of symbolic links: check where it points",
-    errno.ENAMETOOLONG: "its name is too long: no file can have it, check it",
+    errno.ELOOP: "a loop of symbolic links: check where they point",
+    errno.ENAMETOOLONG: "the name is too long for a file: check it",
     errno.ENXIO: "a device or socket: name a file",
 }
 
@@ -37,12 +37,12 @@ _limit: ContextVar[int] = ContextVar("size_limit", default=MAX_SIZE)
 
 @contextmanager
 def size_limit(limit: int) -> Iterator[None]:
-    """Set the largest size of a file that is read within the block.
+    """Set the largest size of a file that is read within a ``with`` block.
 
     Parameters
     ----------
     limit : int
-        Largest size, for this thread or task only. Units: bytes.
+        Largest size, for this thread or asyncio task only. Units: bytes.
 
     Examples
     --------
@@ -68,14 +68,14 @@ def read_bytes(path: str | os.PathLike[str]) -> bytes:
     Parameters
     ----------
     path : path
-        ``"-"`` is standard input. A named pipe is read as soon as a program opens it for
-        writing, which may take `WRITER_TIMEOUT_S`.
+        Name of the file; ``"-"`` is standard input. A named pipe is read as soon as a program
+        opens it for writing; this may take up to `WRITER_TIMEOUT_S`.
 
     Raises
     ------
     UnreadableFile
         If there is no such file, it is a device, a directory or a socket, it is larger than
-        `current_size_limit`, or nobody writes to the pipe; the message states the remedy.
+        `current_size_limit`, or no program opens the pipe; the message states the remedy.
 
     Examples
     --------
@@ -93,8 +93,8 @@ def read_bytes(path: str | os.PathLike[str]) -> bytes:
         raise UnreadableFile(f"{name}: {error}") from None
     except OSError as error:
         raise UnreadableFile(f"{name}: {_describe_failure(error)}") from None
-    except ValueError:  # a null in it, or a character that the file system cannot encode
-        raise UnreadableFile(f"{name}: no file can have such a name: check it") from None
+    except ValueError:  # a null character, or one that the file system cannot encode
+        raise UnreadableFile(f"{name}: no file can have this name: check it") from None
 
 
 def read_text(path: str | os.PathLike[str]) -> str:
@@ -115,24 +115,24 @@ def read_text(path: str | os.PathLike[str]) -> str:
 
 
 def check_readable(path: str | os.PathLike[str]) -> None:
-    """Raise the errors of `read_bytes`, for a file that a library opens by its name.
+    """Check a file that another library will open by its name as `read_bytes` would.
 
     Raises
     ------
     UnreadableFile
-        If it is not a regular file, too large, or may not be read.
+        If it is not a regular file, is too large, or this user has no permission to read it.
     """
     name = os.fspath(path)
     try:
         _check_regular(Path(name).stat())
         if not os.access(name, os.R_OK):
-            raise UnreadableFile(_REMEDIES[errno.EACCES])
+            raise UnreadableFile(_MESSAGES[errno.EACCES])
     except UnreadableFile as error:
         raise UnreadableFile(f"{name}: {error}") from None
     except OSError as error:
         raise UnreadableFile(f"{name}: {_describe_failure(error)}") from None
-    except ValueError:
-        raise UnreadableFile(f"{name}: no file can have such a name: check it") from None
+    except ValueError:  # as in `read_bytes`
+        raise UnreadableFile(f"{name}: no file can have this name: check it") from None
 
 
 def _read(name: str) -> bytes:
@@ -141,21 +141,23 @@ def _read(name: str) -> bytes:
     is_pipe = stat.S_ISFIFO(status.st_mode)
     if not is_pipe:
         _check_regular(status)
+    # Without O_NONBLOCK, a pipe without a writer would block here, with no time limit.
     descriptor = os.open(name, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | _BINARY)
-    with open(descriptor, "rb", buffering=0) as file:  # noqa: PTH123 - of a descriptor
+    with open(descriptor, "rb", buffering=0) as file:  # noqa: PTH123 - Path takes no descriptor
         if is_pipe:
             start = _wait_for_writer(descriptor)
             os.set_blocking(descriptor, True)
             return _read_all(file.read, start)
         status = os.fstat(descriptor)
-        _check_regular(status)  # it may have been exchanged meanwhile
+        _check_regular(status)  # again: the file may have been replaced since the first check
+        # The whole file in one chunk; never 0 bytes, which would look like its end.
         return _read_all(file.read, chunk_size=status.st_size + 1)
 
 
 def _read_all(
     read: Callable[[int], bytes | None], start: bytes = b"", chunk_size: int = 1 << 20
 ) -> bytes:
-    """Return all bytes that `read` returns; raise an error as soon as they exceed the limit."""
+    """Return `start` and all bytes that `read` returns; stop with an error above the size limit."""
     chunks, size, limit = [start] if start else [], len(start), current_size_limit()
     while size <= limit and (chunk := read(chunk_size)):
         chunks.append(chunk)
@@ -166,9 +168,10 @@ def _read_all(
 
 
 def _check_regular(status: os.stat_result) -> None:
+    """Raise an error unless a file is a regular one within the size limit."""
     mode = status.st_mode
     if stat.S_ISDIR(mode):
-        raise UnreadableFile(_REMEDIES[errno.EISDIR])
+        raise UnreadableFile(_MESSAGES[errno.EISDIR])
     if not stat.S_ISREG(mode):
         raise UnreadableFile("a device or socket: name a file, or - for standard input")
     if status.st_size > current_size_limit():
@@ -176,6 +179,7 @@ def _check_regular(status: os.stat_result) -> None:
 
 
 def _describe_excess(size: int | None) -> str:
+    """Return the message for a file that is too large; None if its size is not known."""
     got = "more" if size is None else _format_size(size)
     return (
         f"expected {_format_size(current_size_limit())} at most, got {got}: split the file, or "
@@ -191,25 +195,26 @@ def _format_size(size: int) -> str:
 
 
 def _wait_for_writer(descriptor: int) -> bytes:
-    """Return the first bytes of a pipe; none if its writer has written nothing yet."""
+    """Wait until a program has opened a pipe for writing; return what it has written so far."""
     deadline = time.monotonic() + WRITER_TIMEOUT_S
     while True:
         try:
             start = os.read(descriptor, 1 << 16)
-        except BlockingIOError:  # a writer is there
+        except BlockingIOError:  # opened for writing, nothing written yet
             return b""
         if start:
             return start
         if time.monotonic() > deadline:
             raise UnreadableFile(
-                f"a named pipe that nobody has written to for {WRITER_TIMEOUT_S:g} s: start the "
-                "program that writes to it first"
+                f"a named pipe that no program opened for writing within {WRITER_TIMEOUT_S:g} s: "
+                "start the program that writes to it first"
             )
         time.sleep(_POLL_S)
 
 
 def _describe_failure(error: OSError) -> str:
+    """Return the message for an error of the operating system, with the remedy."""
     reason = error.strerror or str(error)
-    return _REMEDIES.get(
+    return _MESSAGES.get(
         error.errno or 0, f"cannot be read ({reason}): check the disk and the name"
     )

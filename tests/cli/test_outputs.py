@@ -263,9 +263,9 @@ def test_one_bad_name_is_one_failed_file(run, written, pipe, tmp_path):
     assert result.exit_code == FAILED
     loop, long, longer, null, count = result.stderr.splitlines()
     assert "loop.csv: a loop of symbolic links" in loop
-    assert "its name is too long" in long
-    assert "its name is too long" in longer
-    assert "no file can have such a name" in null
+    assert "the name is too long" in long
+    assert "the name is too long" in longer
+    assert "no file can have this name" in null
     assert count == "lsvision: 4 of 8 could not be measured"
     assert result.stdout.count("radius mm") == 4
 

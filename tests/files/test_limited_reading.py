@@ -83,7 +83,7 @@ def test_a_pipe_is_no_way_around_the_limit(pipe):
 @needs_pipes
 def test_a_pipe_without_a_writer_is_rejected_after_a_while(pipe, monkeypatch):
     monkeypatch.setattr(limited_reading, "WRITER_TIMEOUT_S", 0.2)
-    with pytest.raises(UnreadableFile, match=r"pipe: a named pipe that nobody has written to for"):
+    with pytest.raises(UnreadableFile, match=r"pipe: a named pipe that no program opened"):
         read_bytes(pipe)
 
 
@@ -101,9 +101,9 @@ def test_a_hyphen_is_standard_input(monkeypatch):
         ("none", "no such file: check the name"),
         ("file/none", "no such file: check the name"),
         (".", "a directory: name a file in it"),
-        ("n" * 300, "its name is too long: no file can have it"),
-        ("a\0b", "no file can have such a name: check it"),
-        ("loop", "a loop of symbolic links: check where it points"),
+        ("n" * 300, "the name is too long for a file: check it"),
+        ("a\0b", "no file can have this name: check it"),
+        ("loop", "a loop of symbolic links: check where they point"),
     ],
 )
 def test_a_name_that_is_no_file_is_rejected_with_the_remedy(tmp_path, name, message):

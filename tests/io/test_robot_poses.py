@@ -246,5 +246,5 @@ def test_names_of_pose_files_may_hold_digits_of_any_script(tmp_path):
 
 
 def test_a_name_that_no_file_can_have_is_rejected(tmp_path):
-    with pytest.raises(UnreadableFile, match="its name is too long"):
+    with pytest.raises(UnreadableFile, match="the name is too long"):
         read_robot_poses(tmp_path / ("a" * 5000), "kuka")

@@ -134,7 +134,7 @@ def test_a_directory_is_rejected(tmp_path):
 
 
 def test_a_name_that_is_no_path_is_rejected():
-    with pytest.raises(UnreadableFile, match="no file can have such a name"):
+    with pytest.raises(UnreadableFile, match="no file can have this name"):
         read_profile("pro\0file.csv")
 
 
