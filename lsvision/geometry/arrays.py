@@ -28,7 +28,7 @@ def padded_rows(sizes: Sequence[int]) -> tuple[IntArray, BoolArray]:
     Parameters
     ----------
     sizes : sequence of int
-        Number of elements of each array, at least one.
+        Number of elements of each array; at least one array, each with at least one element.
 
     Returns
     -------
@@ -65,9 +65,10 @@ def stack_padded(arrays: Sequence[npt.NDArray[Any]], indices: IntArray) -> npt.N
 def stack_with_mask(
     arrays: Sequence[npt.NDArray[Any]],
 ) -> tuple[npt.NDArray[Any], BoolArray | None]:
-    """Stack k arrays of up to n elements as (k, n), and return the mask of their own elements.
+    """Stack k arrays of up to n elements as (k, n), and return the mask (k, n) of valid elements.
 
-    The mask of a single array is None: it has no other elements.
+    Elements are valid unless they only extend a shorter array. The mask of a single array is None,
+    because all of its elements are valid.
 
     Examples
     --------
@@ -82,25 +83,25 @@ def stack_with_mask(
 
 
 def select_rows(stack: Stack, rows: BoolArray | IntArray | list[int]) -> Stack:
-    """Return some rows of all arrays and lists of a named tuple, and of named tuples in it.
+    """Return some rows of all arrays and lists of a tuple or named tuple, and of tuples in it.
 
-    Fields of another type are the same for all rows.
+    Fields of another type, such as numbers, are the same for all rows and are returned unchanged.
 
     Examples
     --------
     >>> select_rows((np.array([1, 2, 3]), ["a", "b", "c"], 7), np.array([True, False, True]))
     (array([1, 3]), ['a', 'c'], 7)
     """
-    chosen: Any = rows
+    indices: Any = rows
     if isinstance(rows, np.ndarray) and rows.dtype == bool:
-        chosen = rows.nonzero()  # once instead of for each field
+        indices = rows.nonzero()  # once instead of for each field
 
     def select(field: Any) -> Any:
         if isinstance(field, tuple):
-            return select_rows(field, chosen)
+            return select_rows(field, indices)
         if isinstance(field, list):
-            return [field[index] for index in np.arange(len(field))[chosen].tolist()]
-        return field[chosen] if hasattr(field, "__getitem__") else field
+            return [field[index] for index in np.arange(len(field))[indices].tolist()]
+        return field[indices] if hasattr(field, "__getitem__") else field
 
     fields = map(select, stack)
     return type(stack)(*fields) if hasattr(stack, "_fields") else type(stack)(fields)
@@ -112,23 +113,24 @@ def apply_in_groups(
     sizes: Sequence[int],
     max_elements: int,
 ) -> list[Result]:
-    """Apply a function to groups of items of similar size, whose arrays it stacks.
+    """Apply a function that stacks the arrays of its items to groups of items of similar size.
 
     Parameters
     ----------
     step : callable
-        Function of a list of one or more items that returns as many results.
+        Function of a list of one or more items that returns one result for each of them.
     items : sequence
-        Items.
+        Items to which `step` is applied.
     sizes : sequence of int
         Number of array elements of each item.
     max_elements : int
-        Largest number of elements of a group, padding included, unless it has one item.
+        Largest number of elements of a group, padding included; a larger item is a group of its
+        own.
 
     Returns
     -------
     list
-        Result of each item, in their order.
+        Result of each item, in the order of `items`.
 
     Examples
     --------
@@ -216,10 +218,10 @@ def as_unit_vector(values: npt.ArrayLike, name: str) -> tuple[FloatArray, float]
     Raises
     ------
     ValueError
-        If the shape is another one, or the length is zero or not finite.
+        If the shape is not (3,), or the length is zero or not finite.
     """
     vector = as_readonly_array(values, (3,), name)
-    with np.errstate(over="ignore"):  # infinite, and rejected
+    with np.errstate(over="ignore"):  # the length is then infinite, and rejected below
         length = float(np.linalg.norm(vector))
     if not 0 < length < np.inf:
         raise ValueError(f"expected a finite, non-zero {name}, got {vector}")
@@ -246,12 +248,15 @@ def measure_extent(points: Points) -> float:
 
 
 MAX_COORDINATE_MM = 1e9
-"""Largest coordinate of a fit: a thousand kilometres; squares of larger ones lose all digits.
-Units: mm."""
+"""Largest coordinate of a fit, a thousand kilometres: its square is rounded to about 100 mm^2, so
+that fits to larger coordinates lose their accuracy. Units: mm."""
 MAX_VARIANCE_MM2 = MAX_COORDINATE_MM**2
 """Largest variance of a point. Units: mm^2."""
+_MIN_VARIANCE_MM2 = 1 / MAX_VARIANCE_MM2
+"""Variance below which a covariance counts as zero. Units: mm^2."""
 PSD_TOLERANCE = 1e-9
-"""Smallest eigenvalue of a covariance that still counts as 0, relative to its largest."""
+"""Largest asymmetry, and largest negative eigenvalue, of a covariance that count as rounding
+errors; relative to its largest element."""
 
 
 def require_coordinates(points: Points) -> None:
@@ -265,7 +270,7 @@ def require_coordinates(points: Points) -> None:
     Raises
     ------
     ValueError
-        If a coordinate is NaN, infinite or beyond `MAX_COORDINATE_MM`.
+        If a coordinate is NaN, infinite or larger than `MAX_COORDINATE_MM`.
     """
     if not (np.abs(points) <= MAX_COORDINATE_MM).all():
         raise ValueError(
@@ -285,20 +290,21 @@ def require_covariances(covariances: FloatArray) -> None:
     Raises
     ------
     ValueError
-        If one is not finite, not symmetric, has a negative eigenvalue, or is zero.
+        If a matrix is not finite, not symmetric or zero, or has a negative eigenvalue or an element
+        above `MAX_VARIANCE_MM2`.
     """
     if not (np.abs(covariances) <= MAX_VARIANCE_MM2).all():
         raise ValueError(
             f"expected finite covariances up to {MAX_VARIANCE_MM2:g} mm^2, got "
-            f"{float(np.abs(covariances).max()):g}"
+            f"{float(np.abs(covariances).max()):g}: check the units"
         )
     if not len(covariances):
         return
     largest = np.abs(covariances).max(axis=(1, 2))
     asymmetry = np.abs(covariances - covariances.swapaxes(1, 2)).max(axis=(1, 2))
-    smallest = np.linalg.eigvalsh(covariances)[:, 0]
-    is_invalid = (largest < 1 / MAX_VARIANCE_MM2) | (asymmetry > PSD_TOLERANCE * largest)
-    is_invalid |= smallest < -PSD_TOLERANCE * largest
+    smallest_eigenvalue = np.linalg.eigvalsh(covariances)[:, 0]
+    is_invalid = (largest < _MIN_VARIANCE_MM2) | (asymmetry > PSD_TOLERANCE * largest)
+    is_invalid |= smallest_eigenvalue < -PSD_TOLERANCE * largest
     if is_invalid.any():
         index = int(np.argmax(is_invalid))
         raise ValueError(
