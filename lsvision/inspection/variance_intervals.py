@@ -1,7 +1,10 @@
-"""Confidence intervals of sums and differences of mean squares: the modified large sample method.
+"""Sums of squares of a gauge study, and confidence intervals of combinations of mean squares.
 
-Ting, Burdick, Graybill, Jeyaratnam and Lu (1990); for gauge studies Burdick, Borror and Montgomery,
-A review of methods for measurement systems capability analysis, J. Quality Technology 35, 2003.
+The intervals are those of the modified large sample method: Ting, Burdick, Graybill, Jeyaratnam and
+Lu, Confidence intervals on linear combinations of variance components that are unrestricted in
+sign, J. Statistical Computation and Simulation 35, 1990; for gauge studies Burdick, Borror and
+Montgomery, A review of methods for measurement systems capability analysis, J. Quality Technology
+35, 2003. The terms of Ting et al. for pairs of mean squares with the same sign are left out.
 """
 
 from __future__ import annotations
@@ -18,20 +21,20 @@ def mean_square_interval(
     degrees_of_freedom: Sequence[float],
     level: float = 0.95,
 ) -> tuple[float, float]:
-    """Return the interval of a linear combination of expected mean squares.
+    """Return the confidence interval of a linear combination of expected mean squares.
 
     Parameters
     ----------
     coefficients, mean_squares, degrees_of_freedom : sequence of float
-        One coefficient, mean square and number of degrees of freedom for each term; coefficients
-        may be negative.
+        Coefficient, observed mean square and its degrees of freedom for each term; coefficients may
+        be negative.
     level : float
-        Level of confidence of the interval; exact for a single mean square, else approximate.
+        Level of confidence. The interval is exact for a single mean square, else approximate.
 
     Returns
     -------
     low, high : float
-        At least 0.
+        Limits of the interval. A negative limit is set to 0, since the combination is a variance.
 
     Examples
     --------
@@ -50,42 +53,49 @@ def mean_square_interval(
     plus = [(term, dof) for term, dof in terms if term > 0]
     minus = [(-term, dof) for term, dof in terms if term < 0]
     tail = (1 - level) / 2
-    low = estimate - math.sqrt(max(_squared_half_width(plus, minus, tail), 0.0))
-    # Upwards the roles of the positive and of the negative terms are exchanged.
-    high = estimate + math.sqrt(max(_squared_half_width(minus, plus, tail), 0.0))
+    # At the lower limit the positive terms are smaller and the negative ones larger than observed,
+    # at the upper limit it is the reverse.
+    low = estimate - math.sqrt(max(_squared_distance_to_limit(plus, minus, tail), 0.0))
+    high = estimate + math.sqrt(max(_squared_distance_to_limit(minus, plus, tail), 0.0))
     return max(low, 0.0), max(high, 0.0)
 
 
-def _squared_half_width(
-    falling: Sequence[tuple[float, float]], rising: Sequence[tuple[float, float]], tail: float
+def _squared_distance_to_limit(
+    decreased: Sequence[tuple[float, float]], increased: Sequence[tuple[float, float]], tail: float
 ) -> float:
-    """Return the squared distance to the end at which `falling` decrease and `rising` increase.
+    """Return the squared distance from the estimate to one limit of its interval.
 
-    Terms are (coefficient times mean square, degrees of freedom).
+    Parameters
+    ----------
+    decreased, increased : sequence of (float, float)
+        Absolute value of coefficient times mean square, and degrees of freedom: of the terms that
+        are smaller at this limit than observed, and of those that are larger.
+    tail : float
+        Probability that the true value lies beyond this limit.
     """
     from scipy.stats import f
 
-    total = sum((_g(dof, tail) * term) ** 2 for term, dof in falling)
-    total += sum((_h(dof, tail) * term) ** 2 for term, dof in rising)
-    for term, dof in falling:
-        for rising_term, rising_dof in rising:
-            quantile = float(f.isf(tail, dof, rising_dof))
-            cross = (
-                (quantile - 1) ** 2 - (_g(dof, tail) * quantile) ** 2 - _h(rising_dof, tail) ** 2
-            )
-            total += cross / quantile * term * rising_term
+    total = sum((_g(dof, tail) * term) ** 2 for term, dof in decreased)
+    total += sum((_h(dof, tail) * term) ** 2 for term, dof in increased)
+    for term, dof in decreased:
+        for other_term, other_dof in increased:
+            quantile = float(f.isf(tail, dof, other_dof))
+            # With this cross term the interval of the difference of two mean squares contains 0
+            # exactly where their F test is not significant.
+            cross = (quantile - 1) ** 2 - (_g(dof, tail) * quantile) ** 2 - _h(other_dof, tail) ** 2
+            total += cross / quantile * term * other_term
     return total
 
 
 def _g(dof: float, tail: float) -> float:
-    """Return G of Ting et al.: the relative distance to the lower end of one mean square."""
+    """Return G of Ting et al.: 1 - lower limit / observed value, for a single mean square."""
     from scipy.stats import chi2
 
     return 1 - dof / float(chi2.isf(tail, dof))
 
 
 def _h(dof: float, tail: float) -> float:
-    """Return H of Ting et al.: the relative distance to the upper end of one mean square."""
+    """Return H of Ting et al.: upper limit / observed value - 1, for a single mean square."""
     from scipy.stats import chi2
 
     return dof / float(chi2.ppf(tail, dof)) - 1
@@ -97,7 +107,12 @@ def sums_of_squares(values: np.ndarray) -> tuple[float, float, float, float]:
     Parameters
     ----------
     values : (parts, operators, trials) ndarray
-        Measured values of a balanced crossed study.
+        Measured values of a study in which each operator measures each part equally often.
+
+    Returns
+    -------
+    parts, operators, interaction, repeatability : float
+        Sums of squares, in the square of the measured unit.
     """
     parts, operators, trials = values.shape
     centred = values - values.mean()
