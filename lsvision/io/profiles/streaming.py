@@ -1,4 +1,4 @@
-"""Profiles of a file of any size, read in parts: the memory does not grow with the file."""
+"""Read the profiles of a file of any size in parts, so that the memory does not grow with it."""
 
 import os
 from collections.abc import Iterator
@@ -26,9 +26,10 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 PROFILES_AT_ONCE = 256
-"""Number of profiles of a part: 256 of 4096 points take 17 MB."""
+"""Largest number of profiles of a part, by default: 256 of 4096 points take 17 MB."""
 MAX_MARKERS = 8
-"""Largest number of markers of lost points that are passed from part to part."""
+"""Largest number of markers of lost points, found in the parts read so far, that are applied to the
+next parts: each is compared with all points, which takes time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +43,7 @@ class ProfilePart:
     file : ProfileFile
         The profiles of this part.
     columns : pyarrow.Table, optional
-        Other columns of a Parquet file with their types, a row a profile.
+        Columns of a Parquet file other than the points, with their types, one row per profile.
     """
 
     first: int
@@ -72,13 +73,14 @@ def iterate_profiles(
     Yields
     ------
     ProfilePart
-        In the order of the file. A value that marks lost points in one part does so in those
-        after it.
+        Parts in the order of the file. A value that was recognised as a marker of lost points in
+        one part marks them in all later parts, too.
 
     Raises
     ------
     UnreadableFile
-        If the file cannot be read, or a part of it (named by its first profile).
+        If the file or a part of it cannot be read; the message has the index of the part's first
+        profile.
 
     Examples
     --------
@@ -90,22 +92,22 @@ def iterate_profiles(
     """
     settings, file = ReadSettings(**options), Path(path)
     at_once = PROFILES_AT_ONCE if at_once is None else at_once
-    kind = _streamed_kind(file, settings)
-    if kind is None:
+    file_format = _streamed_format(file, settings)
+    if file_format is None:
         yield ProfilePart(0, inspect_profiles(file, **options))
         return
-    parts = _parquet_parts if kind == "parquet" else _npy_parts
+    read_parts = _parquet_parts if file_format == "parquet" else _npy_parts
     first, valid_points, marker_values = 0, 0, tuple[float, ...]()
     try:
-        for raw, columns in parts(file, settings, at_once):
+        for raw, columns in read_parts(file, settings, at_once):
             raw_part = replace(raw, lost=(*raw.lost, *marker_values))
-            part = convert_to_section_frame(file, kind, raw_part, settings)
-            if first == 0 and len(part.profiles) < at_once:  # the whole file
+            part = convert_to_section_frame(file, file_format, raw_part, settings)
+            if first == 0 and len(part.profiles) < at_once:  # this part is the whole file
                 require_points(part.profiles)
             valid_points += sum(map(len, part.profiles)) - part.lost
             yield ProfilePart(first, part, columns)
             first += len(part.profiles)
-            if settings.lost is None:
+            if settings.lost is None:  # markers of a pair of coordinates, "0, 0", are found again
                 part_values = [float(m.text) for m in part.markers if "," not in m.text]
                 marker_values = tuple(dict.fromkeys((*marker_values, *part_values)))[:MAX_MARKERS]
         if valid_points == 0:
@@ -115,9 +117,9 @@ def iterate_profiles(
         raise UnreadableFile(f"{file}: {location}{error}") from None
 
 
-def _streamed_kind(file: Path, settings: ReadSettings) -> str | None:
+def _streamed_format(file: Path, settings: ReadSettings) -> str | None:
     """Return the format of a file whose parts can be read independently, else None."""
-    if settings.plane is not None:  # one plane for all profiles
+    if settings.plane is not None:  # the plane is fitted to all profiles together
         return None
     if str(file) == STDIN or not is_regular(file):
         return None
@@ -134,21 +136,22 @@ def _streamed_kind(file: Path, settings: ReadSettings) -> str | None:
 def _parquet_parts(
     file: Path, settings: ReadSettings, at_once: int
 ) -> Iterator[tuple[RawProfiles, Any]]:
-    """Yield the profiles of each part of a table, and its other columns if one row is a profile."""
+    """Yield the profiles of each part of a table, and its other columns if a profile is one row."""
     for table in iterate_tables(file, at_once):
         raw = profiles_from_parquet(table, settings)
-        names = [
+        attribute_names = [
             name for name in table.column_names if raw.attributes and name in raw.attributes[0]
         ]
-        by_row = len(raw.sections) == table.num_rows
-        yield raw, table.select(names) if by_row else None
+        is_row_per_profile = len(raw.sections) == table.num_rows
+        yield raw, table.select(attribute_names) if is_row_per_profile else None
 
 
 def _npy_parts(
     file: Path, settings: ReadSettings, at_once: int
 ) -> Iterator[tuple[RawProfiles, None]]:
+    """Yield the profiles of each part of an array; the array as one part if it is one profile."""
     array = open_npy(file)
     is_stack = array.ndim == 3 or (array.ndim == 2 and settings.dx is not None)
     for start in range(0, len(array), at_once) if is_stack else (0,):
-        profiles = array[start : start + at_once] if is_stack else array
-        yield profiles_from_array(np.array(profiles), settings), None
+        part = array[start : start + at_once] if is_stack else array
+        yield profiles_from_array(np.array(part), settings), None  # read from the file here
