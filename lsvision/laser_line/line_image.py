@@ -1,4 +1,7 @@
-"""Reduction of an image to the channel in which a laser line is bright."""
+"""Reduction of an image to the channels from which a laser line is extracted.
+
+Grey values are in digital numbers (DN), the counts that the camera states.
+"""
 
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -19,29 +22,32 @@ CHANNEL_WEIGHTS: dict[str, tuple[float, float, float]] = {
     "white": (1 / 3, 1 / 3, 1 / 3),
 }
 """Weights of blue, green, red (OpenCV's order). For a coloured laser: its colour minus the mean of
-the other two, which is zero on grey surroundings."""
+the other two, the excess, which is zero on grey surroundings; for white light: the mean of all."""
 FULL_SCALES = (1023, 4095, 16383, 65535)
-"""Full scales of 10, 12, 14 and 16 bit. Units: DN."""
+"""Largest pixel values of cameras with 10, 12, 14 and 16 bit. Units: DN."""
 
 
 @dataclass(frozen=True, eq=False)
 class LineImage:
     """Channels of an image from which a laser line is extracted.
 
+    Equal channels, such as those of a grey image, are the same array, not copies.
+
     Parameters
     ----------
     signal : (height, width) ndarray
-        uint8, int16 or float32; the laser's light, in colour images the excess of its colour
-        over the others. Units: DN.
+        uint8, uint16, int16 or float32; image in which the line is found: the grey values, or in
+        colour images the excess of the laser's colour over the mean of the others. The laser-off
+        image is subtracted. Units: DN.
     channel_signal : (height, width) ndarray
-        The laser's own colour alone: where a line saturates all colours the excess is zero, and
-        only this channel has its shape. Units: DN.
+        As `signal`, but the laser's colour without subtraction of the others. Where all colours are
+        saturated the excess is zero, and only this channel shows the line. Units: DN.
     luminance : (height, width) ndarray
-        Luminance of a colour image (that of JPEG), which may have more resolution than its
-        colours; the same array as `signal` where there are no colours. Units: DN.
+        As `signal`, but the luminance of a colour image (Y of JPEG), which may have a higher
+        resolution than its colours; the same array as `signal` in a grey image. Units: DN.
     raw_channel : (height, width) ndarray
-        The laser's channel before subtraction of the laser-off image: decides saturation.
-        Units: DN.
+        The laser's colour before subtraction of the laser-off image; a pixel of it at `full_scale`
+        is saturated. Units: DN.
     full_scale : float
         Largest value of a pixel. Units: DN.
     """
@@ -54,7 +60,7 @@ class LineImage:
 
     def transposed(self) -> "LineImage":
         """Return the image with rows and columns exchanged."""
-        # Channels that are one array stay one array.
+        # Each array once: channels that are the same array stay the same, which callers test.
         arrays = (self.signal, self.channel_signal, self.luminance, self.raw_channel)
         distinct = {id(array): array for array in arrays}
         transposed = {key: cv2.transpose(array) for key, array in distinct.items()}
@@ -63,7 +69,7 @@ class LineImage:
 
     @property
     def with_luminance_signal(self) -> "LineImage":
-        """The image with the luminance as signal; its raw channel still decides saturation."""
+        """The image with the luminance as signal; saturated pixels remain those of the laser."""
         return replace(self, signal=self.luminance, channel_signal=self.luminance)
 
 
@@ -80,9 +86,9 @@ def prepare_line_image(
     image : (height, width) or (height, width, 3) array_like
         uint8, uint16 or float; colours in OpenCV's order blue, green, red.
     laser_off : array_like, optional
-        The same view without the laser; subtracted.
+        Image of the same view without the laser, which is subtracted.
     channel : {"grey", "red", "green", "blue", "white"}
-        The laser's colour; "grey" for a camera without colours.
+        The laser's colour, "white" for a line of white light; "grey" for a grey image.
     full_scale : float, optional
         Largest value of a pixel. By default 255 for uint8; for uint16 the smallest of 10,
         12, 14 and 16 bit that holds the image. Units: DN.
@@ -90,19 +96,19 @@ def prepare_line_image(
     Returns
     -------
     LineImage
-        Rows and columns as in `image`.
+        Channels with the rows and columns of `image`.
 
     Raises
     ------
     TypeError
-        If the type is not one of those, or a float image comes without `full_scale`.
+        If the type of the image is another one, or a float image comes without `full_scale`.
     ValueError
         If the shape is not that of an image, colour and `channel` disagree, or `laser_off`
         differs in shape or type.
     """
     array = as_image(image)
     scale = find_full_scale(array, full_scale)
-    signal, raw_channel, luminance = _laser_light(array, channel)
+    signal, raw_channel, luminance = _split_channels(array, channel)
     if laser_off is None:
         return LineImage(signal, raw_channel, luminance, raw_channel, scale)
     dark = as_image(laser_off, "laser_off")
@@ -112,9 +118,9 @@ def prepare_line_image(
             f"{dark.shape} {dark.dtype}"
         )
     depth = cv2.CV_16S if array.dtype == np.uint8 else cv2.CV_32F
-    pairs = zip((signal, raw_channel, luminance), _laser_light(dark, channel), strict=True)
-    # Channels that are one array stay one array.
-    differences = {id(bright): cv2.subtract(bright, dark, dtype=depth) for bright, dark in pairs}
+    pairs = zip((signal, raw_channel, luminance), _split_channels(dark, channel), strict=True)
+    # Each array once: channels that are the same array stay the same, which callers test.
+    differences = {id(on): cv2.subtract(on, off, dtype=depth) for on, off in pairs}
     signal_difference, channel_difference, luminance_difference = (
         differences[id(array)] for array in (signal, raw_channel, luminance)
     )
@@ -124,7 +130,10 @@ def prepare_line_image(
 
 
 def find_full_scale(array: Image, given: float | None) -> float:
-    """Return the largest pixel value, as given or from type and brightest pixel. Units: DN."""
+    """Return the largest possible value of a pixel: as given, else by the type of the image.
+
+    For uint16 it is the smallest of `FULL_SCALES` that is not below the brightest pixel. Units: DN.
+    """
     if given is not None:
         return float(given)
     if array.dtype == np.uint8:
@@ -133,13 +142,19 @@ def find_full_scale(array: Image, given: float | None) -> float:
         brightest = int(array.max())
         return float(next(scale for scale in FULL_SCALES if scale >= brightest))
     raise TypeError(
-        "expected full_scale for a float image (the largest value of a pixel), got None: "
+        "expected full_scale for a float image (the largest value of a pixel), got None: give "
         "LineSettings(full_scale=...)"
     )
 
 
-def _laser_light(array: Image, channel: Channel) -> tuple[Image, Image, Image]:
-    """Return the excess of the laser's colour, its channel, and luminance, possibly the same."""
+def _split_channels(array: Image, channel: Channel) -> tuple[Image, Image, Image]:
+    """Return signal, laser's colour and luminance (see `LineImage`) of one image.
+
+    Raises
+    ------
+    ValueError
+        If colour and `channel` disagree.
+    """
     if array.ndim == 2:
         if channel not in ("grey", "white"):
             raise ValueError(
@@ -154,8 +169,8 @@ def _laser_light(array: Image, channel: Channel) -> tuple[Image, Image, Image]:
     signal: Image = cv2.transform(array, weights[None])
     if channel == "white":
         return signal, signal, signal
-    own = np.ascontiguousarray(array[:, :, int(np.argmax(weights))])
-    return signal, own, cv2.cvtColor(array, cv2.COLOR_BGR2GRAY)
+    laser_colour = np.ascontiguousarray(array[:, :, int(np.argmax(weights))])
+    return signal, laser_colour, cv2.cvtColor(array, cv2.COLOR_BGR2GRAY)
 
 
 def _grey_channel(array: Image) -> Image:
