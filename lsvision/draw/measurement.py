@@ -29,12 +29,15 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SIZE_INCH, DPI = (13.0, 7.0), 110
+AXES_BOX = (0.065, 0.085, 0.605, 0.785)
+"""Left, bottom, width and height of the axes, left of the panel, as fractions of the figure."""
 MARGIN = 0.05
 """Margin of the drawing, as a fraction of its extent."""
 LABEL_GAP_PX = 22.0
-"""Smallest distance between the letters of rejected arcs. Units: px."""
+"""Smallest distance between the letters of two rejected arcs, and from a letter to its arc.
+Units: px."""
 RASTERISE_POINTS = 20_000
-"""Number of points above which an SVG contains them as an image, to stay small."""
+"""Number of points above which an SVG contains them as an image, so that the file stays small."""
 
 
 def draw_measurement(
@@ -51,13 +54,14 @@ def draw_measurement(
     title : str
         Title above the drawing, such as the name of the file.
     ax : matplotlib.axes.Axes, optional
-        Axes to draw into, without the panel. By default a new figure with the panel is drawn.
+        Axes to draw into. By default a new figure is drawn, with a panel at the right that lists
+        the values of the cylinders and the reasons of the rejections.
 
     Returns
     -------
     matplotlib.figure.Figure
-        Figure of `ax`, else a new one with its own canvas. Save it with its ``savefig`` or
-        `figure_bytes`.
+        Figure of `ax`, else a new one, which pyplot does not know. Save it with its ``savefig``
+        method, or convert it with `figure_bytes`.
 
     Examples
     --------
@@ -70,12 +74,12 @@ def draw_measurement(
         set_title(ax, title)
         return get_figure(ax)
     figure = new_figure(SIZE_INCH, dpi=DPI)
-    axes = figure.add_axes((0.065, 0.085, 0.605, 0.785))
+    axes = figure.add_axes(AXES_BOX)
     draw_on_axes(axes, profile, measurement)
     rejected = rejected_arcs(profile.points, measurement)
     heading = format_summary_title(len(measurement.cylinders), len(rejected), title)
-    figure.suptitle(heading, x=0.065, y=0.96, ha="left", fontsize=13,
-                    parse_math=False)  # fmt: skip
+    figure.suptitle(heading, x=AXES_BOX[0], y=0.96, ha="left", fontsize=13,
+                    parse_math=False)  # a file name may contain "$" # fmt: skip
     draw_panel(figure, measurement.cylinders, rejected)
     return figure
 
@@ -118,17 +122,18 @@ def _draw_cylinder(axes: Axes, points: Points, cylinder: CylinderSection, number
     outline = ellipse.points_at(np.linspace(0, 2 * math.pi, 361))
     axes.plot(*outline.T, "-", color=colour, lw=1.1, zorder=2,
               label=label_once(axes, "fitted ellipse"))  # fmt: skip
-    if cylinder.theta_determined:  # otherwise its direction would look like a result
+    if cylinder.theta_determined:  # otherwise the direction drawn would look like a result
         vertices = ellipse.points_at(np.array([0.0, math.pi]))
         axes.plot(*vertices.T, "--", color=colour, lw=1.3, zorder=2,
                   label=label_once(axes, "major axis (direction θ)"))  # fmt: skip
-    badge = {"boxstyle": "circle,pad=0.25", "fc": colour, "ec": "white"}
+    label_box = {"boxstyle": "circle,pad=0.25", "fc": colour, "ec": "white"}
     axes.text(*ellipse.centre, str(number), color="white", fontsize=10, weight="bold", ha="center",
-              va="center", zorder=6, clip_on=True, bbox=badge)  # fmt: skip
+              va="center", zorder=6, clip_on=True, bbox=label_box)  # fmt: skip
 
 
 def _label_rejected(axes: Axes, points: Points, rejected: Sequence[RejectedArc]) -> None:
-    """Draw the letters above their arcs, each moved up until it overlaps no earlier letter."""
+    """Draw each letter above its arc, moved up until it overlaps none of the letters before it."""
+    # The limits and the equal scale must be final before positions are converted to pixels.
     axes.autoscale_view()
     axes.apply_aspect()
     to_pixels = axes.transData
