@@ -1,4 +1,4 @@
-"""Measure consecutive profiles of a file, and return the results as text and records."""
+"""Measure consecutive profiles of a file; return the text to print and the records to write."""
 
 import contextlib
 import sys
@@ -37,12 +37,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class PartOptions:
-    """Options for reading and measuring files; can be sent to another process.
+    """Options for reading and measuring files; can be pickled for another process.
 
     Parameters
     ----------
     measuring : callable
-        Function that measures profiles.
+        Function that measures profiles, with its options filled in.
     sensor : ProfileSensor, optional
         Sensor whose noise `measuring` uses.
     reading : ReadOptions
@@ -57,7 +57,7 @@ class PartOptions:
 
     measuring: "MeasureFunction"
     sensor: "ProfileSensor | None" = None
-    reading: "ReadOptions" = field(default_factory=dict)  # type: ignore[assignment] # all optional
+    reading: "ReadOptions" = field(default_factory=dict)  # type: ignore[assignment] # no required key
     imaging: ImagingOptions | None = None
     placing: RobotFrame | None = None
     verbose: bool = False
@@ -71,17 +71,17 @@ class FilePart:
     Parameters
     ----------
     file : ProfileFile or ImageFile
-        File with these profiles only.
+        The file, with the profiles of this part only.
     first : int
-        Number of the first profile in the whole file.
+        Index of this part's first profile in the whole file, from 0.
     several : bool
         Whether the whole file has several profiles.
     header : list of str
         Summary of the file, or of a part of a large one, and notes; printed before the results.
     flanges : list of Pose, optional
-        Poses of the robot's flange, one per profile.
+        ``base_from_flange`` of each profile.
     pictures : list of Path, optional
-        Pictures to draw, one per profile.
+        File of each profile's picture; None draws none.
     """
 
     file: "ProfileFile | ImageFile"
@@ -95,7 +95,7 @@ class FilePart:
         return len(self.file.profiles)
 
     def slices(self, count: int) -> "Iterator[FilePart]":
-        """Yield this part in parts of at most `count` profiles."""
+        """Yield consecutive smaller parts of at most `count` profiles; one without any if empty."""
         for start in range(0, max(len(self), 1), count):
             indices = slice(start, start + count)
             yield replace(
@@ -110,14 +110,14 @@ class FilePart:
 
 @dataclass(frozen=True)
 class PartResult:
-    """Results of a part, or the errors in measuring or drawing it.
+    """Results of a part; only `errors` if it cannot be measured, all three if drawing fails.
 
     Parameters
     ----------
     lines : list of str
         Text to print.
     records : list of dict
-        Records of the profiles.
+        Records of the profiles, for JSON and CSV.
     errors : list of str
         Messages of errors, one line each.
     """
@@ -128,7 +128,7 @@ class PartResult:
 
 
 def read_parts(source: Path | LiveCamera, options: PartOptions) -> Iterator[FilePart]:
-    """Yield the profiles of a file in parts; a single part unless the file is large.
+    """Yield the profiles of a file in parts, so that a large one is not in memory as a whole.
 
     Raises
     ------
@@ -145,7 +145,7 @@ def read_parts(source: Path | LiveCamera, options: PartOptions) -> Iterator[File
 
 
 def read_whole(source: Path | LiveCamera, options: PartOptions) -> FilePart:
-    """Return a file as one part; see `read_parts`."""
+    """Return all profiles of a file as one part; see `read_parts`."""
     if _holds_images(source, options):
         return _read_images(source, options)
     file = read_source(Path(str(source)), options.reading)
@@ -153,13 +153,13 @@ def read_whole(source: Path | LiveCamera, options: PartOptions) -> FilePart:
 
 
 def _holds_images(source: Path | LiveCamera, options: PartOptions) -> bool:
-    """Return whether a source is read as images, and not as profiles or a map of heights."""
+    """Return whether a source is read as images, and not as profiles or a height map."""
     if isinstance(source, LiveCamera):
         return True
-    if str(source) == STDIN:  # with a rig always an image
+    if str(source) == STDIN:  # has no suffix: an image if there is a rig that converts it
         return options.imaging is not None
-    height_map = options.imaging is None and options.reading.get("dx") is not None
-    return is_image(source) and not height_map
+    is_height_map = options.imaging is None and options.reading.get("dx") is not None
+    return is_image(source) and not is_height_map
 
 
 def _read_images(source: Path | LiveCamera, options: PartOptions) -> FilePart:
@@ -168,16 +168,15 @@ def _read_images(source: Path | LiveCamera, options: PartOptions) -> FilePart:
 
 
 def measure_files(options: PartOptions, sources: Sequence[Path]) -> list[PartResult]:
-    """Return the results of small files, after reading and measuring them."""
+    """Read small files, and measure the profiles of all of them at once; a result per file."""
     parts, errors = dict[Path, list[FilePart]](), dict[Path, str]()
     for source in sources:
         try:
             parts[source] = list(read_parts(source, options))
         except Exception as error:  # noqa: BLE001 - a bug in one file must not stop the run
             errors[source] = error_text(source, error, options)
-    results = iter(
-        measure_parts(options, [part for file_parts in parts.values() for part in file_parts])
-    )
+    all_parts = [part for file_parts in parts.values() for part in file_parts]
+    results = iter(measure_parts(options, all_parts))
     return [
         PartResult(errors=[errors[source]])
         if source in errors
@@ -187,19 +186,19 @@ def measure_files(options: PartOptions, sources: Sequence[Path]) -> list[PartRes
 
 
 def measure_parts(options: PartOptions, parts: Sequence[FilePart]) -> list[PartResult]:
-    """Return the results of parts, after measuring and drawing their profiles.
+    """Measure the profiles of several parts at once, and draw them.
 
     Parameters
     ----------
     options : PartOptions
-        Reading and measuring of the profiles.
+        Options of measuring and drawing.
     parts : sequence of FilePart
-        Parts with the profiles; all of them are measured at once, as are the intervals.
+        Parts with the profiles.
 
     Returns
     -------
     list of PartResult
-        Result of each part; it has only the error if one of its profiles cannot be measured.
+        Result of each part; it has only an error if one of its profiles cannot be measured.
     """
     from lsvision.batch.measure_group import measure_group
     from lsvision.ellipse.section import compute_intervals
@@ -211,7 +210,7 @@ def measure_parts(options: PartOptions, parts: Sequence[FilePart]) -> list[PartR
         for part in parts
     ]
     measurements = [section.measurement for sections, _ in measured for section in sections]
-    with contextlib.suppress(Exception):  # raised again in the part that causes it
+    with contextlib.suppress(Exception):  # raised again in `_build_result` of its part
         compute_intervals(cylinder for m in measurements for cylinder in m.cylinders)
     return [
         failure or _build_result(options, part, sections)
@@ -227,7 +226,7 @@ def _valid_profiles(part: FilePart) -> "list[tuple[int, Profile]]":
 def _complete_part(
     options: PartOptions, part: FilePart, results: "Sequence[Measurement | Exception]"
 ) -> "tuple[list[_Section], PartResult | None]":
-    """Return the measured profiles of a part, and a result with the error if there is one."""
+    """Return the measured profiles of a part and None; if one failed, none and its error."""
     try:
         sections = [
             _complete_section(options, part, index, result)
@@ -266,7 +265,7 @@ def error_text(source: Path | LiveCamera, error: Exception, options: PartOptions
     if isinstance(error, LsvisionError):
         return str(error)
     if isinstance(error, MemoryError):
-        return f"{source}: out of memory: measure a part of it, or on a larger machine"
+        return f"{source}: out of memory: split the file, or use a machine with more memory"
     return f"{source}: {internal_error(error)}"
 
 
@@ -277,8 +276,8 @@ class _Section:
     index: int
     profile: "Profile"
     measurement: "Measurement"
-    upside_down: bool
-    placed: "list[tuple[PlacedCylinder, PlacedCylinder]] | None"
+    upside_down: bool  # cylinders are found only if the heights are negated
+    placed: "list[tuple[PlacedCylinder, PlacedCylinder]] | None"  # both possible cylinders
 
 
 def _complete_section(
@@ -289,7 +288,7 @@ def _complete_section(
     Raises
     ------
     Exception
-        If the profile could not be measured.
+        If `measurement` is an exception.
     """
     from lsvision.batch.measure_group import holds_cylinders_upside_down
 
@@ -299,8 +298,8 @@ def _complete_section(
         raise LsvisionError(f"{part.file.path}, profile {number}: {measurement}") from measurement
     if isinstance(measurement, Exception):
         raise measurement
-    empty = not measurement.cylinders and not isinstance(part.file, ImageFile)
-    upside_down = empty and holds_cylinders_upside_down(options.measuring, profile)
+    check_flip = not measurement.cylinders and not isinstance(part.file, ImageFile)
+    upside_down = check_flip and holds_cylinders_upside_down(options.measuring, profile)
     placed = None
     if options.placing is not None:
         flange = None if part.flanges is None else part.flanges[index]
@@ -309,7 +308,7 @@ def _complete_section(
 
 
 def _header(options: PartOptions, file: "ProfileFile | ImageFile", first: int = 0) -> list[str]:
-    """Return the summary of a file, or of a part of a large one, and notes."""
+    """Return the lines above the results: a summary of the file or part, and notes."""
     valid = (profile for profile in file.profiles if profile.lost < len(profile))
     warnings = [range_warning(profile, options.sensor) for profile in valid]
     notes = [*file.notes, *dict.fromkeys(filter(None, warnings))]
@@ -323,16 +322,16 @@ def _section_lines(options: PartOptions, part: FilePart, section: _Section) -> l
     """Return the printed table of a profile, with its number if the file has several."""
     text_lines = measurement_lines(section.measurement, section.profile, verbose=options.verbose)
     if part.several:
-        head = f"{_kind(part.file)} {part.first + section.index}:"
-        has_cylinders = bool(section.measurement.cylinders)
-        text_lines = (
-            [head, *text_lines] if has_cylinders else [f"{head} {text_lines[0]}", *text_lines[1:]]
-        )
+        head = f"{_item_name(part.file)} {part.first + section.index}:"
+        if section.measurement.cylinders:
+            text_lines = [head, *text_lines]
+        else:
+            text_lines = [f"{head} {text_lines[0]}", *text_lines[1:]]
     lines = [f"  {line}" for line in (*text_lines, *robot_frame_table(section.placed or ()))]
     if section.upside_down:
-        option = "--no-flip" if part.file.flipped else "--flip"
+        remedy = "towards it, use --no-flip" if part.file.flipped else "away from it, use --flip"
         lines.append(
-            f"  cylinders are found if its heights are reversed: if they are, use {option}"
+            f"  cylinders are found with the sensor on the other side: if heights grow {remedy}"
         )
     return lines
 
@@ -362,34 +361,35 @@ def _records(part: FilePart, sections: Sequence[_Section]) -> "list[Record]":
 
 
 def _draw(options: PartOptions, part: FilePart, sections: Sequence[_Section]) -> list[str]:
-    """Return the errors of pictures that cannot be written, after drawing all."""
-    errors = []
-    for section in sections if part.pictures is not None else ():
+    """Draw all pictures of a part; return the errors of those that cannot be written."""
+    errors: list[str] = []
+    if part.pictures is None:
+        return errors
+    for section in sections:
         try:
-            _draw_section(options, part, section, (part.pictures or [])[section.index])
-        except Exception as error:  # noqa: BLE001 - a picture must not cost the results
+            _draw_section(options, part, section, part.pictures[section.index])
+        except Exception as error:  # noqa: BLE001 - the results are kept if a picture fails
             errors.append(error_text(part.file.path, error, options))
     return errors
 
 
 def _draw_section(options: PartOptions, part: FilePart, section: _Section, path: Path) -> None:
-    """Write a picture of a measured profile, over its image if there is one."""
+    """Write a picture of a measured profile, drawn into its image if there is one."""
     from lsvision.draw import draw_measurement, draw_overlay, figure_bytes
     from lsvision.files.atomic_files import write_atomic
 
-    profile_and_measurement = section.profile, section.measurement
     title = printable(str(part.file.path))
     if part.several:
-        title += f", {_kind(part.file)} {part.first + section.index}"
+        title += f", {_item_name(part.file)} {part.first + section.index}"
     if isinstance(part.file, ImageFile) and options.imaging is not None:
         image, rig = part.file.images[section.index], options.imaging.light_section
-        figure = draw_overlay(image, rig, *profile_and_measurement, title=title)
+        figure = draw_overlay(image, rig, section.profile, section.measurement, title=title)
     else:
-        figure = draw_measurement(*profile_and_measurement, title=title)
+        figure = draw_measurement(section.profile, section.measurement, title=title)
     write_atomic(path, figure_bytes(figure, path.suffix[1:].lower()))
 
 
-def _kind(file: "ProfileFile | ImageFile") -> str:
+def _item_name(file: "ProfileFile | ImageFile") -> str:
     return "frame" if isinstance(file, ImageFile) else "profile"
 
 

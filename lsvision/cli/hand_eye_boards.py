@@ -1,4 +1,4 @@
-"""Boards detected by a camera on a robot: poses, uncertainty, photos and warnings."""
+"""Boards detected in the images of a hand-eye calibration: poses, covariances and warnings."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -24,16 +24,17 @@ MIN_BOARDS = 4
 
 @dataclass(frozen=True, kw_only=True)
 class Evidence:
-    """Photos and corners of each pose for the report, and warnings.
+    """Data of a hand-eye calibration that its report shows beside the result.
 
     Parameters
     ----------
     warnings : sequence of str
-        Warnings about the target.
+        Warnings about the target, and about images and corners that were left out.
     images : sequence of images
-        Photo of each pose; empty for profiles.
+        Photo of each pose; empty if the sensor measures profiles.
     corners : sequence of ((n, 2) ndarray, (n, 2) ndarray)
-        Corners found in each photo, and residuals (predicted minus found). Units: px.
+        Corners found in each photo, and residuals (predicted minus found); empty without photos.
+        Units: px.
     """
 
     warnings: "Sequence[str]" = ()
@@ -43,26 +44,29 @@ class Evidence:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DetectedBoards:
-    """Boards in those images in which one was found.
+    """The board's pose in each image in which it was found.
 
     Parameters
     ----------
     indices : list of int
-        Indices of the images in which the board was found; all other fields are of these.
+        Indices of the images in which the board was found, among all images. The other fields with
+        an item per image have one for each of these, in this order.
     camera : Camera
         Calibrated camera.
     images : sequence of images
-        Images with a board.
+        Images in which the board was found.
     views : sequence of TargetView
-        Corners in each image.
+        Corners found in each image, and the points of the board that they belong to.
     poses : sequence of Pose
         ``camera_from_board`` of each image.
     covariances : (n, 6, 6) ndarray
         Covariances of the poses; see `estimate_board_pose`.
     camera_modes : (m, n, 6) ndarray, optional
-        Shifts by errors of the camera, if its file has a covariance; see `board_pose_modes`.
+        Shift of each of the n poses by each of m independent errors of the camera, one standard
+        deviation each, see `board_pose_modes`; None if the camera's file has no covariance.
     warnings : tuple of str
-        Warnings about images and corners that were left out, and about turned views.
+        Warnings about images and corners that were left out, and about boards whose corners were
+        numbered from another end.
     """
 
     indices: list[int]
@@ -77,29 +81,43 @@ class DetectedBoards:
     def number_from_one_end(
         self, target: "Target", flanges: "Sequence[Pose]", mounting: "Mounting"
     ) -> "DetectedBoards":
-        """Return the boards numbered from the same end, according to the robot's poses.
+        """Return the boards with their corners numbered from the same end in all images.
+
+        An image does not show from which end to number a board that looks the same after a turn;
+        the robot's poses do.
+
+        Parameters
+        ----------
+        target : Target
+            The board.
+        flanges : sequence of Pose
+            ``base_from_flange`` of each image.
+        mounting : {"eye_in_hand", "eye_to_hand"}
+            Whether the camera is on the flange, or beside the robot.
 
         Raises
         ------
         CalibrationFailed
-            If the poses do not determine it.
+            If the robot's poses do not determine the end.
         """
         from lsvision.calibration.board_turns import pattern_turns, turn_boards
 
         turns = pattern_turns(target)
         if not turns:
             return self
-        carriers = [pose if mounting == "eye_in_hand" else pose.inverse() for pose in flanges]
-        turned = turn_boards(self.poses, carriers, turns)
-        turn_poses = [
-            pose.inverse() @ original
-            for pose, original in zip(turned.poses, self.poses, strict=True)
+        mount_poses = [_mount_pose(flange, mounting) for flange in flanges]
+        turned = turn_boards(self.poses, mount_poses, turns)
+        turned_from_original = [
+            camera_from_turned.inverse() @ camera_from_original
+            for camera_from_turned, camera_from_original in zip(
+                turned.poses, self.poses, strict=True
+            )
         ]
         return replace(
             self,
             views=[
                 replace(view, points=turn.apply(view.points))
-                for view, turn in zip(self.views, turn_poses, strict=True)
+                for view, turn in zip(self.views, turned_from_original, strict=True)
             ],
             poses=turned.poses,
             covariances=turned.covariances(self.covariances),
@@ -110,29 +128,49 @@ class DetectedBoards:
     def build_evidence(
         self, calibration: "HandEye", flanges: "Sequence[Pose]", names: Sequence[str]
     ) -> Evidence:
-        """Return photos, corners and warnings; corners are predicted from the robot's poses."""
+        """Return photos, corners and warnings for the report.
+
+        Parameters
+        ----------
+        calibration : HandEye
+            Result, with which corners are predicted from the robot's poses.
+        flanges : sequence of Pose
+            ``base_from_flange`` of each image.
+        names : sequence of str
+            Name of each image's file, for the warnings.
+        """
         from lsvision.geometry import Pose
 
         assert isinstance(calibration.target, Pose)
-        in_hand = calibration.mounting == "eye_in_hand"
         corners = []
         for view, flange in zip(self.views, flanges, strict=True):
-            carrier = flange if in_hand else flange.inverse()
-            board = (carrier @ calibration.mount_from_sensor).inverse() @ calibration.target
-            predicted = self.camera.project(board.apply(view.points))
+            mount_pose = _mount_pose(flange, calibration.mounting)
+            camera_from_board = (
+                mount_pose @ calibration.mount_from_sensor
+            ).inverse() @ calibration.target
+            predicted = self.camera.project(camera_from_board.apply(view.points))
             corners.append((view.pixels, predicted - view.pixels))
         warnings = [replace_image_numbers(text, image=names, pose=names) for text in self.warnings]
         return Evidence(warnings=warnings, images=self.images, corners=corners)
 
 
 def find_boards(files: Sequence[Path], target: "Target", camera_file: Path) -> DetectedBoards:
-    """Return the board in each image; an image without it is left out, with its pose.
+    """Find the board in each image; images that do not show it are left out, with a warning.
+
+    Parameters
+    ----------
+    files : sequence of Path
+        Files of the images.
+    target : Target
+        The board.
+    camera_file : Path
+        File of the calibrated camera.
 
     Raises
     ------
     LsvisionError
-        If fewer than 4 images show the board, with the reason of the first that does not; if an
-        image is not of the camera's size.
+        If fewer than `MIN_BOARDS` images show the board (the message has the reason for the first
+        image without it), or an image does not have the size of the camera's images.
     """
     from lsvision.calibration.board_pose import estimate_board_pose
     from lsvision.calibration.camera_uncertainty import board_pose_modes
@@ -156,11 +194,12 @@ def find_boards(files: Sequence[Path], target: "Target", camera_file: Path) -> D
         views.append(view)
     if len(indices) < MIN_BOARDS:
         finding = f"{len(indices)} of {counted(len(files), 'image')} show the board"
-        raise LsvisionError("; ".join([f"{finding} and {MIN_BOARDS} are needed", *left_out[:1]]))
+        problem = f"{finding} and {MIN_BOARDS} are needed"
+        raise LsvisionError("; ".join([problem, *left_out[:1]]))
     camera_modes = None
     if camera_covariance is not None:
         camera_modes = board_pose_modes(views, camera, camera_covariance)
-    warnings = [f"left out with its pose: {reason}" for reason in left_out]
+    warnings = [f"image and its robot pose left out: {reason}" for reason in left_out]
     return DetectedBoards(
         indices=indices,
         camera=camera,
@@ -171,3 +210,11 @@ def find_boards(files: Sequence[Path], target: "Target", camera_file: Path) -> D
         camera_modes=camera_modes,
         warnings=(*warnings, *left_out_warnings(target, views, range(len(views)))),
     )
+
+
+def _mount_pose(flange: "Pose", mounting: "Mounting") -> "Pose":
+    """Return the pose of the camera's mount in the frame in which the board does not move.
+
+    Eye in hand: ``base_from_flange``; eye to hand: its inverse, ``flange_from_base``.
+    """
+    return flange if mounting == "eye_in_hand" else flange.inverse()

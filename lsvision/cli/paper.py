@@ -1,4 +1,4 @@
-"""``lsvision paper``: the experiments of Chen and Liu (2016) repeated, as one HTML report."""
+"""``lsvision paper``: repeat the experiments of Chen and Liu (2016), and write an HTML report."""
 
 import sys
 from pathlib import Path
@@ -37,7 +37,7 @@ def paper(
             metavar="MM",
             min=0.001,
             max=0.3,
-            help="Noise of a point: one sigma along the ray, at a distance of 400 mm.",
+            help="Noise of a point: one sigma along the laser's ray, stated at a range of 400 mm.",
         ),
     ] = 0.1,
     seed: Annotated[
@@ -47,17 +47,18 @@ def paper(
 ) -> None:
     """Repeat the experiments of the paper on simulated data, and compare their results.
 
-    The report has the paper's Tables 1-5 and Figures 5-16. It compares the paper's pipeline as
-    published with lsvision from one section, from one with a known radius, from two sections and
-    from twenty. Each result stands beside the published one and the Cramer-Rao bound. Takes a
-    minute or two; the same command gives the same numbers, except for times.
+    The report has the paper's Tables 1-5 and Figures 5-16. It compares five methods: the paper's
+    pipeline as published, and lsvision's measurement of one section, of one section with a known
+    radius, of two sections and of twenty. Each result is shown beside the published one and the
+    Cramer-Rao bound. Takes a minute or two; the same command gives the same numbers, except for
+    times.
 
     \b
       lsvision paper --out report.html
       lsvision paper --full --out report.html --json report.json
       lsvision paper --noise-mm 0.02 --out low_noise.html
     """  # noqa: D301 - the backspace makes click keep the line breaks
-    # Before the experiments, so that no minutes of work are lost to a wrong path.
+    # Before the experiments, which take minutes; `streams` may be "-" for standard output.
     check_outputs(outputs=(), sources=(), streams=(out, json))
     from lsvision.studies.chen_liu_2016 import (
         ExperimentSizes,
@@ -72,10 +73,11 @@ def paper(
     write_output(out, report_page(report))
     if json is not None:
         write_output(json, report_json(report))
+    # The names of the files written, on stderr if one output itself is on stdout.
     print_lines([f"{out}" if json is None else f"{out} and {json}"], err=STDOUT in (out, json))
 
 
 def _log_progress(text: str) -> None:
-    """Write a line of progress to stderr at once; stdout may be the report."""
+    """Write a line of progress to stderr at once, because stdout may contain the report."""
     sys.stderr.write(f"{text}\n")
     sys.stderr.flush()

@@ -19,7 +19,9 @@ class RobotOptions:
 
     poses: Annotated[
         Path | None,
-        typer.Option(metavar="F", help="File of the flange's poses in the base, one per profile."),
+        typer.Option(
+            metavar="F", help="File of the flange's poses in the base frame, one per profile."
+        ),
     ] = None
     convention: Annotated[
         str | None,
@@ -32,8 +34,8 @@ class RobotOptions:
         Path | None,
         typer.Option(
             metavar="F",
-            help="Hand-eye file, whose errors are propagated; without it, --poses are the poses of "
-            "the section frame itself.",
+            help="Hand-eye file: the sensor's pose on the flange, and its errors, which are "
+            "propagated; without it, --poses are the poses of the section frame itself.",
         ),
     ] = None
 
@@ -45,7 +47,7 @@ class RobotOptions:
 
 @dataclass(frozen=True)
 class PoseFile:
-    """File of robot poses, and the name of the convention in which they are written."""
+    """File of robot poses, and the name of its convention of units, axes and rotation angles."""
 
     path: Path
     convention: str
@@ -58,12 +60,13 @@ class PoseFile:
         count : int
             Expected number of poses.
         item : str
-            What each pose belongs to, in the singular, for the message.
+            Name of what each pose belongs to, in the singular, for the error message.
 
         Returns
         -------
         list of Pose
-            ``base_from_flange`` of each item, in the order of the file. Units: mm.
+            ``base_from_flange`` of each item, in the order of the file; ``base_from_section`` if
+            there is no hand-eye file. Units: mm.
 
         Raises
         ------
@@ -84,7 +87,7 @@ class PoseFile:
 
 
 def parse_pose_file(robot: RobotOptions) -> PoseFile | None:
-    """Return the file of ``--poses`` in ``--convention``; None if neither is given.
+    """Return the pose file that ``--poses`` and ``--convention`` state; None without both.
 
     Raises
     ------
@@ -94,7 +97,9 @@ def parse_pose_file(robot: RobotOptions) -> PoseFile | None:
     if robot.poses is not None:
         return PoseFile(robot.poses, parse_convention(robot.convention))
     if robot.convention is not None:
-        raise typer.BadParameter("expected --poses with --convention, got none")
+        raise typer.BadParameter(
+            "expected --poses with --convention, got none: give the file of poses"
+        )
     return None
 
 
@@ -106,7 +111,7 @@ def parse_convention(name: str | None, option: str = "--convention") -> str:
     name : str, optional
         Value of the option; None if it was not given.
     option : str
-        Option that gave the name, for the message.
+        Name of the command-line option, for the error message.
 
     Raises
     ------
@@ -129,14 +134,14 @@ def read_calibration(path: Path) -> "HandEye":
     Raises
     ------
     LsvisionError
-        If the file is invalid or has another schema, or if it calibrates a camera or a sensor that
-        is not on the flange.
+        If the file is invalid or has another schema, or if it is the calibration of a camera, or of
+        a sensor that is not on the flange.
     """
     from lsvision.calibration.hand_eye_result import HandEye
 
     calibration = HandEye.load(path)
     try:
-        # The property raises an error for a camera, and for a sensor that is not on the flange.
+        # Read only for its check: it raises an error for a camera, and for a sensor off the flange.
         _ = calibration.flange_from_section
     except ValueError as error:
         raise LsvisionError(
@@ -157,6 +162,6 @@ def format_uncertainty_caption(*, calibrated: bool, in_base: bool) -> str:
         Whether the results are in the base frame, so that errors of the robot's poses count.
     """
     if not calibrated:
-        return "one sigma, the sensor's pose on the robot taken as exact"
+        return "one sigma, with the sensor's pose on the robot taken as exact"
     sources = "calibration's and the robot's" if in_base else "calibration's"
     return f"one sigma, with the {sources} error"

@@ -403,7 +403,7 @@ def test_image_without_the_board_is_left_out_with_its_pose(calibrate_on_board, o
     hidden = sorted(photos.iterdir())[4]
     cv2.imwrite(str(hidden), np.full(cv2.imread(str(hidden)).shape[:2], 99, np.uint8))
     output = calibrate_on_board(photos)
-    assert f"left out with its pose: {hidden}: no ChArUco" in output.replace("\n", " ")
+    assert f"image and its robot pose left out: {hidden}: no ChArUco" in output.replace("\n", " ")
     assert_found(load_hand_eye(out).flange_from_camera, MOUNT)
 
 
