@@ -196,7 +196,7 @@ def calibrate_hand_eye_plane(
     observations = PlaneObservations(
         np.array([line.midpoint for line in lines]),
         np.array([line.direction for line in lines]),
-        np.array([line.half_length for line in lines]),
+        np.array([line.rms_length for line in lines]),
         _covariances(lines),
         stack_flange_poses(poses, mounting, settings.robot_std or NOMINAL_ROBOT_STD),
         np.zeros(len(observed), dtype=np.int64),

@@ -32,7 +32,7 @@ class PlaneLine:
     ----------
     midpoint, direction : (3,) ndarray
         Midpoint (mm) and unit vector along the line, section frame (z = 0).
-    half_length : float
+    rms_length : float
         Root mean square distance of the points from the midpoint, which converts a slope to a
         distance; 0.58 of half the line's length for evenly spaced points. Units: mm.
     covariance : (2, 2) ndarray
@@ -45,7 +45,7 @@ class PlaneLine:
 
     midpoint: FloatArray
     direction: FloatArray
-    half_length: float
+    rms_length: float
     covariance: FloatArray
     autocorrelation_time: float
 
@@ -91,12 +91,12 @@ def find_plane_line(profile: Profile) -> PlaneLine:
     # A line has two parameters: offset and slope.
     variance = float((distance**2).sum()) / (len(along) - 2) + _VARIANCE_FLOOR_MM2
     covariance = variance * np.diag([1 / len(along), 1 / float((along**2).sum())])
-    half_length = float(np.sqrt((along**2).mean()))
+    rms_length = float(np.sqrt((along**2).mean()))
     autocorrelation_time = debiased_autocorrelation_time(distance, 2)
     return PlaneLine(
         np.append(midpoint, 0.0),
         np.append(direction, 0.0),
-        half_length,
+        rms_length,
         covariance,
         autocorrelation_time,
     )

@@ -35,7 +35,7 @@ class PlaneObservations:
         Midpoint of each line, section frame (z = 0). Units: mm.
     directions : (n, 3) ndarray
         Unit vectors along each line.
-    half_lengths : (n,) ndarray
+    rms_lengths : (n,) ndarray
         Root mean square distance of the points from the midpoint. Units: mm.
     covariances : (n, 2, 2) ndarray
         Covariance of offset (mm) and slope (rad).
@@ -47,7 +47,7 @@ class PlaneObservations:
 
     midpoints: FloatArray
     directions: FloatArray
-    half_lengths: FloatArray
+    rms_lengths: FloatArray
     covariances: FloatArray
     flanges: FlangePoses
     groups: IntArray
@@ -55,7 +55,7 @@ class PlaneObservations:
     @property
     def mm_per_residual(self) -> FloatArray:
         """Factors (2,) that convert residuals to mm: 1, and half length for the slope."""
-        return np.array([1.0, float(self.half_lengths.mean())])
+        return np.array([1.0, float(self.rms_lengths.mean())])
 
     @property
     def target_prior(self) -> tuple[FloatArray, FloatArray]:
@@ -145,7 +145,7 @@ class PlaneObservations:
         """Return the linear solution of each selection for one normal (n in the mount)."""
         n = self.flanges.rotations.transpose(0, 2, 1) @ normal
         one_hot = (self.groups[:, None] == np.arange(count)).astype(np.float64)
-        p, u = self.midpoints, self.directions * self.half_lengths[:, None]
+        p, u = self.midpoints, self.directions * self.rms_lengths[:, None]
         offset = np.concatenate([n * p[:, :1], n * p[:, 1:2], n, -one_hot], axis=1)
         slope = np.concatenate([n * u[:, :1], n * u[:, 1:2], 0 * n, 0 * one_hot], axis=1)
         design = np.stack([offset, slope], axis=1)

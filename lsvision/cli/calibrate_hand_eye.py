@@ -138,7 +138,7 @@ def board(
         names,
         options,
         used_files,
-        boards.build_evidence(calibration, flanges, names),
+        boards.build_report_data(calibration, flanges, names),
     )
 
 

@@ -23,7 +23,7 @@ MIN_BOARDS = 4
 
 
 @dataclass(frozen=True, kw_only=True)
-class Evidence:
+class ReportData:
     """Data of a hand-eye calibration that its report shows beside the result.
 
     Parameters
@@ -125,9 +125,9 @@ class DetectedBoards:
             warnings=(*self.warnings, turned.warning),
         )
 
-    def build_evidence(
+    def build_report_data(
         self, calibration: "HandEye", flanges: "Sequence[Pose]", names: Sequence[str]
-    ) -> Evidence:
+    ) -> ReportData:
         """Return photos, corners and warnings for the report.
 
         Parameters
@@ -151,7 +151,7 @@ class DetectedBoards:
             predicted = self.camera.project(camera_from_board.apply(view.points))
             corners.append((view.pixels, predicted - view.pixels))
         warnings = [replace_image_numbers(text, image=names, pose=names) for text in self.warnings]
-        return Evidence(warnings=warnings, images=self.images, corners=corners)
+        return ReportData(warnings=warnings, images=self.images, corners=corners)
 
 
 def find_boards(files: Sequence[Path], target: "Target", camera_file: Path) -> DetectedBoards:

@@ -15,7 +15,7 @@ from lsvision.cli.calibrate_inputs import (
     read_named_profiles,
 )
 from lsvision.cli.calibrate_tables import plan_rows, pose_rows, value_lines
-from lsvision.cli.hand_eye_boards import Evidence
+from lsvision.cli.hand_eye_boards import ReportData
 from lsvision.cli.messages import print_lines
 from lsvision.cli.outputs import check_outputs
 from lsvision.cli.profile_options import ReadingOptions
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 PLACEMENTS: "dict[str, Mounting]" = {"eye-in-hand": "eye_in_hand", "eye-to-hand": "eye_to_hand"}
 """Mounting in the library for each value of ``--mounting``."""
-NO_EVIDENCE = Evidence()
+NO_REPORT_DATA = ReportData()
 """No photos, corners and warnings: for calibrations by profiles or samples."""
 DEFAULT_FRAMES = "tool0:sensor"
 """Default names of the frames in an easy_handeye file."""
@@ -242,7 +242,7 @@ def calibrate_from_profiles(
 
 def report_hand_eye(
     hand_eye: "HandEye", flanges: "Sequence[Pose]", names: Sequence[str],
-    options: HandEyeResultOptions, inputs: Sequence[Path], evidence: Evidence = NO_EVIDENCE,
+    options: HandEyeResultOptions, inputs: Sequence[Path], report_data: ReportData = NO_REPORT_DATA,
 ) -> None:  # fmt: skip
     """Write the output files and print the result."""
     from lsvision.calibration.result_tables import accuracy_rows
@@ -256,7 +256,7 @@ def report_hand_eye(
         hand_eye
     )
     warnings = [f"left out: {names[pose.index]}: {pose.reason}" for pose in hand_eye.rejected]
-    warnings += [f"warning: {text}" for text in (*hand_eye.warnings, *evidence.warnings)]
+    warnings += [f"warning: {text}" for text in (*hand_eye.warnings, *report_data.warnings)]
     used = len(names) - len(hand_eye.rejected)
     origin = "samples" if convention is None else f"{convention} poses"
     kind = "board" if isinstance(hand_eye.target, Pose) else type(hand_eye.target).__name__.lower()
@@ -266,8 +266,8 @@ def report_hand_eye(
         from lsvision.draw.calibration_report import ReportContent, hand_eye_page
         from lsvision.files.atomic_files import write_atomic
 
-        page = ReportContent(rows, warnings, names, provenance, evidence.images)
-        write_atomic(options.report, hand_eye_page(hand_eye, flanges, page, evidence.corners))
+        page = ReportContent(rows, warnings, names, provenance, report_data.images)
+        write_atomic(options.report, hand_eye_page(hand_eye, flanges, page, report_data.corners))
     hand_eye.save(options.out, provenance)
     if options.easy_handeye is not None:
         robot, sensor = options.frame_names
