@@ -16,7 +16,7 @@ from lsvision.detection.acceptance import (
     rejection_reason,
     suppress_overlapping,
 )
-from lsvision.detection.arcs import IdentifiedArc, Rejection
+from lsvision.detection.arcs import IdentifiedArc, Rejection, ScreenedArc
 from lsvision.detection.candidates import CandidateSettings, find_candidates
 from lsvision.detection.end_condition import tangential_end_reason
 from lsvision.detection.identification import identify_arcs
@@ -28,7 +28,7 @@ from lsvision.detection.range_image import (
     connected_components,
 )
 from lsvision.detection.rejections import complete_rejections
-from lsvision.detection.screening import ScreenedArc, screen_arcs
+from lsvision.detection.screening import screen_arcs
 from lsvision.detection.search_range import search_range
 from lsvision.ellipse.fit import EllipseFit, FittingSettings
 from lsvision.ellipse.homogenising import homogenise_arcs
@@ -293,8 +293,7 @@ def _check_screened(
     """Return the screened arc, or its rejection if the laser line continues tangentially."""
     if screened is None:
         return Rejection(arc.arc, "no ellipse fits the middle part of the arc")
-    noise_std = search.profile.noise_std * screened.variance_factor**0.5
-    reason = tangential_end_reason(search.profile, arc, screened, noise_std, screened.mixed_points)
+    reason = tangential_end_reason(search.profile, arc, screened)
     return screened if reason is None else Rejection(arc.arc, reason)
 
 

@@ -119,19 +119,15 @@ class ArcStack(NamedTuple):
     def take_ends(self, columns: npt.NDArray[Number]) -> npt.NDArray[Number]:
         """Return the ends of (k, n) or (k, j, n) values, as (k, 2, m + 2) or (k, 2, j, m + 2)."""
         size = self.end_size
-        ends = columns[..., : 2 * size]
-        if columns.ndim == 2:
-            return ends.reshape(-1, 2, size)
-        return ends.reshape(*columns.shape[:2], 2, size).swapaxes(1, 2)
+        ends = columns[..., : 2 * size].reshape(*columns.shape[:-1], 2, size)
+        return ends.swapaxes(1, -2)  # changes only (k, j, 2, m + 2)
 
     def select_inliers(self, arc: int, members: BoolArray) -> tuple[IntArray, NoisyPoints]:
         """Return the middle part of an arc and the members (2, m) of its ends, ascending."""
         first, second = (mask.nonzero()[0] + PREDECESSORS for mask in members)
         middle = self.middle.start + np.arange(len(self.arcs[arc].middle))
         columns = np.concatenate([first[::-1], middle, second + self.end_size])
-        z, variances, deviators = self.points.z, self.points.mean_variance, self.points.deviator
-        points = NoisyPoints(z[arc][columns], variances[arc][columns], deviators[arc][columns])
-        return self.indices[arc][columns], points
+        return self.indices[arc][columns], self.points[arc, columns]
 
 
 def split_arc(profile: PreparedProfile, arc: IdentifiedArc) -> SplitArc | None:

@@ -1,32 +1,66 @@
-"""Results of the detection steps: an identified arc with its ellipse, or a rejection."""
+"""Results of the detection steps: an identified or a screened arc, or a rejection."""
 
 from dataclasses import dataclass
-from typing import Self
+from typing import NamedTuple
 
 from lsvision.geometry import Ellipse, IntArray
+from lsvision.geometry.noisy_points import NoisyPoints
 from lsvision.profile import Arc
 from lsvision.results.quantities import Record
 from lsvision.results.result import Result
 
 MAX_OVERLAP = 0.5
 """Largest intersection over union of two windows, and largest fraction of the points of a
-candidate, rejection or section that may lie in arcs before it; beyond it, it is left out."""
+candidate, rejection or section that may lie in arcs accepted before; with a larger overlap the
+later one is left out."""
 MIN_POINTS = 8
 """Smallest number of points to which an ellipse is fitted: three more than its parameters."""
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class IdentifiedArc:
-    """Arc with the ascending indices of its inliers, and their ellipse in mm and rad."""
+class IdentifiedArc(NamedTuple):
+    """Arc found by rough identification, before screening.
 
-    arc: Arc
+    Parameters
+    ----------
+    indices : (n,) int ndarray
+        Ascending indices of the inliers in the prepared profile, at least one.
+    ellipse : Ellipse
+        Ellipse of the inliers. Units: mm, rad.
+    """
+
     indices: IntArray
     ellipse: Ellipse
 
-    @classmethod
-    def of(cls, indices: IntArray, ellipse: Ellipse) -> Self:
-        """Return the arc from the first to the last of ascending indices."""
-        return cls(Arc(int(indices[0]), int(indices[-1]) + 1), indices, ellipse)
+    @property
+    def arc(self) -> Arc:
+        """Span from the first to the last inlier."""
+        return Arc(int(self.indices[0]), int(self.indices[-1]) + 1)
+
+
+class ScreenedArc(NamedTuple):
+    """Arc after accurate screening of its ends.
+
+    Parameters
+    ----------
+    indices : (n,) int ndarray
+        Ascending indices of the inliers in the prepared profile.
+    points : NoisyPoints
+        The inliers (n,). Their noise is that of a sensor that smooths along the line if
+        neighbouring errors are correlated.
+    ellipse : Ellipse
+        Ellipse of the inliers. Units: mm, rad.
+    variance_factor : float
+        Ratio of the variance of the residuals to that of the profile's noise model.
+    mixed_points : int
+        Number of points near an edge in which a sensor that smooths along the line mixes the
+        surfaces on both sides of the edge.
+    """
+
+    indices: IntArray
+    points: NoisyPoints
+    ellipse: Ellipse
+    variance_factor: float
+    mixed_points: int = 0
 
 
 @dataclass(frozen=True, eq=False, repr=False)

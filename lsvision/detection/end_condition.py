@@ -9,18 +9,14 @@ import cmath
 import math
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lsvision.detection.arcs import IdentifiedArc
+from lsvision.detection.arcs import IdentifiedArc, ScreenedArc
 from lsvision.geometry import Ellipse, IntArray
 from lsvision.geometry.noisy_points import ComplexArray
 from lsvision.profile import PreparedProfile
 from lsvision.statistics.robust import SIGNIFICANT_SIGMAS
-
-if TYPE_CHECKING:
-    from lsvision.detection.screening import ScreenedArc
 
 MIN_TURN_DEG = 20.0
 """Turn of the line at an end below which it continues tangentially. Units: deg."""
@@ -37,11 +33,7 @@ line beyond a rounded corner at most 0, the valleys of a corrugated sheet up to 
 
 
 def tangential_end_reason(
-    profile: PreparedProfile,
-    arc: IdentifiedArc,
-    screened: "ScreenedArc",
-    noise_std: float,
-    mixed_points: int = 0,
+    profile: PreparedProfile, arc: IdentifiedArc, screened: ScreenedArc
 ) -> str | None:
     """Return why an arc whose line continues tangentially is not a cylinder; None if it does not.
 
@@ -53,17 +45,14 @@ def tangential_end_reason(
         Arc before screening, which may shorten it: the turn of the line is measured beyond the
         longer one.
     screened : ScreenedArc
-        The same arc after screening: a fillet begins at its ends.
-    noise_std : float
-        Standard deviation of a point. Units: mm.
-    mixed_points : int
-        Number of points beyond an end that are left out, since a sensor that smooths along the line
-        has mixed the arc into them: near its end each line continues tangentially.
+        The same arc after screening: a fillet begins at its ends. Its `mixed_points` beyond an end
+        are left out: a sensor that smooths along the line has mixed the arc into them, so that each
+        line seems to continue tangentially.
     """
     count = max(POINTS_BEYOND, int(BEYOND_FRACTION * len(arc.indices)))
     covered = np.zeros(len(profile.points), dtype=bool)
     covered[arc.indices] = covered[screened.indices] = True
-    longest = covered.nonzero()[0]
+    mixed_points, longest = screened.mixed_points, covered.nonzero()[0]
     turns_deg = [
         math.degrees(
             _end_turn(inner, beyond[mixed_points:], arc.ellipse, max(POINTS_BEYOND, count // 2))
@@ -73,6 +62,7 @@ def tangential_end_reason(
     if min(turns_deg) >= MIN_TURN_DEG:
         return None
     curvature = MIN_FILLET_CURVATURE / screened.ellipse.radius
+    noise_std = profile.noise_std * screened.variance_factor**0.5
     ends = zip(turns_deg, _split_ends(profile, screened.indices, FILLET_POINTS), strict=True)
     tangential_deg = [
         turn_deg

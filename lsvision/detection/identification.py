@@ -9,7 +9,6 @@ columns and jumps inside do not end an arc. The arcs of many profiles grow toget
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import compress
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -133,7 +132,7 @@ class _Growth:
 
     def result(self, parameters: FloatArray) -> GrownArc:
         """Return the arc with the ellipse of parameters (5,)."""
-        arc = IdentifiedArc.of(self.seed.free[self.inside], ellipse_from_parameters(parameters))
+        arc = IdentifiedArc(self.seed.free[self.inside], ellipse_from_parameters(parameters))
         return GrownArc(arc, self.normals[self.inside - self.start])
 
 
@@ -255,10 +254,9 @@ def _drop_failed(
     growths: list[_Growth], parameters: FloatArray
 ) -> tuple[list[_Growth], FloatArray]:
     """Return the arcs, and their parameters (k, 5), without those whose fit has failed (NaN)."""
-    fitted = [not math.isnan(x) for x in parameters[:, 0].tolist()]
-    if all(fitted):
-        return growths, parameters
-    return list(compress(growths, fitted)), parameters[fitted]
+    fitted = ~np.isnan(parameters[:, 0])
+    stacks = growths, parameters
+    return stacks if fitted.all() else select_rows(stacks, fitted)
 
 
 def _compare(growths: list[_Growth], parameters: FloatArray) -> tuple[EllipseResiduals, BoolArray]:
@@ -269,16 +267,10 @@ def _compare(growths: list[_Growth], parameters: FloatArray) -> tuple[EllipseRes
     compared : EllipseResiduals
         Residuals (k, n) of the points of all windows.
     within : (k, n) bool ndarray
-        Points within the sensor error.
+        Points that face the sensor and lie within the sensor error.
     """
     points, valid = NoisyPoints.stack([growth.next_window() for growth in growths])
     compared = ellipse_residuals(points, parameters)
-    within = _within_sensor_error(compared, growths)
-    return compared, within if valid is None else within & valid
-
-
-def _within_sensor_error(compared: EllipseResiduals, growths: list[_Growth]) -> BoolArray:
-    """Return which points (k, n) face the sensor and lie within the sensor error of the arc."""
     squares = compared.normalised_squares
     medians = row_medians(squares, [growth.inside - growth.start for growth in growths])
     limits = [
@@ -287,7 +279,9 @@ def _within_sensor_error(compared: EllipseResiduals, growths: list[_Growth]) -> 
     ]
     within: BoolArray = squares < as_column([limit * limit for limit in limits])
     within &= compared.normals.imag > MIN_NORMAL_Y
-    return within
+    if valid is not None:
+        within &= valid
+    return compared, within
 
 
 def find_connected_inliers(inliers: BoolArray, inside: IntArray) -> IntArray:

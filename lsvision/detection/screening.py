@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lsvision.detection.arc_stack import ArcStack, SplitArc, split_arc
-from lsvision.detection.arcs import IdentifiedArc
+from lsvision.detection.arcs import IdentifiedArc, ScreenedArc
 from lsvision.detection.end_condition import find_connected_beyond
 from lsvision.detection.end_points import (
     POINTS_BEYOND,
@@ -25,11 +25,7 @@ from lsvision.detection.end_points import (
     find_end_inliers,
 )
 from lsvision.ellipse.arc_noise import estimate_arc_noise, smoothed_noise
-from lsvision.ellipse.parameters import (
-    PARAMETERS,
-    are_ellipses,
-    ellipse_from_parameters,
-)
+from lsvision.ellipse.parameters import PARAMETERS, are_ellipses, ellipse_from_parameters
 from lsvision.ellipse.robust_gauss_newton import (
     EllipseResiduals,
     WeightedSystem,
@@ -39,7 +35,7 @@ from lsvision.ellipse.robust_gauss_newton import (
     gauss_newton_step,
     inverse_information,
 )
-from lsvision.geometry import BoolArray, Ellipse, FloatArray, IntArray
+from lsvision.geometry import BoolArray, FloatArray, IntArray
 from lsvision.geometry.arrays import select_rows
 from lsvision.geometry.noisy_points import NoisyPoints
 from lsvision.profile import PreparedProfile
@@ -58,22 +54,6 @@ EDGE_POINTS_PER_CORRELATION = 2
 smooths along the line mixes in the surface beyond the edge."""
 
 
-class ScreenedArc(NamedTuple):
-    """Ascending indices (n,) of the inliers of an arc, with the noise of their residuals.
-
-    `points` have the noise of a smoothing sensor if neighbouring errors are correlated; the
-    `ellipse` (mm, rad) is that of all inliers; `variance_factor` is the variance of the residuals
-    over that of the noise model; `mixed_points` is the number of points near an edge in which a
-    sensor that smooths along the line mixes the surfaces on both sides.
-    """
-
-    indices: IntArray
-    points: NoisyPoints
-    ellipse: Ellipse
-    variance_factor: float
-    mixed_points: int = 0
-
-
 class _Noises(NamedTuple):
     """Noise of k arcs: the fields of `ArcNoise` as arrays (k,)."""
 
@@ -81,6 +61,11 @@ class _Noises(NamedTuple):
     autocorrelation_time: FloatArray
     low_frequency_time: FloatArray
     smoothed: BoolArray
+
+    @property
+    def mixed_points(self) -> IntArray:
+        """Numbers of points near an edge that contain the surface beyond it, (k,)."""
+        return np.rint(EDGE_POINTS_PER_CORRELATION * (self.autocorrelation_time - 1)).astype(int)
 
 
 class _MiddleFits(NamedTuple):
@@ -281,22 +266,16 @@ def _screened_arcs(
 ) -> Iterator[tuple[int, ScreenedArc | IdentifiedArc]]:
     """Yield the number of each arc with its result, as `_compare_ends`."""
     stack = fits.stack
-    selected = _select_probable(fits, ends)
+    selected, mixed_points = _select_probable(fits, ends), fits.noise.mixed_points.tolist()
     for arc, (number, split) in enumerate(zip(fits.numbers.tolist(), stack.arcs, strict=True)):
         ellipse = ellipse_from_parameters(stack.parameters[arc])
         if split.reached_limits(stack.members[arc]):
             indices, _ = stack.select_inliers(arc, stack.members[arc])
-            yield number, IdentifiedArc.of(indices, ellipse)
+            yield number, IdentifiedArc(indices, ellipse)
         else:
             variance_factor = float(fits.noise.variance_factor[arc])
             inliers = stack.select_inliers(arc, selected[arc])
-            mixed_points = _count_mixed_points(float(fits.noise.autocorrelation_time[arc]))
-            yield number, ScreenedArc(*inliers, ellipse, variance_factor, mixed_points)
-
-
-def _count_mixed_points(autocorrelation_time: float) -> int:
-    """Return the number of points near an edge that contain the surface beyond it."""
-    return round(EDGE_POINTS_PER_CORRELATION * (autocorrelation_time - 1))
+            yield number, ScreenedArc(*inliers, ellipse, variance_factor, mixed_points[arc])
 
 
 def _select_probable(fits: _MiddleFits, ends: _ComparedEnds) -> BoolArray:
@@ -315,12 +294,10 @@ def _select_probable(fits: _MiddleFits, ends: _ComparedEnds) -> BoolArray:
     # The costs of a wrong decision: an inlier that is lost leaves the ellipse as it is, a wrong
     # one may shift it by sqrt(leverage) of its standard deviations.
     selected = members & (probability > np.sqrt(leverages) * (1 - probability))
-    times = fits.noise.autocorrelation_time.tolist()
-    dropped = np.array([_count_mixed_points(time) for time in times], dtype=int)[:, None]
     # A contact: enough connected points beyond the last inlier, or enough rejected inliers.
     rejected = (members & ~selected).sum(axis=-1)
     contact = np.maximum(following.sum(axis=-1), rejected) >= MIN_CONTACT_POINTS
-    dropped = dropped + GUARD_POINTS * contact
+    dropped = fits.noise.mixed_points[:, None] + GUARD_POINTS * contact
     rank_from_outside = selected[..., ::-1].cumsum(axis=-1)[..., ::-1]
     remaining: BoolArray = selected & (rank_from_outside > dropped[..., None])
     return remaining

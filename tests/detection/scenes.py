@@ -6,7 +6,7 @@ import numpy as np
 
 from lsvision import Ellipse, PointNoise, Profile
 from lsvision.detection import candidates, identification, screening
-from lsvision.detection.arcs import IdentifiedArc
+from lsvision.detection.arcs import IdentifiedArc, ScreenedArc
 from lsvision.detection.profile_preparation import prepare_profile
 
 PITCH = 0.6  # mm
@@ -63,7 +63,14 @@ def circle(radius=20.0, centre=(0.0, -440.0)):
 
 def identified(start, stop, ellipse):
     """The arc of all points [start, stop)."""
-    return IdentifiedArc.of(np.arange(start, stop), ellipse)
+    return IdentifiedArc(np.arange(start, stop), ellipse)
+
+
+def as_screened(profile, arc, std, mixed_points=0):
+    """The arc with the same inliers, of which each has a noise of `std` mm, after screening."""
+    factor = (std / profile.noise_std) ** 2
+    noisy_points = profile.noisy_points[arc.indices]
+    return ScreenedArc(arc.indices, noisy_points, arc.ellipse, factor, mixed_points)
 
 
 def find_candidates(profile, components, radius_range, *settings):

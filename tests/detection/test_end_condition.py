@@ -8,7 +8,7 @@ import pytest
 from lsvision import Profile, measure_cylinders
 from lsvision.detection.end_condition import find_connected_beyond, tangential_end_reason
 from lsvision.detection.profile_preparation import prepare_profile
-from tests.detection.scenes import arc_points, circle, exact, identified, walk
+from tests.detection.scenes import arc_points, as_screened, circle, exact, identified, walk
 
 STEP_DEG = 2.0
 STEP = 2 * 20 * math.sin(math.radians(STEP_DEG / 2))  # mm, chord of the arcs' steps
@@ -30,7 +30,8 @@ def sides(left_deg, right_deg, half_deg=60.0, step_deg=STEP_DEG):
 def reason_of(points, start, stop, *, screened=None, std=0.01):
     arc = identified(start, stop, circle())
     kept = arc if screened is None else identified(*screened, circle())
-    return tangential_end_reason(exact(points), arc, kept, std)
+    profile = exact(points)
+    return tangential_end_reason(profile, arc, as_screened(profile, kept, std))
 
 
 def reason(left_deg, right_deg, **arc):
@@ -77,7 +78,8 @@ def test_points_into_which_a_sensor_mixes_the_arc_do_not_count(mixed):
     for count, is_rejected in ((mixed + 5, False), (mixed + 6, True), (mixed + 20, True)):
         points, start, stop = sides([0.0] * count, KINK)
         arc = identified(start, stop, circle())
-        reason = tangential_end_reason(exact(points), arc, arc, 0.01, mixed)
+        profile = exact(points)
+        reason = tangential_end_reason(profile, arc, as_screened(profile, arc, 0.01, mixed))
         assert (reason is not None) == is_rejected, (count, reason)
 
 
@@ -218,7 +220,7 @@ def test_a_rounded_corner_is_one_at_any_pitch_and_size(pitch, count, mirror, rng
     points *= (mirror, 1)
     profile = prepare_profile(Profile(points), None)
     arc = identified(edge[0], edge[-1] + 1, circle(radius))
-    found = tangential_end_reason(profile, arc, arc, 0.02)
+    found = tangential_end_reason(profile, arc, as_screened(profile, arc, 0.02))
     assert found.startswith("continues tangentially at one end (turns ")
     assert found.endswith(": a rounded corner")
 
@@ -234,7 +236,7 @@ def test_the_crest_of_a_bent_sheet_goes_on_at_both_ends(pitch, half_deg, rng):
     edge = np.flatnonzero(np.abs(x) < reach)
     profile = prepare_profile(Profile(np.column_stack([x, y])), None)
     arc = identified(edge[0], edge[-1] + 1, circle())
-    assert tangential_end_reason(profile, arc, arc, 0.02).startswith(
+    assert tangential_end_reason(profile, arc, as_screened(profile, arc, 0.02)).startswith(
         "continues tangentially at both ends (turns "
     )
 

@@ -35,7 +35,7 @@ def test_reversed_points_have_the_same_inliers(seed, sensor):
     points, arc = cluttered(seed)
     count = len(points)
     expected = screen_arc(prepare_profile(Profile(points), sensor), arc)
-    back = IdentifiedArc.of(count - 1 - arc.indices[::-1], arc.ellipse)
+    back = IdentifiedArc(count - 1 - arc.indices[::-1], arc.ellipse)
     found = screen_arc(prepare_profile(Profile(points[::-1]), sensor), back)
     np.testing.assert_array_equal(np.sort(count - 1 - found.indices), expected.indices)
     assert_alike(found.ellipse, expected.ellipse)

@@ -82,7 +82,7 @@ STEPS = {
         departure_free_probability, END, PREDICTION, np.arange(10)[None] < 7,
         np.arange(10)[None] >= 7,
     ),
-    "tangential_end_reason": (tangential_end_reason, PREPARED, ARC, SCREENED, 0.02),
+    "tangential_end_reason": (tangential_end_reason, PREPARED, ARC, SCREENED),
     "find_connected_beyond": (find_connected_beyond, np.arange(9) + 0j, np.arange(9, 12) + 0j, 3),
     "smooth_arcs": (smooth_arcs, [SCREENED.points], [SCREENED.ellipse]),
     "smooth_residuals": (

@@ -111,7 +111,7 @@ def _detect_arcs(section: SimulatedSection) -> list[tuple[TubeTruth, AblationArc
     """Return each detected pipe with its arc and the candidate from which it was extended."""
     profile = prepare_profile(section.profile, section.profile.noise)
     arcs, candidates = detect_arcs(profile)
-    seeds = [IdentifiedArc.of(c.indices, seed_ellipse(profile, c)) for c in candidates]
+    seeds = [IdentifiedArc(c.indices, seed_ellipse(profile, c)) for c in candidates]
     labels = section.truth.labels[profile.sensor_columns]
     detected = []
     for tube in section.truth.tubes:

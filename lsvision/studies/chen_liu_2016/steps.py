@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.detection.arcs import IdentifiedArc
+from lsvision.detection.arcs import IdentifiedArc, ScreenedArc
 from lsvision.detection.profile_preparation import prepare_profile
-from lsvision.detection.screening import ScreenedArc, screen_arcs
+from lsvision.detection.screening import screen_arcs
 from lsvision.ellipse.homogenising import HomogenisedArc, homogenise_arcs
 from lsvision.ellipse.smoothing import SmoothedArc, smooth_arcs
 from lsvision.geometry import FloatArray, Points

@@ -8,8 +8,8 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from lsvision.detection.arcs import IdentifiedArc
-from lsvision.detection.screening import ScreenedArc, screen_arcs
+from lsvision.detection.arcs import IdentifiedArc, ScreenedArc
+from lsvision.detection.screening import screen_arcs
 from lsvision.ellipse.fit import EllipseFit, fit_ellipse, fit_noisy_points
 from lsvision.ellipse.homogenising import homogenise_arcs
 from lsvision.ellipse.outcomes import unwrap
@@ -99,7 +99,7 @@ class AblationArc:
         """The arc with all points of its span, including jumps."""
         valid = self.profile.valid_indices
         in_span = (valid >= self.arc.arc.start) & (valid < self.arc.arc.stop)
-        arc_with_jumps = IdentifiedArc.of(valid[in_span], self.arc.ellipse)
+        arc_with_jumps = IdentifiedArc(valid[in_span], self.arc.ellipse)
         return AblationArc(self.profile, arc_with_jumps, self.seed)
 
     def without_screening(self, arc: IdentifiedArc) -> ScreenedArc:
@@ -210,7 +210,7 @@ def _fixed_sensor_error(arc: AblationArc) -> VariantFit:
     ).ellipse
     inliers = np.abs(radial_residuals(points, middle)) < settings.sensor_error_mm
     inliers[end_points:-end_points] = True
-    return _fit_screened(arc.without_screening(IdentifiedArc.of(indices[inliers], middle)))
+    return _fit_screened(arc.without_screening(IdentifiedArc(indices[inliers], middle)))
 
 
 def _smoothed_over_x(arc: AblationArc) -> VariantFit:
