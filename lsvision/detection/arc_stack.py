@@ -1,10 +1,9 @@
-"""Identified arcs as a stack: both ends and the middle part of each, padded to arrays.
+"""Stack of identified arcs: both ends and the middle part of each, padded to arrays.
 
 The middle part determines an ellipse with which accurate screening compares the points at the ends
 (paper section 3.2.2).
 """
 
-from collections.abc import Sequence
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -23,17 +22,21 @@ Number = TypeVar("Number", bound=np.generic)
 MIDDLE_FRACTION = 0.7
 """Fraction of the arc's points in its middle part, which determines the screening ellipse."""
 MAX_END_POINTS = 100
-"""Largest number of the arc's points at an end: the time of the Kalman filter (see
-`lsvision.detection.end_points`) grows with its cube."""
+"""Largest number of the arc's points at an end: the computing time of the Kalman filter (see
+`lsvision.detection.end_points`) increases with the cube of this number."""
 
 
 class SplitArc(NamedTuple):
-    """Indices of the middle part of an arc, and of the points on both sides of it.
+    """Arc split into its middle part, and the points on both sides of it.
 
     Parameters
     ----------
+    number : int
+        Position of the arc among those that are screened together.
     profile : PreparedProfile
         Profile of the arc.
+    ellipse : Ellipse
+        Ellipse of the identified arc. Units: mm, rad.
     middle : (j,) int ndarray
         Indices of the middle part, ascending.
     ends : pair of (m + 2,) int ndarray
@@ -43,15 +46,17 @@ class SplitArc(NamedTuple):
         Which of these m points belong to the identified arc.
     """
 
+    number: int
     profile: PreparedProfile
+    ellipse: Ellipse
     middle: IntArray
     ends: tuple[IntArray, IntArray]
     members: tuple[BoolArray, BoolArray]
 
-    def reached_limits(self, members: BoolArray) -> bool:
-        """Return whether the outermost point of an end is a member although the profile continues.
+    def reaches_outermost(self, members: BoolArray) -> bool:
+        """Return whether the outermost point of an end is an inlier, and the profile continues.
 
-        `members` (2, m) are the masks of both ends, which may be padded.
+        `members` (2, m) are the masks of the inliers of both ends, which may be padded.
         """
         last = len(self.profile.points) - 1
         return any(
@@ -70,11 +75,11 @@ class ArcStack(NamedTuple):
     indices : (k, n) int ndarray
         Indices of the points in the profile of the arc.
     points : NoisyPoints
-        Points (k, n), with the last of an end or middle part repeated.
+        Points (k, n); shorter ends and middle parts are padded with their last point. Units: mm.
     ends_valid : (k, 2, m + 2) bool ndarray
-        False for repeated points of the ends.
+        False for the padding of the ends.
     middle_valid : (k, j) bool ndarray or None
-        False for repeated points of the middle parts; None if no point is repeated.
+        False for the padding of the middle parts; None if there is no padding.
     members : (k, 2, m) bool ndarray
         Inliers of both ends so far, among the m points beyond the two of the middle part.
     parameters : (k, 5) ndarray
@@ -93,8 +98,8 @@ class ArcStack(NamedTuple):
     end_size: int
 
     @classmethod
-    def of(cls, arcs: list[SplitArc], ellipses: Sequence[Ellipse]) -> "ArcStack":
-        """Return the stack of one or more arcs with their ellipses (mm, rad)."""
+    def of(cls, arcs: list[SplitArc]) -> "ArcStack":
+        """Return the stack of one or more arcs."""
         count = len(arcs)
         all_ends = [end for arc in arcs for end in arc.ends]
         positions, ends_valid = padded_rows(list(map(len, all_ends)))
@@ -107,7 +112,7 @@ class ArcStack(NamedTuple):
         indices = np.concatenate([ends.reshape(count, -1), middles], axis=1)
         pairs = zip(arcs, indices, strict=True)
         points, _ = NoisyPoints.stack([arc.profile.noisy_points[row] for arc, row in pairs])
-        parameters = np.array([parameters_from_ellipse(ellipse) for ellipse in ellipses])
+        parameters = np.array([parameters_from_ellipse(arc.ellipse) for arc in arcs])
         masks = ends_valid.reshape(count, 2, -1), middle_valid, members.reshape(count, 2, -1)
         return cls(arcs, indices, points, *masks, parameters, end_size)
 
@@ -123,22 +128,27 @@ class ArcStack(NamedTuple):
         return ends.swapaxes(1, -2)  # changes only (k, j, 2, m + 2)
 
     def select_inliers(self, arc: int, members: BoolArray) -> tuple[IntArray, NoisyPoints]:
-        """Return the middle part of an arc and the members (2, m) of its ends, ascending."""
+        """Return the indices and points of an arc's middle part and of the inliers of its ends.
+
+        `arc` is the row of the arc, `members` (2, m) are the masks of the inliers of both ends. The
+        indices (j,) are ascending.
+        """
         first, second = (mask.nonzero()[0] + PREDECESSORS for mask in members)
         middle = self.middle.start + np.arange(len(self.arcs[arc].middle))
         columns = np.concatenate([first[::-1], middle, second + self.end_size])
         return self.indices[arc][columns], self.points[arc, columns]
 
 
-def split_arc(profile: PreparedProfile, arc: IdentifiedArc) -> SplitArc | None:
-    """Return the middle part and the ends of an arc; None if it has too few points for it."""
+def split_arc(number: int, profile: PreparedProfile, arc: IdentifiedArc) -> SplitArc | None:
+    """Split an arc into middle part and ends; None if the middle has fewer than `MIN_POINTS`."""
     count = len(arc.indices)
     size = min(max(2, round((1 - MIDDLE_FRACTION) / 2 * count)), MAX_END_POINTS)
     middle = arc.indices[size : count - size]
     if len(middle) < MIN_POINTS:
         return None
     first, last = int(middle[0]), int(middle[-1])
-    begin, stop = max(0, arc.arc.start - WINDOW), min(arc.arc.stop + WINDOW, len(profile.points))
+    span = arc.arc
+    begin, stop = max(0, span.start - WINDOW), min(span.stop + WINDOW, len(profile.points))
     left, right = np.arange(first - 1, begin - 1, -1), np.arange(last + 1, stop)
     members = np.zeros(len(left), dtype=bool), np.zeros(len(right), dtype=bool)
     members[0][first - 1 - arc.indices[:size]] = True
@@ -147,4 +157,4 @@ def split_arc(profile: PreparedProfile, arc: IdentifiedArc) -> SplitArc | None:
         np.concatenate([middle[:PREDECESSORS][::-1], left]),
         np.concatenate([middle[-PREDECESSORS:], right]),
     )
-    return SplitArc(profile, middle, ends, members)
+    return SplitArc(number, profile, arc.ellipse, middle, ends, members)

@@ -2,8 +2,8 @@
 
 The paper slides a window of 10 % of the points over the whole profile and tests whether all r_j
 lie below the sensor error. Here the window starts at a candidate and grows outwards, with a refit
-of the ellipse after each step, until consecutive points exceed the sensor error; single lost
-columns and jumps inside do not end an arc. The arcs of many profiles grow together as a stack.
+of the ellipse after each step, until `MAX_OUTLIER_RUN` consecutive points exceed the sensor error;
+single lost columns and jumps do not end an arc. The arcs of many profiles grow together as a stack.
 """
 
 import math
@@ -34,21 +34,33 @@ from lsvision.profile import PreparedProfile
 from lsvision.statistics.robust import MAD_TO_STD
 
 SENSOR_ERROR_SIGMAS = 4.0
-"""The paper's sensor error, in standard deviations of a point along the normal."""
+"""The paper's sensor error: largest distance of an inlier from the ellipse, in standard deviations
+of a point along the normal."""
 MAX_OUTLIER_RUN = 3
-"""Number of consecutive points beyond the sensor error that interrupts an arc."""
+"""Number of consecutive points beyond the sensor error that interrupt an arc."""
 MAX_GAP_FRACTION = 0.5
 """Longest interruption between two runs of inliers that is bridged, as a fraction of the arc's
-central run; the run beyond it must also be longer than the interruption. Without both conditions
-short runs of points that lie on the ellipse by chance would be joined."""
+central run; the run beyond it must also be longer than the interruption. Without both conditions,
+short runs of points that are on the ellipse by chance would be added to the arc."""
 MIN_NORMAL_Y = -0.5
-"""Smallest y of an outward normal that a sensor with a fan of +/- 30 deg can still see."""
+"""Smallest y, -sin(30 deg), of the outward unit normals that a sensor with a fan of +/- 30 deg can
+see."""
 MAX_ITERATIONS = 20
 """Largest number of growing steps; a wide pipe needs over ten from a seed of ten points."""
 
 
 class Seed(NamedTuple):
-    """Candidate of a profile, and the ascending indices of the points that its arc may contain."""
+    """Candidate from which an arc grows.
+
+    Parameters
+    ----------
+    profile : PreparedProfile
+        Profile of the candidate.
+    candidate : Candidate
+        First points of the arc.
+    free : (f,) int ndarray
+        Ascending indices of the points that the arc may contain: those in no other arc.
+    """
 
     profile: PreparedProfile
     candidate: Candidate
@@ -63,7 +75,7 @@ class GrownArc(NamedTuple):
 
 
 @dataclass(eq=False, slots=True)
-class _Growth:
+class _GrowingArc:
     """Arc that grows from a seed.
 
     Parameters
@@ -74,70 +86,70 @@ class _Growth:
         Candidate from which the arc grows.
     points : NoisyPoints
         Free points (f,) of the seed, which the arc may contain.
-    max_scatter : float
-        Largest accepted ratio of the scatter to the noise.
-    inside : (n,) int ndarray
+    max_noise_factor : float
+        Largest accepted ratio of the scatter about the ellipse to the noise.
+    inliers : (n,) int ndarray
         Ascending positions of the arc's inliers among the free points.
     start : int
         Position of the first point of the last window among the free points.
     normals : (w,) complex ndarray
         Outward unit normals of the ellipse at the points of that window.
-    spans : set of (int, int)
-        First and last inlier after each step.
+    previous_spans : set of (int, int)
+        First and last inlier after each step so far.
     """
 
     number: int
     seed: Seed
     points: NoisyPoints
-    max_scatter: float
-    inside: IntArray
+    max_noise_factor: float
+    inliers: IntArray
     start: int
     normals: ComplexArray
-    spans: set[tuple[int, int]]
+    previous_spans: set[tuple[int, int]]
 
     @classmethod
     def of(cls, number: int, seed: Seed) -> Self:
         """Return the arc that consists of the free points of a candidate."""
         profile, candidate, free = seed
-        seeded = np.zeros(len(profile.points), dtype=bool)
-        seeded[candidate.indices] = True
-        inside, points = seeded[free].nonzero()[0], profile.noisy_points[free]
-        scatter = profile.max_noise_factor(candidate.radius)
-        return cls(number, seed, points, scatter, inside, 0, points.z, set())
+        in_candidate = np.zeros(len(profile.points), dtype=bool)
+        in_candidate[candidate.indices] = True
+        inliers, points = in_candidate[free].nonzero()[0], profile.noisy_points[free]
+        noise_factor = profile.max_noise_factor(candidate.radius)
+        return cls(number, seed, points, noise_factor, inliers, 0, points.z, set())
 
     def next_window(self) -> NoisyPoints:
         """Return the points around the inliers, extended by half their span at either end."""
-        first, stop = int(self.inside[0]), int(self.inside[-1]) + 1
+        first, stop = int(self.inliers[0]), int(self.inliers[-1]) + 1
         step = (stop - first + 1) // 2
         self.start = max(0, first - step)
         return self.points[self.start : stop + step]
 
-    def take(self, run: IntArray, normals: ComplexArray) -> bool:
-        """Take the inliers of a window, and return whether the arc had the same span before.
+    def update(self, inliers: IntArray, normals: ComplexArray) -> bool:
+        """Set the inliers in the last window, and return whether their span has occurred before.
 
-        If so, it has converged, or alternates between two spans.
+        If so, the arc has converged, or alternates between two spans.
 
         Parameters
         ----------
-        run : (n,) int ndarray
-            Positions of the inliers in the window.
+        inliers : (n,) int ndarray
+            Ascending positions of the inliers in the window.
         normals : (w,) complex ndarray
             Outward unit normals of the ellipse at the points of the window.
         """
-        self.inside, self.normals = self.start + run, normals
-        span = int(self.inside[0]), int(self.inside[-1])
-        is_repeated = span in self.spans
-        self.spans.add(span)
+        self.inliers, self.normals = self.start + inliers, normals
+        span = int(self.inliers[0]), int(self.inliers[-1])
+        is_repeated = span in self.previous_spans
+        self.previous_spans.add(span)
         return is_repeated
 
     def result(self, parameters: FloatArray) -> GrownArc:
-        """Return the arc with the ellipse of parameters (5,)."""
-        arc = IdentifiedArc(self.seed.free[self.inside], ellipse_from_parameters(parameters))
-        return GrownArc(arc, self.normals[self.inside - self.start])
+        """Return the arc with the ellipse of these parameters (5,), in mm."""
+        arc = IdentifiedArc(self.seed.free[self.inliers], ellipse_from_parameters(parameters))
+        return GrownArc(arc, self.normals[self.inliers - self.start])
 
 
 class _SearchedProfile:
-    """Candidates of a profile that are left to grow, and the arcs and rejections so far."""
+    """Profile with its remaining candidates, and its arcs and rejections so far."""
 
     def __init__(self, profile: PreparedProfile, candidates: Sequence[Candidate]) -> None:
         self.arcs: list[IdentifiedArc] = []
@@ -147,7 +159,7 @@ class _SearchedProfile:
         self._explained = np.zeros(len(profile.points), dtype=bool)
 
     def next_seed(self) -> Seed | None:
-        """Return the next candidate most of whose points are not explained by arcs so far."""
+        """Return the next candidate that overlaps no earlier arc; None after the last one."""
         for candidate in self._candidates:
             explained = np.count_nonzero(self._explained[candidate.indices])
             if explained <= MAX_OVERLAP * len(candidate.indices):
@@ -155,7 +167,7 @@ class _SearchedProfile:
         return None
 
     def add(self, arc: IdentifiedArc, reason: str | None) -> None:
-        """Add an arc, or its rejection if there is a reason for it; its points are explained."""
+        """Add an arc, or its rejection if there is a reason for one, and mark its points."""
         start, stop = arc.arc.start, arc.arc.stop
         self._explained[start:stop] = True
         if reason is None:
@@ -208,96 +220,107 @@ def identify_arcs(
 
 
 def grow_arcs(seeds: Sequence[Seed]) -> list[GrownArc | None]:
-    """Return the whole arc around each candidate; None where no ellipse fits the points."""
+    """Grow the arc around each candidate until its span does not change.
+
+    Parameters
+    ----------
+    seeds : sequence of Seed
+        Candidates of one or more profiles.
+
+    Returns
+    -------
+    list of GrownArc or None
+        Arc of each seed; None where no ellipse fits, or fewer than `MIN_POINTS` are inliers.
+    """
     grown: list[GrownArc | None] = [None] * len(seeds)
-    growths = [_Growth.of(number, seed) for number, seed in enumerate(seeds)]
-    growths = [growth for growth in growths if len(growth.inside) >= MIN_POINTS]
-    growths, parameters = _fit_seeds(growths)
+    arcs = [_GrowingArc.of(number, seed) for number, seed in enumerate(seeds)]
+    arcs = [arc for arc in arcs if len(arc.inliers) >= MIN_POINTS]
+    arcs, parameters = _fit_seeds(arcs)
     for _ in range(MAX_ITERATIONS):
-        if not growths:
+        if not arcs:
             break
-        compared, within = _compare(growths, parameters)
+        evaluated, within = _compare(arcs, parameters)
         members, rows = np.zeros(within.shape, dtype=bool), list[int]()
-        for row, growth in enumerate(growths):
-            run = find_connected_inliers(within[row], growth.inside - growth.start)
-            if len(run) < MIN_POINTS:
+        for row, arc in enumerate(arcs):
+            inliers = find_connected_inliers(within[row], arc.inliers - arc.start)
+            if len(inliers) < MIN_POINTS:
                 continue
-            if growth.take(run, compared.normals[row]):
-                grown[growth.number] = growth.result(parameters[row])
+            if arc.update(inliers, evaluated.normals[row]):
+                grown[arc.number] = arc.result(parameters[row])
                 continue
-            members[row][run] = True
+            members[row][inliers] = True
             rows.append(row)
         if not rows:
             return grown
-        if len(rows) < len(growths):
-            stacks = growths, compared, parameters, members
-            growths, compared, parameters, members = select_rows(stacks, rows)
-        stepped = gauss_newton_step(compared, parameters, members)
-        growths, parameters = _drop_failed(growths, stepped)
-    for growth, row in zip(growths, parameters, strict=True):
-        grown[growth.number] = growth.result(row)
+        if len(rows) < len(arcs):
+            stacks = arcs, evaluated, parameters, members
+            arcs, evaluated, parameters, members = select_rows(stacks, rows)
+        stepped = gauss_newton_step(evaluated, parameters, members)
+        arcs, parameters = _drop_failed(arcs, stepped)
+    for arc, row in zip(arcs, parameters, strict=True):
+        grown[arc.number] = arc.result(row)
     return grown
 
 
-def _fit_seeds(growths: list[_Growth]) -> tuple[list[_Growth], FloatArray]:
-    """Return the arcs, and the parameters (k, 5) of their seed ellipses after one refinement."""
-    if not growths:
-        return growths, np.empty((0, PARAMETERS))
-    ellipses = [seed_ellipse(growth.seed.profile, growth.seed.candidate) for growth in growths]
+def _fit_seeds(arcs: list[_GrowingArc]) -> tuple[list[_GrowingArc], FloatArray]:
+    """Return the arcs that have an ellipse, and its parameters (k, 5) after one refinement."""
+    if not arcs:
+        return arcs, np.empty((0, PARAMETERS))
+    ellipses = [seed_ellipse(arc.seed.profile, arc.seed.candidate) for arc in arcs]
     parameters = np.array([parameters_from_ellipse(ellipse) for ellipse in ellipses])
-    points, valid = NoisyPoints.stack([growth.points[growth.inside] for growth in growths])
-    compared = ellipse_residuals(points, parameters)
-    return _drop_failed(growths, gauss_newton_step(compared, parameters, valid))
+    points, valid = NoisyPoints.stack([arc.points[arc.inliers] for arc in arcs])
+    evaluated = ellipse_residuals(points, parameters)
+    return _drop_failed(arcs, gauss_newton_step(evaluated, parameters, valid))
 
 
 def _drop_failed(
-    growths: list[_Growth], parameters: FloatArray
-) -> tuple[list[_Growth], FloatArray]:
+    arcs: list[_GrowingArc], parameters: FloatArray
+) -> tuple[list[_GrowingArc], FloatArray]:
     """Return the arcs, and their parameters (k, 5), without those whose fit has failed (NaN)."""
     fitted = ~np.isnan(parameters[:, 0])
-    stacks = growths, parameters
+    stacks = arcs, parameters
     return stacks if fitted.all() else select_rows(stacks, fitted)
 
 
-def _compare(growths: list[_Growth], parameters: FloatArray) -> tuple[EllipseResiduals, BoolArray]:
+def _compare(arcs: list[_GrowingArc], parameters: FloatArray) -> tuple[EllipseResiduals, BoolArray]:
     """Compare the points in the next windows of k arcs with ellipses of parameters (k, 5).
 
     Returns
     -------
-    compared : EllipseResiduals
+    evaluated : EllipseResiduals
         Residuals (k, n) of the points of all windows.
     within : (k, n) bool ndarray
         Points that face the sensor and lie within the sensor error.
     """
-    points, valid = NoisyPoints.stack([growth.next_window() for growth in growths])
-    compared = ellipse_residuals(points, parameters)
-    squares = compared.normalised_squares
-    medians = row_medians(squares, [growth.inside - growth.start for growth in growths])
+    points, valid = NoisyPoints.stack([arc.next_window() for arc in arcs])
+    evaluated = ellipse_residuals(points, parameters)
+    squares = evaluated.normalised_squares
+    medians = row_medians(squares, [arc.inliers - arc.start for arc in arcs])
     limits = [
-        SENSOR_ERROR_SIGMAS * min(max(MAD_TO_STD * math.sqrt(median), 1.0), growth.max_scatter)
-        for median, growth in zip(medians, growths, strict=True)
+        SENSOR_ERROR_SIGMAS * min(max(MAD_TO_STD * math.sqrt(median), 1.0), arc.max_noise_factor)
+        for median, arc in zip(medians, arcs, strict=True)
     ]
     within: BoolArray = squares < as_column([limit * limit for limit in limits])
-    within &= compared.normals.imag > MIN_NORMAL_Y
+    within &= evaluated.normals.imag > MIN_NORMAL_Y
     if valid is not None:
         within &= valid
-    return compared, within
+    return evaluated, within
 
 
-def find_connected_inliers(inliers: BoolArray, inside: IntArray) -> IntArray:
+def find_connected_inliers(inliers: BoolArray, arc: IntArray) -> IntArray:
     """Return the inliers that are connected to the middle of an arc, across short interruptions.
 
     Parameters
     ----------
     inliers : (w,) bool ndarray
         Mask of the inliers of a window.
-    inside : (n,) int ndarray
-        Positions of the arc so far in that window, ascending.
+    arc : (n,) int ndarray
+        Ascending positions of the arc's previous inliers in that window, at least one.
 
     Returns
     -------
     (n,) int ndarray
-        Ascending positions of the connected inliers.
+        Ascending positions of the connected inliers; empty if the window has no inlier.
     """
     members = inliers.nonzero()[0]
     cuts = (members[1:] - members[:-1] > MAX_OUTLIER_RUN).nonzero()[0] + 1
@@ -305,7 +328,7 @@ def find_connected_inliers(inliers: BoolArray, inside: IntArray) -> IntArray:
         return members
     firsts = members[np.append(0, cuts)]
     stops = members[np.append(cuts, len(members)) - 1] + 1
-    middle = (int(inside[0]) + int(inside[-1])) / 2
+    middle = (int(arc[0]) + int(arc[-1])) / 2
     gaps, lengths = firsts[1:] - stops[:-1], stops - firsts
     central = int(np.maximum(firsts - middle, middle - stops + 1).argmin())
     max_gap = MAX_GAP_FRACTION * lengths[central]

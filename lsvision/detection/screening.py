@@ -1,10 +1,10 @@
 """Accurate screening: which points at the ends of an arc lie on its ellipse (section 3.2.2).
 
 As in the paper, an ellipse is fitted to the middle part of the arc and the points at both ends are
-compared with it. Here the comparison is a posterior probability (`lsvision.detection.end_points`),
-and it is repeated with the inliers of the other end in the fit, so that both ends are treated
-alike and reversing the order of the points does not change the result. Many arcs, of one or more
-profiles, are screened together as a stack: k arcs with up to n points each.
+compared with it. Here the comparison is a posterior probability (`lsvision.detection.end_points`).
+It is repeated with the inliers of the other end in the fit, so that both ends are treated in the
+same way and reversing the order of the points does not change the result. The arcs of one or more
+profiles are screened together as a stack: k arcs with up to n points each.
 """
 
 from collections.abc import Iterator, Sequence
@@ -41,21 +41,23 @@ from lsvision.geometry.noisy_points import NoisyPoints
 from lsvision.profile import PreparedProfile
 
 MAX_ITERATIONS = 3
-"""Largest number of fits and comparisons; more of them change no relevant inlier."""
+"""Largest number of fits and comparisons; more iterations change hardly any inlier."""
 MIN_INCIDENCE_COSINE = 0.05
-"""Cosine of the largest incidence at which a sensor can see a surface, 87 deg."""
+"""Smallest cosine of the angle of incidence (87 deg) at which a sensor can see a surface."""
 GUARD_POINTS = 1
-"""Inliers dropped at a contact: the last inlier is selected by its own residual, and with a noise
-model 4 % of the radius intervals would miss because of it. Dropping two only costs accuracy."""
+"""Number of inliers dropped at a contact: the outermost inlier is selected by its own residual, and
+with a noise model 4 % of the radius intervals would miss the radius because of it. To drop two has
+no benefit and reduces accuracy."""
 MIN_CONTACT_POINTS = 3
-"""Smallest number of connected points beyond an end that are a contact: bead, pipe or plate."""
+"""Smallest number of connected points beyond an end that count as a contact with another object,
+such as a bead, a pipe or a plate."""
 EDGE_POINTS_PER_CORRELATION = 2
-"""Points dropped at each end per unit of autocorrelation time above 1: near an edge, a sensor that
-smooths along the line mixes in the surface beyond the edge."""
+"""Number of points dropped at each end per unit of autocorrelation time above 1: near an edge, the
+points of a sensor that smooths along the line contain the surface beyond the edge."""
 
 
 class _Noises(NamedTuple):
-    """Noise of k arcs: the fields of `ArcNoise` as arrays (k,)."""
+    """Noise of k arcs: the fields of `ArcNoise` as arrays (k,), in the same order."""
 
     variance_factor: FloatArray
     autocorrelation_time: FloatArray
@@ -68,20 +70,16 @@ class _Noises(NamedTuple):
         return np.rint(EDGE_POINTS_PER_CORRELATION * (self.autocorrelation_time - 1)).astype(int)
 
 
-class _MiddleFits(NamedTuple):
-    """Arcs with the ellipses of their middle parts, the residuals of all points, and the noise.
-
-    `numbers` (k,) are the positions of the arcs among those that are screened.
-    """
+class _ArcFits(NamedTuple):
+    """Stack of k arcs with their ellipses, the residuals of all points (k, n), and the noise."""
 
     stack: ArcStack
-    numbers: IntArray
-    compared: EllipseResiduals
+    evaluated: EllipseResiduals
     noise: _Noises
 
 
-class _ComparedEnds(NamedTuple):
-    """Points of both ends of k arcs (k, 2), the ellipses that predict them, and their inliers."""
+class _EndComparison(NamedTuple):
+    """Points of both ends of k arcs (k, 2), the predicted ellipses, and the inliers."""
 
     points: EndPoints
     prediction: Prediction
@@ -91,7 +89,7 @@ class _ComparedEnds(NamedTuple):
 def screen_arcs(
     profiles: Sequence[PreparedProfile], arcs: Sequence[IdentifiedArc]
 ) -> list[ScreenedArc | None]:
-    """Select the inliers at both ends of arcs.
+    """Select the inliers at both ends of each arc.
 
     Parameters
     ----------
@@ -103,10 +101,12 @@ def screen_arcs(
     Returns
     -------
     list of ScreenedArc or None
-        None where no ellipse fits the middle part. An arc with too few points to be screened has
+        None where no ellipse fits the middle part. An arc with too few points for screening keeps
         the inliers of its identification.
     """
-    splits = [split_arc(*pair) for pair in zip(profiles, arcs, strict=True)]
+    splits = [
+        split_arc(number, *pair) for number, pair in enumerate(zip(profiles, arcs, strict=True))
+    ]
     screened: list[ScreenedArc | None] = [
         ScreenedArc(arc.indices, profile.noisy_points[arc.indices], arc.ellipse, 1.0)
         if split is None
@@ -114,13 +114,13 @@ def screen_arcs(
         for profile, arc, split in zip(profiles, arcs, splits, strict=True)
     ]
     extended: dict[int, IdentifiedArc] = {}
-    for fits in _fit_middles(splits, arcs):
+    for fits in _fit_middles([split for split in splits if split is not None]):
         for number, arc in _compare_ends(fits):
             if isinstance(arc, IdentifiedArc):
                 extended[number] = arc
             else:
                 screened[number] = arc
-    # An arc whose inliers reach the last point that was compared may be longer still.
+    # An arc whose inliers include the outermost point that was compared may continue beyond it.
     if extended:
         again = screen_arcs([profiles[number] for number in extended], list(extended.values()))
         for number, result in zip(extended, again, strict=True):
@@ -128,20 +128,13 @@ def screen_arcs(
     return screened
 
 
-def _fit_middles(
-    splits: Sequence[SplitArc | None], arcs: Sequence[IdentifiedArc]
-) -> Iterator[_MiddleFits]:
+def _fit_middles(arcs: list[SplitArc]) -> Iterator[_ArcFits]:
     """Yield up to two stacks of arcs with the ellipses and the noise of their middle parts.
 
-    The second one has the arcs whose errors are correlated, with the noise of a sensor that smooths
+    The second stack has the arcs with correlated errors, and the noise of a sensor that smooths
     along the line.
     """
-    numbers = np.array([i for i, split in enumerate(splits) if split is not None], dtype=int)
-    if len(numbers) == 0:
-        return
-    ellipses = [arcs[i].ellipse for i in numbers]
-    stack = ArcStack.of([split for split in splits if split is not None], ellipses)
-    fits = _fit_middle(stack, numbers)
+    fits = _fit_middle(ArcStack.of(arcs)) if arcs else None
     if fits is None:
         return
     smoothed = fits.noise.smoothed
@@ -149,45 +142,44 @@ def _fit_middles(
         yield fits
         return
     yield select_rows(fits, ~smoothed)
-    stack, numbers, compared, _ = select_rows(fits, smoothed)
-    stds = np.array([[split.profile.noise_std] for split in stack.arcs])
-    points = smoothed_noise(stack.points, compared.normals, stds)
-    fits = _fit_middle(stack._replace(points=points), numbers)
+    stack, evaluated, _ = select_rows(fits, smoothed)
+    stds = np.array([[arc.profile.noise_std] for arc in stack.arcs])
+    points = smoothed_noise(stack.points, evaluated.normals, stds)
+    fits = _fit_middle(stack._replace(points=points))
     if fits is not None:
         yield fits
 
 
-def _fit_middle(stack: ArcStack, numbers: IntArray) -> _MiddleFits | None:
+def _fit_middle(stack: ArcStack) -> _ArcFits | None:
     """Fit the ellipses of middle parts and estimate the noise.
 
-    Arcs without an ellipse are left out; None if there is no other.
+    Arcs without an ellipse are left out; None if no arc has one.
     """
-    valid = stack.middle_valid
-    compared = ellipse_residuals(stack.points[..., stack.middle], stack.parameters)
-    stack = stack._replace(parameters=gauss_newton_step(compared, stack.parameters, valid))
-    fitted = ~np.isnan(stack.parameters[:, 0])
-    if not fitted.all():
-        stack, numbers, valid = select_rows((stack, numbers, valid), fitted)
-    if len(numbers) == 0:
+    middle = stack.middle
+    evaluated = ellipse_residuals(stack.points[..., middle], stack.parameters)
+    parameters = gauss_newton_step(evaluated, stack.parameters, stack.middle_valid)
+    stack, fitted = stack._replace(parameters=parameters), ~np.isnan(parameters[:, 0])
+    if not fitted.any():
         return None
-    compared = ellipse_residuals(stack.points, stack.parameters)
-    normalised = compared.residuals[:, stack.middle] / np.sqrt(compared.variances[:, stack.middle])
+    if not fitted.all():
+        stack = select_rows(stack, fitted)
+    evaluated = ellipse_residuals(stack.points, stack.parameters)
+    normalised = evaluated.residuals[:, middle] / np.sqrt(evaluated.variances[:, middle])
     noises = [
-        estimate_arc_noise(row[: len(split.middle)], split.profile.min_variance_factor)
-        for row, split in zip(normalised, stack.arcs, strict=True)
+        estimate_arc_noise(row[: len(arc.middle)], arc.profile.min_variance_factor)
+        for row, arc in zip(normalised, stack.arcs, strict=True)
     ]
-    noise = _Noises(*map(np.array, zip(*noises, strict=True)))
-    return _MiddleFits(stack, numbers, compared, noise)
+    return _ArcFits(stack, evaluated, _Noises(*map(np.array, zip(*noises, strict=True))))
 
 
-def _compare_ends(fits: _MiddleFits) -> Iterator[tuple[int, ScreenedArc | IdentifiedArc]]:
+def _compare_ends(fits: _ArcFits) -> Iterator[tuple[int, ScreenedArc | IdentifiedArc]]:
     """Compare each end with the ellipse of all other inliers, until no inlier changes.
 
-    Yields the number of each arc with its result, which is an identified arc if the inliers reach
-    the last point that was compared. Arcs whose fit fails are left out.
+    Yields the number of each arc with its result, which is an identified arc if the inliers include
+    the outermost point that was compared. Arcs whose fit fails are left out.
     """
     for remaining in reversed(range(MAX_ITERATIONS)):
-        if len(fits.numbers) == 0:
+        if not fits.stack.arcs:
             return
         fits, ends, converged = _compare_once(fits)
         finished = converged | (remaining == 0)
@@ -196,17 +188,17 @@ def _compare_ends(fits: _MiddleFits) -> Iterator[tuple[int, ScreenedArc | Identi
             return
         yield from _screened_arcs(*select_rows((fits, ends), finished))
         fits = select_rows(fits, ~finished)
-        compared = ellipse_residuals(fits.stack.points, fits.stack.parameters)
-        fits = fits._replace(compared=compared)
+        evaluated = ellipse_residuals(fits.stack.points, fits.stack.parameters)
+        fits = fits._replace(evaluated=evaluated)
 
 
-def _compare_once(fits: _MiddleFits) -> tuple[_MiddleFits, _ComparedEnds, BoolArray]:
-    """Return the arcs with the ellipses of their new inliers, their ends, and which are converged.
+def _compare_once(fits: _ArcFits) -> tuple[_ArcFits, _EndComparison, BoolArray]:
+    """Return the arcs with the ellipses of their new inliers, their ends, and which have converged.
 
-    An arc is converged if no inlier has changed.
+    An arc has converged if none of its inliers has changed. Arcs whose fit fails are left out.
     """
     stack = fits.stack
-    system = WeightedSystem.of(fits.compared, fits.noise.variance_factor[:, None])
+    system = WeightedSystem.of(fits.evaluated, fits.noise.variance_factor[:, None])
     middle = WeightedSystem(system.rows[..., stack.middle], system.weights[:, stack.middle])
     equations = middle.normal_equations(stack.middle_valid)
     predicting = equations.copy()
@@ -223,13 +215,11 @@ def _compare_once(fits: _MiddleFits) -> tuple[_MiddleFits, _ComparedEnds, BoolAr
     parameters = stack.parameters + damped_step(equations, stack.parameters)
     valid = are_ellipses(parameters) & ~singular
     fits = fits._replace(stack=stack._replace(members=inliers.members, parameters=parameters))
-    compared = _ComparedEnds(points, prediction, inliers)
-    if not valid.all():
-        return select_rows((fits, compared, ~changed), valid)
-    return fits, compared, ~changed
+    result = fits, _EndComparison(points, prediction, inliers), ~changed
+    return result if valid.all() else select_rows(result, valid)
 
 
-def _predict(equations: FloatArray, fits: _MiddleFits) -> tuple[Prediction, BoolArray]:
+def _predict(equations: FloatArray, fits: _ArcFits) -> tuple[Prediction, BoolArray]:
     """Return the predictions of both ends (k, 2), and which arcs have singular equations (k,)."""
     covariance = inverse_information(equations)
     singular = np.isnan(covariance[..., 0, 0])
@@ -245,44 +235,44 @@ def _predict(equations: FloatArray, fits: _MiddleFits) -> tuple[Prediction, Bool
     return prediction, singular[:, 0] | singular[:, 1]
 
 
-def _end_points(fits: _MiddleFits, jacobian: FloatArray) -> EndPoints:
-    """Return the points of both ends of k arcs, (k, 2, m + 2)."""
-    stack, compared = fits.stack, fits.compared
+def _end_points(fits: _ArcFits, jacobian: FloatArray) -> EndPoints:
+    """Return the points of both ends of k arcs, (k, 2, m + 2), with their `jacobian`."""
+    stack, evaluated = fits.stack, fits.evaluated
     z, variances, deviator = stack.points.z, stack.points.mean_variance, stack.points.deviator
     points = NoisyPoints(stack.take_ends(z), stack.take_ends(variances), stack.take_ends(deviator))
-    residuals, normals = stack.take_ends(compared.residuals), stack.take_ends(compared.normals)
+    residuals, normals = stack.take_ends(evaluated.residuals), stack.take_ends(evaluated.normals)
     feet = points.z - residuals.astype(complex) * normals
     steps = np.zeros(residuals.shape)
     np.abs(feet[..., 1:] - feet[..., :-1], out=steps[..., 1:])
     visible = points.incidence_cosines(normals) > MIN_INCIDENCE_COSINE
     visible &= stack.ends_valid
-    variances = stack.take_ends(compared.inflated_variances)
+    variances = stack.take_ends(evaluated.inflated_variances)
     variances = variances * fits.noise.variance_factor[:, None, None]
     return EndPoints(residuals, variances, jacobian, visible, steps.cumsum(axis=-1))
 
 
 def _screened_arcs(
-    fits: _MiddleFits, ends: _ComparedEnds
+    fits: _ArcFits, ends: _EndComparison
 ) -> Iterator[tuple[int, ScreenedArc | IdentifiedArc]]:
-    """Yield the number of each arc with its result, as `_compare_ends`."""
+    """Yield the number of each arc with its result, as `_compare_ends` does."""
     stack = fits.stack
     selected, mixed_points = _select_probable(fits, ends), fits.noise.mixed_points.tolist()
-    for arc, (number, split) in enumerate(zip(fits.numbers.tolist(), stack.arcs, strict=True)):
-        ellipse = ellipse_from_parameters(stack.parameters[arc])
-        if split.reached_limits(stack.members[arc]):
-            indices, _ = stack.select_inliers(arc, stack.members[arc])
-            yield number, IdentifiedArc(indices, ellipse)
+    for row, arc in enumerate(stack.arcs):
+        ellipse = ellipse_from_parameters(stack.parameters[row])
+        if arc.reaches_outermost(stack.members[row]):
+            indices, _ = stack.select_inliers(row, stack.members[row])
+            yield arc.number, IdentifiedArc(indices, ellipse)
         else:
-            variance_factor = float(fits.noise.variance_factor[arc])
-            inliers = stack.select_inliers(arc, selected[arc])
-            yield number, ScreenedArc(*inliers, ellipse, variance_factor, mixed_points[arc])
+            variance_factor = float(fits.noise.variance_factor[row])
+            inliers = stack.select_inliers(row, selected[row])
+            yield arc.number, ScreenedArc(*inliers, ellipse, variance_factor, mixed_points[row])
 
 
-def _select_probable(fits: _MiddleFits, ends: _ComparedEnds) -> BoolArray:
-    """Return the inliers (k, 2, m) that are probable enough for their leverage, less a margin.
+def _select_probable(fits: _ArcFits, ends: _EndComparison) -> BoolArray:
+    """Return the mask (k, 2, m) of the inliers that are probable enough for their leverage.
 
-    The margin leaves out the outermost inliers at a contact or an edge (`GUARD_POINTS`,
-    `EDGE_POINTS_PER_CORRELATION`).
+    The outermost of them are dropped at a contact (`GUARD_POINTS`), and near the edges in a profile
+    of a sensor that smooths along the line (`EDGE_POINTS_PER_CORRELATION`).
     """
     members, log_odds, leverages = ends.inliers
     following = _mark_connected_beyond(fits.stack)
@@ -291,10 +281,10 @@ def _select_probable(fits: _MiddleFits, ends: _ComparedEnds) -> BoolArray:
     if contacts.any():
         at_contacts = select_rows((ends.points, ends.prediction, members, following), contacts)
         probability[contacts] *= departure_free_probability(*at_contacts)
-    # The costs of a wrong decision: an inlier that is lost leaves the ellipse as it is, a wrong
-    # one may shift it by sqrt(leverage) of its standard deviations.
+    # The costs of a wrong decision: without a true inlier the ellipse remains as it is; a false one
+    # may shift the ellipse by sqrt(leverage) of its standard deviations.
     selected = members & (probability > np.sqrt(leverages) * (1 - probability))
-    # A contact: enough connected points beyond the last inlier, or enough rejected inliers.
+    # A contact has enough connected points beyond the last inlier, or enough rejected inliers.
     rejected = (members & ~selected).sum(axis=-1)
     contact = np.maximum(following.sum(axis=-1), rejected) >= MIN_CONTACT_POINTS
     dropped = fits.noise.mixed_points[:, None] + GUARD_POINTS * contact
@@ -304,15 +294,15 @@ def _select_probable(fits: _MiddleFits, ends: _ComparedEnds) -> BoolArray:
 
 
 def _mark_connected_beyond(stack: ArcStack) -> BoolArray:
-    """Return the points (k, 2, m) connected beyond the last inlier of each end."""
+    """Return the mask (k, 2, m) of the points connected beyond the last inlier of each end."""
     following = np.zeros(stack.members.shape, dtype=bool)
     points = stack.take_ends(stack.points.z)
-    for arc, split in enumerate(stack.arcs):
-        for side, end in enumerate(split.ends):
-            inliers = stack.members[arc, side].nonzero()[0].tolist()
+    for row, arc in enumerate(stack.arcs):
+        for side, end in enumerate(arc.ends):
+            inliers = stack.members[row, side].nonzero()[0].tolist()
             if inliers:
-                z, beyond = points[arc, side, : len(end)].tolist(), inliers[-1] + 1
+                z, beyond = points[row, side, : len(end)].tolist(), inliers[-1] + 1
                 inside = z[:PREDECESSORS] + [z[PREDECESSORS + i] for i in inliers]
                 chain = find_connected_beyond(inside, z[PREDECESSORS + beyond :], POINTS_BEYOND)
-                following[arc, side, [beyond + i for i in chain]] = True
+                following[row, side, [beyond + i for i in chain]] = True
     return following

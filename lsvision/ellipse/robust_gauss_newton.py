@@ -128,20 +128,20 @@ class WeightedSystem(NamedTuple):
 
     @classmethod
     def of(
-        cls, compared: EllipseResiduals, variance_factor: float | FloatArray
+        cls, evaluated: EllipseResiduals, variance_factor: float | FloatArray
     ) -> "WeightedSystem":
         """Return the system with Cauchy's weights: a residual of 3 sigma halves a point's.
 
         Otherwise the foot of a weld bead on a flank, where n' Sigma n is small, would dominate the
         fit, and the next step would diverge. `variance_factor` is a number, or (k, 1).
         """
-        *stack, count = compared.residuals.shape
+        *stack, count = evaluated.residuals.shape
         rows = np.empty((*stack, PARAMETERS + 1, count))
-        parameter_jacobian(compared.normals, compared.w, out=rows[..., :PARAMETERS, :])
-        rows[..., PARAMETERS, :] = compared.residuals
-        variances = compared.residuals * compared.residuals
+        parameter_jacobian(evaluated.normals, evaluated.w, out=rows[..., :PARAMETERS, :])
+        rows[..., PARAMETERS, :] = evaluated.residuals
+        variances = evaluated.residuals * evaluated.residuals
         variances *= 1 / SIGNIFICANT_SIGMAS**2
-        variances += variance_factor * compared.inflated_variances
+        variances += variance_factor * evaluated.inflated_variances
         return cls(rows, 1 / variances)
 
     def normal_equations(self, members: BoolArray | None = None) -> FloatArray:
@@ -186,16 +186,16 @@ def inverse_information(equations: FloatArray) -> FloatArray:
 
 
 def gauss_newton_step(
-    compared: EllipseResiduals, parameters: FloatArray, members: BoolArray | None = None
+    evaluated: EllipseResiduals, parameters: FloatArray, members: BoolArray | None = None
 ) -> FloatArray:
     """Return the parameters after one robust, weighted step; NaN if they are not an ellipse.
 
     `members` is the mask (..., n) of the points that are used, all of them by default; at least one
     of each arc.
     """
-    medians = row_medians(compared.normalised_squares, members)
+    medians = row_medians(evaluated.normalised_squares, members)
     factor = as_column([max(median * MAD_TO_STD**2, 1.0) for median in medians])
-    equations = WeightedSystem.of(compared, factor).normal_equations(members)
+    equations = WeightedSystem.of(evaluated, factor).normal_equations(members)
     refined = parameters + damped_step(equations, parameters)
     for row in refined.reshape(-1, PARAMETERS):
         if not is_ellipse(row):
