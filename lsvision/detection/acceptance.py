@@ -1,4 +1,4 @@
-"""Acceptance tests of fitted sections, and suppression of sections that share their points."""
+"""Acceptance tests of fitted sections, and suppression of sections that overlap larger ones."""
 
 import math
 from collections.abc import Sequence
@@ -14,18 +14,19 @@ from lsvision.geometry.noisy_points import ComplexArray
 from lsvision.profile import PreparedProfile
 
 MAX_RADIUS_RATIO = 2.0
-"""Largest ratio of an end of the radius' 95 % interval to the radius, or its inverse; beyond it the
-radius is not determinable."""
+"""Largest ratio of the upper end of the 95 % interval to the radius, and of the radius to the lower
+end; above it the radius is not determinable."""
 MIN_UNTILTED_SIGMAS = 2.2
-"""Smallest ratio of radius to standard uncertainty of an untilted cylinder that fits the arc: below
-it the 97 % interval has no upper end. Of such arcs those whose fit came out small and tilted by
-chance would seem determined: of 60 deg of small circles 92 % of the 95 % intervals held without
-this limit, 94 % with it, at a loss of 1.5 % of the right ones (6 % with a limit of 2.5)."""
+"""Smallest ratio of radius to standard uncertainty of an untilted cylinder that fits the arc. Below
+it the 97 % interval of the radius has no upper end, but a fit that is small and tilted by chance
+would seem to determine the radius. For arcs of 60 deg of small circles, the 95 % intervals contain
+the radius in 92 % of the cases without this limit and in 94 % with it; the limit rejects 1.5 % of
+the valid fits (2.5 would reject 6 %)."""
 CERTAIN_RADIUS_SIGMAS = 6.0
-"""Ratio of radius to standard uncertainty above which its interval does not exceed
-`MAX_RADIUS_RATIO`: only below it the interval is computed, which takes 20 to 200 ms."""
+"""Ratio of radius to standard uncertainty above which the interval certainly is within
+`MAX_RADIUS_RATIO`. The interval, which takes 20 to 200 ms, is computed only below this ratio."""
 UNDETERMINABLE = "radius not determinable"
-"""First words of the reason for the rejection of a cylinder whose radius is not bounded."""
+"""First words of the reason of a rejection because the interval of the radius is too wide."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,9 +38,9 @@ class AcceptanceSettings:
     min_points : int
         Smallest number of inliers.
     min_coverage_deg : float
-        Smallest range of the directions of the arc's normals. Units: deg.
+        Smallest angle between the normals at both ends of the arc. Units: deg.
     max_tilt_deg : float
-        Largest tilt phi of the cylinder. Units: deg.
+        Largest angle phi between the cylinder's axis and the laser plane's normal. Units: deg.
     """
 
     min_points: int = 12
@@ -53,22 +54,31 @@ def shape_rejection_reason(
     radius_range: tuple[float, float],
     settings: AcceptanceSettings = AcceptanceSettings(),
 ) -> str | None:
-    """Return why an ellipse is not the section of a cylinder; None if it may be.
+    """Return the reason why an ellipse cannot be the section of a cylinder; None if it can.
 
-    `normals` (n,) are its outward unit normals at the points; `radius_range` is in mm.
+    Parameters
+    ----------
+    ellipse : Ellipse
+        Ellipse of the arc. Units: mm, rad.
+    normals : (n,) complex ndarray
+        Outward unit normals of the ellipse at the points of the arc.
+    radius_range : (float, float)
+        Smallest and largest radius. Units: mm.
+    settings : AcceptanceSettings
+        Limits on points, coverage and tilt.
     """
     low, high = radius_range
     if len(normals) < settings.min_points:
         return f"only {len(normals)} points on an ellipse, needs {settings.min_points}"
-    middle = complex(normals.sum())
-    if middle.imag <= 0:
+    mean_normal = complex(normals.sum())
+    if mean_normal.imag <= 0:
         return "concave towards the sensor"
     if not low <= ellipse.radius <= high:
         return f"radius {ellipse.radius:.3g} mm outside {low:.3g} to {high:.3g} mm"
     tilt_deg = math.degrees(ellipse.phi)
     if tilt_deg > settings.max_tilt_deg:
         return f"tilt {tilt_deg:.0f} deg over {settings.max_tilt_deg:.0f} deg"
-    rotated = normals * middle.conjugate()
+    rotated = normals * mean_normal.conjugate()
     directions = np.arctan2(rotated.imag, rotated.real)
     coverage_deg = math.degrees(float(directions.max() - directions.min()))
     if coverage_deg < settings.min_coverage_deg:
@@ -82,9 +92,18 @@ def rejection_reason(
     radius_range: tuple[float, float],
     settings: AcceptanceSettings = AcceptanceSettings(),
 ) -> str | None:
-    """Return why the section of a cylinder is not accepted; None if it is.
+    """Return the reason why a fitted section is rejected; None if it is accepted.
 
-    The section has the indices of the prepared `profile`; `radius_range` is in mm.
+    Parameters
+    ----------
+    profile : PreparedProfile
+        Profile of the section.
+    section : CylinderSection
+        Section whose indices are those of the prepared profile.
+    radius_range : (float, float)
+        Smallest and largest radius. Units: mm.
+    settings : AcceptanceSettings
+        Limits on points, coverage and tilt.
     """
     fit = section.fit
     reason = shape_rejection_reason(fit.ellipse, fit.normals, radius_range, settings)
@@ -97,7 +116,8 @@ def rejection_reason(
     if scatter > limit:
         hint = "" if profile.noise_is_estimated else ": is the sensor's noise right?"
         return f"residual rms {scatter:.1f} times the noise, limit {limit:.1f}{hint}"
-    # With a known radius b cannot vanish: the fit stops, unconverged, at the kink of b at a circle.
+    # With a known radius the ellipse cannot become flat; such a fit may stop without convergence at
+    # a circle, where the derivative of b is discontinuous.
     if not fit.converged and fit.problem.known_radius is None:
         tilt = f"the fit stopped at {math.degrees(fit.ellipse.phi):.0f} deg"
         return f"no best ellipse: the fit improves as it becomes flatter ({tilt})"
@@ -105,7 +125,10 @@ def rejection_reason(
 
 
 def contradicted_radius_reason(section: CylinderSection) -> str | None:
-    """Return why the points contradict a known radius; None if not, or if it is not known."""
+    """Return the reason why the points contradict a known radius; None if they do not.
+
+    None also if no radius is known.
+    """
     points, known = contradicting_radius(section.fit), section.fit.problem.known_radius
     if points is None or known is None:
         return None
@@ -117,19 +140,23 @@ def contradicted_radius_reason(section: CylinderSection) -> str | None:
 
 
 def undeterminable_radius_reason(section: CylinderSection) -> str | None:
-    """Return why a radius is not determinable from the points; None if it is, or if it is known."""
+    """Return the reason why the points do not determine the radius; None if they do.
+
+    None also if the radius or the tilt is known.
+    """
     problem = section.fit.problem
     if problem.known_radius is not None or problem.known_phi is not None:
         return None
-    radius, squeeze = section.radius, math.cos(section.phi) ** 2
-    # The radius m - |(p, q)| has at most twice the variances of m, p and q together.
+    radius, flattening = section.radius, math.cos(section.phi) ** 2
+    # The variance of the radius m - |(p, q)| is at most twice the sum of those of m, p and q.
     max_variance = 2 * float(section.fit.parameter_covariance[2:, 2:].trace())
-    if radius * squeeze > CERTAIN_RADIUS_SIGMAS * math.sqrt(max_variance):
+    if radius * flattening > CERTAIN_RADIUS_SIGMAS * math.sqrt(max_variance):
         return None
     std = section.local_radius_std
-    # A short arc determines its curvature a^2 / b, and 1 / b with a std that is the same for all b.
-    if radius * squeeze < MIN_UNTILTED_SIGMAS * std:
-        untilted = f"{radius / squeeze:.3g} +/- {std / squeeze**2:.2g} mm untilted"
+    # A short arc determines only its radius of curvature, a^2 / b: that of an untilted cylinder.
+    # The standard uncertainty of 1 / b does not depend on b.
+    if radius * flattening < MIN_UNTILTED_SIGMAS * std:
+        untilted = f"{radius / flattening:.3g} +/- {std / flattening**2:.2g} mm untilted"
         return f"{UNDETERMINABLE}: {untilted}; a longer arc is needed"
     if radius > CERTAIN_RADIUS_SIGMAS * std:
         return None
@@ -140,12 +167,16 @@ def undeterminable_radius_reason(section: CylinderSection) -> str | None:
 
 
 def suppress_overlapping(cylinders: Sequence[CylinderSection]) -> list[CylinderSection]:
-    """Return the sections that overlap none with more points, by descending number of points."""
-    taken: set[int] = set()
+    """Return the sections that do not overlap one with more points.
+
+    They are in descending order of their number of points; `MAX_OVERLAP` is the largest fraction of
+    its points that a section may share.
+    """
+    covered: set[int] = set()
     accepted: list[CylinderSection] = []
     for cylinder in sorted(cylinders, key=lambda cylinder: -len(cylinder.indices)):
         indices = cylinder.indices.tolist()
-        if len(taken.intersection(indices)) <= MAX_OVERLAP * len(indices):
+        if len(covered.intersection(indices)) <= MAX_OVERLAP * len(indices):
             accepted.append(cylinder)
-            taken.update(indices)
+            covered.update(indices)
     return accepted

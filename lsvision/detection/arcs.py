@@ -72,10 +72,10 @@ class Rejection(Result):
     arc : Arc
         Index span of the profile.
     reason : str
-        What is wrong, with the measured value and its limit.
+        Why the arc is not accepted, with the measured value and its limit.
     convex : bool
-        True where the points bend as those of a cylinder do: towards the sensor, and better fitted
-        by a circle than by a straight line.
+        Whether the points are curved as those of a cylinder: convex towards the sensor, and better
+        fitted by a circle than by a straight line.
 
     Examples
     --------

@@ -1,9 +1,9 @@
 """Candidate arcs: windows of a component that fit a circle, with an initial ellipse for each.
 
-The paper fits an ellipse to every window of 10 % of the profile, and so finds huge ellipses on
-flat bars. Here circles are first fitted to windows of many lengths at once, from their moments;
-only those with the curvature of a pipe get an ellipse (``cv2.fitEllipseDirect``). The windows
-are a fixed lattice instead of random draws, so that results are repeatable.
+The paper fits an ellipse to every window of 10 % of the profile, and therefore finds huge ellipses
+on flat bars. Here circles are first fitted to windows of many lengths at once, from their moments;
+an ellipse (``cv2.fitEllipseDirect``) is fitted only to windows with the curvature of a pipe. The
+windows are a fixed grid instead of random samples, so that results are repeatable.
 """
 
 import math
@@ -24,8 +24,8 @@ from lsvision.statistics.robust import SIGNIFICANT_SIGMAS
 MAX_AXIS_RATIO = 2.0
 """Largest ratio of the semi-axes of an initial ellipse, that of a tilt of 60 deg."""
 MIN_COVERAGE_POINTS = 15.7
-"""Smallest product of the angle that a window covers (rad) and its number of points, 25 deg at 36
-points: few points may curve by chance."""
+"""Smallest product of the angle that a window covers (rad) and its number of points (for 36 points
+the angle is 25 deg): the noise of few points may look like curvature."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +42,17 @@ class CandidateSettings:
 
 
 class Candidate(NamedTuple):
-    """Window with the curvature of a pipe: indices of its points, and their circle in mm."""
+    """Window with the curvature of a pipe.
+
+    Parameters
+    ----------
+    indices : (n,) int ndarray
+        Ascending indices of the points of the window in the prepared profile.
+    centre : (float, float)
+        Centre of the fitted circle. Units: mm.
+    radius : float
+        Radius of the fitted circle. Units: mm.
+    """
 
     indices: IntArray
     centre: tuple[float, float]
@@ -73,7 +83,8 @@ def find_candidates(
     Returns
     -------
     list of list of Candidate
-        Candidates of each profile, by descending angle covered.
+        Candidates of each profile, in descending order of the angle covered; none for a profile
+        without components.
     """
     candidates: list[list[Candidate]] = [[] for _ in profiles]
     searched = [i for i, segments in enumerate(components) if segments]
@@ -86,14 +97,15 @@ def find_candidates(
     circles = windows.fit_window_circles(points, all_windows)
     limits = np.array([(*radius_ranges[i], profiles[i].noise_std) for i in searched])
     passed = _passes_limits(circles, *limits.take(all_windows.rows, axis=0).T).nonzero()[0]
-    found = select_rows((all_windows, circles.centre, circles.radius), passed)
-    selected, centres, _ = found
+    passed_circles = select_rows((all_windows, circles.centre, circles.radius), passed)
+    selected, centres, _ = passed_circles
     coverage = windows.arc_coverage(points, selected, centres)
-    # float32: windows whose coverage differs by rounding only are sorted by their centre's x.
+    # In float32, so that windows whose coverage differs only by rounding are sorted by the x of
+    # their centre.
     order = np.lexsort((centres.real, -coverage.astype(np.float32), selected.rows))
     order = order[(coverage * (selected.stops - selected.starts) >= MIN_COVERAGE_POINTS)[order]]
     best = order[_suppress_non_maxima(select_rows(selected, order))]
-    (rows, starts, stops), *circle = select_rows(found, best)
+    (rows, starts, stops), *circle = select_rows(passed_circles, best)
     for row, start, stop, centre, radius in zip(
         *(field.tolist() for field in (rows, starts, stops, *circle)), strict=True
     ):
@@ -107,17 +119,20 @@ def _build_windows(components: Sequence[list[IntArray]], smallest: int) -> windo
     spans = [
         windows.multiscale_windows(list(map(len, segments)), smallest) for segments in components
     ]
-    rows = np.repeat(np.arange(len(spans)), [len(starts) for starts, _ in spans])
-    starts, stops = (np.concatenate(ends) for ends in zip(*spans, strict=True))
-    return windows.Windows(rows, starts, stops)
+    rows = np.repeat(np.arange(len(spans)), [row_spans.shape[1] for row_spans in spans])
+    return windows.Windows(rows, *np.concatenate(spans, axis=1))
 
 
 def _passes_limits(
     circles: windows.WindowCircles, low: FloatArray, high: FloatArray, noise_std: FloatArray
 ) -> BoolArray:
-    """Return which windows pass the limits of curvature, convexity and residuals."""
+    """Return which of w windows pass the limits of curvature, convexity and residuals.
+
+    `low` and `high` (w,) are the radius ranges, `noise_std` (w,) the noise, of their profiles in
+    mm.
+    """
     passed: BoolArray = circles.convex & (circles.rms < circles.line_rms)
-    # Radius of curvature of an ellipse: from b^2 / a at its sharp ends to a^2 / b.
+    # The radius of curvature of an ellipse is between b^2 / a and a^2 / b.
     passed &= circles.radius >= low / MAX_AXIS_RATIO
     passed &= circles.radius <= high * MAX_AXIS_RATIO**2
     passed &= circles.rms <= max_circle_rms(circles.radius, noise_std)
@@ -126,16 +141,14 @@ def _passes_limits(
 
 def max_circle_rms(radius: FloatArray, noise_std: float | FloatArray) -> FloatArray:
     """Return the largest accepted rms distance of points from circles of these radii. Units: mm."""
-    # 90 deg of a section tilted by 50 deg leave 1.2 % of the radius.
+    # On an arc of 90 deg of a section tilted by 50 deg, the rms is 1.2 % of the radius.
     return SIGNIFICANT_SIGMAS * noise_std + MAX_RELATIVE_SCATTER * radius
 
 
 def _suppress_non_maxima(ordered: windows.Windows) -> list[int]:
-    """Return the positions of the windows that overlap no better one, by non-maximum suppression.
+    """Return the positions of the windows that do not overlap a better one of the same row.
 
-    The windows are sorted by row, and best first in each row.
-
-    Windows of different rows do not overlap.
+    The windows are sorted by row, with the best one of each row first.
     """
     best, spans, last_row = list[int](), list[tuple[int, int]](), -1
     spans_by_row = zip(*(field.tolist() for field in ordered), strict=True)
@@ -153,7 +166,7 @@ def _suppress_non_maxima(ordered: windows.Windows) -> list[int]:
 
 
 def seed_ellipse(profile: PreparedProfile, candidate: Candidate) -> Ellipse:
-    """Return the algebraic ellipse of a candidate's points, or its circle instead."""
+    """Return the algebraic ellipse of a candidate, or its circle if that is implausible."""
     circle, radius = candidate.centre, candidate.radius
     ellipse = _algebraic_ellipse(profile.points[candidate.indices])
     if (
@@ -167,7 +180,10 @@ def seed_ellipse(profile: PreparedProfile, candidate: Candidate) -> Ellipse:
 
 
 def _algebraic_ellipse(points: Points) -> Ellipse | None:
-    """Return the ellipse of Halir and Flusser's fit, biased to small axes; None if it fails."""
+    """Return the ellipse of Halir and Flusser's fit, whose axes are biased to small values.
+
+    None if the fit fails.
+    """
     centroid = points.sum(axis=0) / len(points)
     # OpenCV uses float32: without subtracting the centroid, 0.1 mm would be lost at 400 mm.
     centred: FloatArray = points - centroid

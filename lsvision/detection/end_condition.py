@@ -1,8 +1,9 @@
 """End condition: the line of a cylinder does not continue tangentially beyond the ends of its arc.
 
-It ends where the surface turns away from the sensor, or in a kink at the next object. The crest of
-a bent sheet, or the rounded corner of a tube, continues tangentially. The exception is a fillet,
-such as the foot of a weld bead: it begins tangentially, too, but is concave towards the sensor.
+It ends where the surface turns away from the sensor, or bends abruptly where the next object
+begins. The lines of a bent sheet and of the rounded corner of a tube continue tangentially. A
+fillet, such as the foot of a weld bead, also begins tangentially, but is concave towards the
+sensor: it is accepted.
 """
 
 import cmath
@@ -19,31 +20,33 @@ from lsvision.profile import PreparedProfile
 from lsvision.statistics.robust import SIGNIFICANT_SIGMAS
 
 MIN_TURN_DEG = 20.0
-"""Turn of the line at an end below which it continues tangentially. Units: deg."""
+"""Change of the line's direction at an end, below which it continues tangentially. Units: deg."""
 POINTS_BEYOND, BEYOND_FRACTION = 6, 1 / 8
-"""Points beyond an end over which its turn is measured: this number or this fraction of the arc."""
+"""Number of points beyond an end from which the line's direction is measured: the larger of this
+number and this fraction of the arc's points."""
 FILLET_POINTS = 2 * POINTS_BEYOND
-"""Number of points beyond an end whose curvature is tested for a fillet: a fillet is short, but
-the curvature of few points is not significant."""
+"""Number of points beyond an end that may be a fillet: a fillet is short, but the curvature of
+fewer points is not significant."""
 MAX_GAP_STEPS = 3.0
-"""Largest distance between connected points, in median steps of the arc."""
+"""Largest distance between connected points, in median distances between neighbours of the arc."""
 MIN_FILLET_CURVATURE = 1.0
-"""Smallest curvature of a fillet over that of the cylinder: feet of weld beads have 0.9 to 1.6, the
-line beyond a rounded corner at most 0, the valleys of a corrugated sheet up to 1."""
+"""Smallest ratio of the curvature of a fillet to that of the cylinder: it is 0.9 to 1.6 for the
+feet of weld beads, at most 0 beyond a rounded corner, and up to 1 in the valleys of a corrugated
+sheet."""
 
 
 def tangential_end_reason(
     profile: PreparedProfile, arc: IdentifiedArc, screened: ScreenedArc
 ) -> str | None:
-    """Return why an arc whose line continues tangentially is not a cylinder; None if it does not.
+    """Return the reason to reject an arc whose line continues tangentially; None if it ends.
 
     Parameters
     ----------
     profile : PreparedProfile
         Profile of the arc.
     arc : IdentifiedArc
-        Arc before screening, which may shorten it: the turn of the line is measured beyond the
-        longer one.
+        Arc before screening. Since screening may shorten an arc, the direction of the line is
+        measured beyond the points of both.
     screened : ScreenedArc
         The same arc after screening: a fillet begins at its ends. Its `mixed_points` beyond an end
         are left out: a sensor that smooths along the line has mixed the arc into them, so that each
@@ -82,10 +85,21 @@ def tangential_end_reason(
 def find_connected_beyond(
     arc_points: Sequence[complex], beyond: Sequence[complex], max_count: int
 ) -> list[int]:
-    """Return the positions of up to `max_count` points beyond an arc, each near the one before.
+    """Find the points beyond an arc that are connected to it, each to the one before.
 
-    `arc_points` are at least two points of the arc towards its end, `beyond` those that follow
-    outwards, as x + iy. Units: mm.
+    Parameters
+    ----------
+    arc_points : sequence of complex
+        At least two points x + iy of the arc, towards its end. Units: mm.
+    beyond : sequence of complex
+        Points x + iy beyond this end, outwards. Units: mm.
+    max_count : int
+        Largest number of points to return.
+
+    Returns
+    -------
+    list of int
+        Positions of the connected points in `beyond`, ascending.
     """
     near = arc_points[-2 * POINTS_BEYOND :]
     steps = sorted([abs(after - before) for before, after in pairwise(near)])
@@ -119,7 +133,8 @@ def _split_ends(
 def _end_turn(inner: ComplexArray, beyond: ComplexArray, ellipse: Ellipse, min_count: int) -> float:
     """Return the angle between the tangent at the last point and the line beyond it. Units: rad.
 
-    pi (the line ends) for fewer than `min_count` points, or an end that faces away from the sensor.
+    It is pi where the line ends: with fewer than `min_count` points beyond, or with an end of the
+    arc that faces away from the sensor.
     """
     if len(beyond) < min_count:
         return math.pi
@@ -130,22 +145,23 @@ def _end_turn(inner: ComplexArray, beyond: ComplexArray, ellipse: Ellipse, min_c
     if normal.imag < 0:
         return math.pi
     tangent = _oriented(1j * normal, inner)
-    # The principal axis of points has half the angle of the sum of their squares.
+    # The angle of the principal axis of complex numbers is half that of the sum of their squares.
     centred = beyond - beyond.sum() / len(beyond)
     direction = _oriented(cmath.sqrt(complex((centred * centred).sum())), beyond)
     return abs(cmath.phase(direction * tangent.conjugate()))
 
 
 def _oriented(direction: complex, points: ComplexArray) -> complex:
-    """Return the direction or its opposite, whichever leads from the first to the last point."""
-    onwards = (direction * complex(points[-1] - points[0]).conjugate()).real >= 0
-    return direction if onwards else -direction
+    """Return the direction, reversed if it leads from the last point to the first."""
+    forwards = (direction * complex(points[-1] - points[0]).conjugate()).real >= 0
+    return direction if forwards else -direction
 
 
 def _is_fillet(line: ComplexArray, min_curvature: float, noise_std: float) -> bool:
     """Return whether the line (n,) beyond an end is significantly concave towards the sensor.
 
-    `min_curvature` (1/mm) is that of the weakest fillet, `noise_std` that of a point in mm.
+    `min_curvature` (1/mm) is the smallest curvature of a fillet, `noise_std` (mm) the standard
+    deviation of a point.
     """
     if len(line) < POINTS_BEYOND:
         return False

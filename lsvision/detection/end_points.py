@@ -1,11 +1,12 @@
 """Posterior probability that each point at an end of an arc lies on the arc's ellipse.
 
 From the middle part outwards, a Kalman filter of the ellipse predicts each point from the inliers
-closer to the middle. The density of its residual is compared with that for an outlier, for a point
-of another smooth line, and for a gradual departure from the ellipse (foot of a weld bead).
+closer to the middle. The probability density of its residual is compared with those of an outlier,
+of a point on another smooth line, and of a gradual departure from the ellipse, such as the foot of
+a weld bead.
 
 The functions take a stack of ends, as arrays with one or more leading axes, and up to k points of
-each end. A shorter end is extended outwards by points that are not visible: they change nothing.
+each end. A shorter end is padded with points that are not visible; they have no influence.
 """
 
 import math
@@ -21,37 +22,40 @@ OUTLIER_FRACTION = 0.05
 """Prior probability that a point is an outlier, from stray light or a jump."""
 END_LOG_MARGIN = -math.log(OUTLIER_FRACTION)
 """Largest decrease of the cumulated log likelihood ratio from its maximum to the last inlier of an
-arc: the decrease by one outlier. 5 would include more of a weld's foot, 0 would cut off valid
-ends."""
+arc: the decrease that one outlier causes. With 5, more of the foot of a weld would be included;
+with 0, valid points at the ends would be lost."""
 POINTS_BEYOND = 8
 """Largest number of connected points beyond the last inlier that are used to detect a departure."""
 WINDOW = 2 * POINTS_BEYOND
-"""Number of outermost inliers at which a departure may begin, and of points beyond each end of an
-arc that are screened, too: growing stops early where the initial ellipse deviates from a tilted
-section."""
+"""Number of outermost inliers at which a departure may begin; also the number of points beyond each
+end of an arc that are screened. An arc may be longer than rough identification found: growing stops
+early where the initial ellipse deviates from a tilted section."""
 TURN_STD = 0.5
 """Prior standard deviation of the angle at which a line departs. Units: rad."""
 BEND_STD_RADII = 2.0
-"""Prior standard deviation of the departing line's curvature over that of the ellipse."""
+"""Prior standard deviation of the departing line's curvature, in curvatures of the ellipse."""
 NO_DEPARTURE_PRIOR = 0.5
 """Prior probability that no departure begins inside the end."""
 MAX_STEP_RATIO = 5.0
 """Largest ratio of two successive steps with which another line is extrapolated."""
 EXCLUDED = 1 / math.sqrt(np.finfo(float).eps)
-"""Factor on the variance of points that the filter must not use; its square is the precision of a
-float, so that the factorisation keeps half the digits."""
+"""Factor on the variance of points that the filter must not use: the inverse square root of the
+precision of a float, so that the factorisation keeps half of the digits."""
 PREDECESSORS = 2
-"""Number of points of the middle part, before an end, from which another line is extrapolated."""
+"""Number of points of the middle part, next to an end, that are stored before the points of the
+end: another line is extrapolated from two points."""
 DECISIVE_LEVERAGE = 10.0
-"""Leverage above which a point determines the prediction of the points beyond it; it may be a jump.
-5 to 10 % of the ends of simulated arcs have such a point. Without this test, the radius of one
-simulated arc of 1200, where it was a jump, was wrong by 11 sigma."""
+"""Leverage above which a single point determines the prediction of the points beyond it. It may be
+a jump, so that the end is evaluated also without it. 5 to 10 % of the ends of simulated arcs have
+such a point; in one of 1200 arcs it was a jump that, without this test, changed the radius by 11
+sigma."""
 LOG_INLIER = math.log(1 - OUTLIER_FRACTION) - 0.5 * math.log(2 * math.pi)
-"""Log of the prior probability of an inlier times the constant factor of the normal density."""
+"""Logarithm of the prior probability of an inlier times the constant factor of the normal
+density."""
 
 
 class EndPoints(NamedTuple):
-    """Last two points of the middle part of an arc, and k points outwards from it.
+    """Last `PREDECESSORS` points of the middle part of an arc, and the k points beyond, outwards.
 
     Parameters
     ----------
@@ -62,7 +66,7 @@ class EndPoints(NamedTuple):
     jacobian : (..., 5, k + 2) ndarray
         Displacement of the ellipse along its normals by each parameter.
     visible : (..., k + 2) bool ndarray
-        Whether the sensor can see a surface of that normal; False for padding.
+        Whether the sensor can see a surface with this normal; False for padding.
     positions : (..., k + 2) ndarray
         Arc length, increasing outwards. Units: mm.
     """
@@ -80,9 +84,10 @@ class Prediction(NamedTuple):
     Parameters
     ----------
     offset : (..., 5) ndarray
-        Its parameters less those of the ellipse of the residuals. Units: mm.
+        Parameters of the predicted ellipse minus those of the ellipse from which the residuals are
+        measured. Units: mm.
     covariance : (..., 5, 5) ndarray
-        Covariance of its parameters. Units: mm^2.
+        Covariance of the parameters of the predicted ellipse. Units: mm^2.
     autocorrelation_time : (...) ndarray
         Number of points per effective point, or an array that is broadcast to this shape.
     radius : (...) ndarray
@@ -124,26 +129,38 @@ class EndInliers(NamedTuple):
 
 
 def find_end_inliers(ends: EndPoints, prediction: Prediction) -> EndInliers:
-    """Return the points of ends that lie on the ellipse, up to where the line leaves it.
+    """Find the points of ends that are on the ellipse, up to where the line leaves it.
 
-    A single point that determines the prediction of the points beyond it, after a gap, may be a
-    jump: it is an inlier if the end's likelihood is higher with it than without it.
+    A single point that determines the prediction of the points beyond it (`DECISIVE_LEVERAGE`) is
+    an inlier only if the likelihood of the end is at least as high with it as without it.
+
+    Parameters
+    ----------
+    ends : EndPoints
+        Points of the ends.
+    prediction : Prediction
+        Ellipses predicted without the points of the ends.
+
+    Returns
+    -------
+    EndInliers
+        Inliers of each end.
     """
     inliers, likelihood = _filter_ends(ends, prediction)
     decisive = inliers.members & (inliers.leverages > DECISIVE_LEVERAGE)
     if not np.count_nonzero(decisive):
         return inliers
-    doubtful: BoolArray = np.logical_or.reduce(decisive, axis=-1)
+    has_decisive: BoolArray = np.logical_or.reduce(decisive, axis=-1)
     first_decisive = decisive & (decisive.cumsum(axis=-1) == 1)
     visible = ends.visible.copy()
     visible[..., PREDECESSORS:] &= ~first_decisive
     without, without_likelihood = _filter_ends(
-        *select_rows((ends._replace(visible=visible), prediction), doubtful)
+        *select_rows((ends._replace(visible=visible), prediction), has_decisive)
     )
-    better = doubtful.copy()
-    better[doubtful] = without_likelihood > likelihood[doubtful]
+    better = has_decisive.copy()
+    better[has_decisive] = without_likelihood > likelihood[has_decisive]
     for field, replacement in zip(inliers, without, strict=True):
-        field[better] = replacement[better[doubtful]]
+        field[better] = replacement[better[has_decisive]]
     return inliers
 
 
@@ -178,7 +195,7 @@ def _filter_ends(ends: EndPoints, prediction: Prediction) -> tuple[EndInliers, F
 def _predict_sequentially(
     covariance: FloatArray, variances: FloatArray, residuals: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return residuals (..., k), each predicted from those before it, and their variances.
+    """Return residuals (..., k) minus their predictions from those before, and their variances.
 
     `covariance` (..., k, k) is that of the ellipse at the points, `variances` (..., k) are those
     of the points.
@@ -188,49 +205,59 @@ def _predict_sequentially(
     total[..., :-1, :-1] = covariance
     diagonal = total.reshape(*residuals.shape[:-1], -1)[..., :: count + 2]
     diagonal[..., :-1] += variances
-    # With the residuals as one more row, that of the factor has the normalised innovations. Its
-    # last element must exceed their sum of squares.
+    # The residuals are the last row of the matrix: the last row of its Cholesky factor then
+    # contains the normalised innovations. The last diagonal element must exceed their sum of
+    # squares.
     total[..., -1, :-1], total[..., -1, -1] = residuals, 1e300
-    failed = []
+    indefinite = []
     for matrix in total.reshape(-1, count + 1, count + 1):
-        # LAPACK takes the transpose, in Fortran's order, and writes the factor into its place.
+        # The transpose has Fortran's order, so that LAPACK overwrites the matrix by the factor.
         _, singular = dpotrf(matrix.T, lower=0, clean=0, overwrite_a=1)
-        failed.append(singular > 0)
+        indefinite.append(singular > 0)
     stds = total.diagonal(axis1=-2, axis2=-1)[..., :-1]
     predicted, predicted_variances = total[..., -1, :-1] * stds, stds * stds
-    if any(failed):  # not predicted where rounding has made a matrix indefinite
-        lost = np.array(failed).reshape(residuals.shape[:-1])
-        predicted[lost] = residuals[lost]
+    if any(indefinite):  # by rounding errors: there the residuals remain without prediction
+        failed = np.array(indefinite).reshape(residuals.shape[:-1])
+        predicted[failed] = residuals[failed]
         single_variances = covariance.diagonal(axis1=-2, axis2=-1) + variances
-        predicted_variances[lost] = single_variances[lost]
+        predicted_variances[failed] = single_variances[failed]
     return predicted, predicted_variances
 
 
 def departure_free_probability(
     ends: EndPoints, prediction: Prediction, members: BoolArray, following: BoolArray
 ) -> FloatArray:
-    """Return the probability (n, k), for each inlier, that the line leaves the ellipse beyond it.
+    """Return the probability (n, k) that the line still follows the ellipse at each inlier.
 
-    For each inlier the marginal likelihood of a departure that begins there, with normal priors on
-    its angle and curvature, is compared with that of no departure. `members` (n, k) are the inliers
-    of n ends, at least one each, `following` the connected points beyond the last of them.
-    Departures begin at the `WINDOW` outermost inliers or beyond; the probability of inliers before
-    is 1.
+    The marginal likelihood of a departure that begins at an inlier, with normal priors on its angle
+    and curvature, is compared with that of no departure. Departures may begin at the `WINDOW`
+    outermost inliers or beyond; the probability of the inliers before them is 1.
+
+    Parameters
+    ----------
+    ends : EndPoints
+        Points of n ends.
+    prediction : Prediction
+        Ellipses predicted without the points of the ends.
+    members : (n, k) bool ndarray
+        Inliers, at least one in each end.
+    following : (n, k) bool ndarray
+        Connected points beyond the last inlier.
     """
-    chosen = members | following
-    begins = chosen & (members[:, ::-1].cumsum(axis=1)[:, ::-1] <= WINDOW)
-    # The columns of the last points at which a departure may begin, and possibly some before.
+    used = members | following
+    begins = used & (members[:, ::-1].cumsum(axis=1)[:, ::-1] <= WINDOW)
+    # The last columns: all points at which a departure may begin, and possibly some others.
     columns = begins.argsort(axis=1, kind="stable")[:, -(WINDOW + POINTS_BEYOND) :]
-    cells = columns + chosen.shape[1] * np.arange(len(chosen))[:, None]
+    cells = columns + used.shape[1] * np.arange(len(used))[:, None]
     begins = begins.take(cells)
-    jacobian = ends.jacobian[..., PREDECESSORS:] * chosen[:, None]
+    jacobian = ends.jacobian[..., PREDECESSORS:] * used[:, None]
     positions = ends.positions[:, PREDECESSORS - 1 :]
-    # A departure that begins at a point starts from the ellipse at the chosen point before.
-    before = np.where(chosen, positions[:, 1:], positions[:, :1])
+    # A departure that begins at a point leaves the ellipse at the used point before it.
+    before = np.where(used, positions[:, 1:], positions[:, :1])
     before = np.concatenate([positions[:, :1], before[:, :-1]], axis=1)
     origins = np.maximum.accumulate(before, axis=1).take(cells)
-    beyond = np.maximum(positions[:, None, 1:] - origins[..., None], 0.0) * chosen[:, None]
-    residuals = prediction.innovations(ends.residuals[:, PREDECESSORS:], jacobian) * chosen
+    beyond = np.maximum(positions[:, None, 1:] - origins[..., None], 0.0) * used[:, None]
+    residuals = prediction.innovations(ends.residuals[:, PREDECESSORS:], jacobian) * used
     covariance = prediction.covariances(jacobian)
     diagonal = covariance.reshape(len(covariance), -1)[:, :: covariance.shape[1] + 1]
     diagonal += prediction.autocorrelation_time[:, None] * ends.variances[:, PREDECESSORS:]
@@ -239,11 +266,12 @@ def departure_free_probability(
     log_ratio += math.log((1 - NO_DEPARTURE_PRIOR) / NO_DEPARTURE_PRIOR)
     log_ratio -= np.log(begins.sum(axis=1))[:, None]
     log_ratio[~begins] = -np.inf
-    # Cumulated weights of no departure and of the departures that begin beyond each point.
+    # Cumulated weights: no departure, and all departures that begin at each point or beyond it.
     largest = np.maximum(log_ratio.max(axis=1, keepdims=True), 0.0)
-    none, weights = np.exp(-largest), np.exp(log_ratio - largest)
-    later = np.concatenate([weights[:, ::-1].cumsum(axis=1)[:, ::-1] + none, none], axis=1)
-    probability = np.ones(chosen.shape)
+    no_departure, weights = np.exp(-largest), np.exp(log_ratio - largest)
+    from_here = weights[:, ::-1].cumsum(axis=1)[:, ::-1] + no_departure
+    later = np.concatenate([from_here, no_departure], axis=1)
+    probability = np.ones(used.shape)
     probability.put(cells, np.where(begins, later[:, 1:] / later[:, :1], 1.0))
     return probability
 
@@ -251,10 +279,10 @@ def departure_free_probability(
 def _log_marginal_ratio(
     covariance: FloatArray, residuals: FloatArray, turn: FloatArray, bend: FloatArray
 ) -> FloatArray:
-    """Return the log likelihood ratio (n, j) of each of j departures to no departure.
+    """Return the log of the likelihood ratio (n, j) of each of j departures to no departure.
 
     `covariance` (n, k, k) is that of the `residuals` (n, k) without a departure; `turn` and `bend`
-    (n, j, k) are displacements of the points with unit normal priors on their factors.
+    (n, j, k) are displacements of the points, whose factors have standard normal priors.
     """
     count = turn.shape[1]
     displacements = np.concatenate([turn, bend], axis=1)
@@ -280,13 +308,14 @@ def _log_inlier_density(residuals: FloatArray, variances: FloatArray) -> FloatAr
 def _log_other_line_density(
     ends: EndPoints, radius: FloatArray, log_outlier: FloatArray
 ) -> FloatArray:
-    """Return the log density (..., k) of each point on another line, or as an outlier.
+    """Return the log density (..., k) of each point as a point of another line, or as an outlier.
 
-    The other line is extrapolated from the residuals e0, e1, with variances v0, v1, of the two
-    points before; e2 deviates from it by e2 - e1 - ratio (e1 - e0), with the ratio of the steps.
+    The other line is extrapolated from the residuals e0 and e1, with variances v0 and v1, of the
+    two points before. The residual e2 deviates from it by e2 - e1 - ratio (e1 - e0), where the
+    ratio is that of the distances between the points.
     """
     e, v = ends.residuals, ends.variances
-    # Points may share a position on the ellipse.
+    # Two points may have the same position on the ellipse.
     steps = np.maximum(ends.positions[..., 1:] - ends.positions[..., :-1], TINY)
     step, before = steps[..., 1:], steps[..., :-1]
     ratio = step / np.maximum(before, step / MAX_STEP_RATIO)

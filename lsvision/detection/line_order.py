@@ -1,6 +1,6 @@
-"""Order of points along the laser line, where it is not the order of the sensor's columns.
+"""Order of points along the laser line, where it differs from the order of the sensor's columns.
 
-Y points away from the surface, towards the sensor: of two lines, the nearer has the larger Y.
+Y increases towards the sensor: of two lines, the one nearer to the sensor has the larger Y.
 """
 
 import math
@@ -12,40 +12,42 @@ from lsvision.geometry.noisy_points import as_complex
 from lsvision.statistics.robust import upper_median
 
 MIN_PROGRESS_RATIO = 0.5
-"""Smallest ratio of the distance in X between first and last point to the sum of all steps in X, at
-which the points are in order along X; an overhang or noise in X reverses only few steps."""
+"""Smallest ratio of the distance in X between first and last point to the sum of the lengths of all
+steps in X, for points that are in order along X. Only few steps are reversed by an overhang or by
+noise in X."""
 MAX_PATH_RATIO = 0.5
-"""Ratio of the path lengths in a new and in the present order, below which the new one is used: a
-wrong order at least doubles the path, since it jumps between two lines at most steps."""
+"""Ratio of the path length in a new order to that in the present order, below which the new order
+is used. A wrong order at least doubles the path, since most of its steps are between two lines."""
 MAX_CLOSURE_RATIO = 0.5
-"""Ratio of the distance in X between first and last point to the width, below which the path is
-closed."""
+"""Ratio of the distance in X between first and last point to the width of the profile, below which
+the path is closed."""
 MAX_COLUMN_SPACING_RATIO = 0.5
-"""Ratio of a spacing in X to the median one, below which two points belong to one column."""
+"""Ratio of the spacing of two points in X to the median spacing, below which they belong to the
+same column."""
 MAX_CLIMB_WIDTHS = 5.0
-"""Ratio of the sum of all steps in Y (absolute) to the width of a profile, above which two returns
-per column are looked for; one line with clutter and jumps has at most 3."""
+"""Ratio of the sum of the absolute steps in Y to the width of a profile, above which the profile
+may have two returns per column; a single line with clutter and jumps has at most 3."""
 MIN_RETURN_DISTANCE_STEPS = 10.0
 """Smallest distance in Y of two returns of a column, in units of the typical step: the median of
-the distances in Y of each point from the nearer of its neighbours. 5 sigma on a flat line."""
+the distances in Y of each point from the nearer of its neighbours. About 5 sigma on a flat line."""
 
 
 def order_along_line(points: Points) -> IntArray | None:
-    """Return the indices that sort points along the laser line; None if their order is kept.
+    """Return the indices that sort points along the laser line; None if the order is correct.
 
-    The order is kept where the points progress along X, and where sorting them by X would not
-    halve their path. Two returns per column, and the two sides of a closed section, are two lines;
-    the one nearer to the sensor comes first.
+    The order is correct where the points progress along X, or where sorting by X would not halve
+    their path. Two returns per column, and the two sides of a closed section, are two lines; the
+    one nearer to the sensor comes first.
 
     Parameters
     ----------
     points : (n, 2) ndarray
-        Valid points, in the order of the sensor. Units: mm.
+        Valid points, in the order of the sensor; any number. Units: mm.
 
     Returns
     -------
     (n,) ndarray of int, or None
-        Permutation of the points' indices.
+        Permutation of the indices of the points.
     """
     if len(points) <= 2:
         return None
@@ -77,13 +79,14 @@ def _split_loop(points: Points, leftmost: int, rightmost: int) -> IntArray:
 def _separate_returns(points: Points) -> IntArray | None:
     """Return the order of points along X as two lines, one for each return of a column.
 
-    None if the points are one line.
+    None if the points are a single line.
     """
     x, y = points.T
     climb = float(np.abs(y[1:] - y[:-1]).sum())
     if climb <= MAX_CLIMB_WIDTHS * abs(float(x[-1] - x[0])):
         return None
-    # The lines are followed towards +X, so that the order of the columns does not matter.
+    # The lines are followed towards +X, so that the result does not depend on the columns'
+    # direction.
     ascending = x[0] <= x[-1]
     mask = _follow_two_lines(points) if ascending else _follow_two_lines(points[::-1])[::-1]
     order = _join_lines(points, mask.nonzero()[0], (~mask).nonzero()[0])
@@ -106,9 +109,9 @@ def _follow_two_lines(points: Points) -> BoolArray:
     last_y: list[float | None] = [float(y[0]), None]
     lines = [0]
     for point_y, is_second in zip(y[1:].tolist(), second_returns.tolist(), strict=True):
-        # The second line, as long as it has no point, begins at `min_distance` from the first.
+        # Until the second line has a point, its distance is assumed to be `min_distance`.
         distances = [min_distance if last is None else abs(point_y - last) for last in last_y]
-        # The second return of a column lies on the line that the first one is not on.
+        # The second return of a column belongs to the line to which the first one does not belong.
         line = 1 - lines[-1] if is_second else int(distances[1] < distances[0])
         last_y[line] = point_y
         lines.append(line)
@@ -119,8 +122,8 @@ def _follow_two_lines(points: Points) -> BoolArray:
 def _join_lines(points: Points, *lines: IntArray) -> IntArray:
     """Return the indices of the nearer of two lines, then those of the farther one.
 
-    The farther line begins at its point farthest from the sensor (and its points before that one
-    come last): the end of the nearer line is then not followed by points on the same ellipse.
+    The farther line begins at its point farthest from the sensor, and its points before that one
+    come last, so that the end of the nearer line is not followed by points on the same ellipse.
     """
     near, far = sorted(lines, key=lambda line: -points[line, 1].mean() if len(line) else math.inf)
     return np.concatenate([near, np.roll(far, -int(points[far, 1].argmin()) if len(far) else 0)])

@@ -48,7 +48,7 @@ class Measurement(Result):
 
     @property
     def reason(self) -> str:
-        """Reason why there is no cylinder, that of the longest convex arc; empty if there is one.
+        """Reason why there is no cylinder: that of the longest convex arc; empty if there is one.
 
         Examples
         --------
@@ -119,16 +119,16 @@ def build_measurement(
     Parameters
     ----------
     cylinders, rejections : iterable
-        Results with indices and arcs that refer to the points of `prepared`.
+        Cylinders and rejections whose indices and arcs refer to the points of `prepared`.
     prepared : PreparedProfile
-        Prepared profile, with the sensor column of each point.
+        Prepared profile, with the sensor's column of each point.
     profile : Profile
         The measured profile.
 
     Returns
     -------
     Measurement
-        With the cylinders from left to right.
+        Cylinders in ascending order of the x of their centres.
     """
 
     def span_of(indices: IntArray) -> Arc:
@@ -140,8 +140,8 @@ def build_measurement(
         for cylinder in cylinders
     ]
     rejected = [
-        Rejection(span_of(columns[each.arc.start : each.arc.stop]), each.reason, each.convex)
-        for each in rejections
+        Rejection(span_of(columns[r.arc.start : r.arc.stop]), r.reason, r.convex)
+        for r in rejections
     ]
     ordered = sorted(sections, key=lambda section: section.centre[0])
     return Measurement(tuple(ordered), tuple(rejected), profile)

@@ -1,4 +1,4 @@
-"""Preparation of a profile for detection: order of its points along the line, and their noise."""
+"""Preparation of a profile for detection: points in order along the line, with their noise."""
 
 import math
 from statistics import NormalDist
@@ -16,23 +16,37 @@ from lsvision.statistics.robust import upper_median
 MAX_POINTS = 20_000
 """Largest number of points; denser profiles are thinned (no sensor has more than 4096 columns)."""
 NOISE_QUANTILE = 0.35
-"""Quantile of the offsets that estimates the noise: low, since large offsets may be outliers."""
+"""Quantile of the offsets from which the noise is estimated; low, because of outliers."""
 NOISE_QUANTILE_SIGMAS = NormalDist().inv_cdf((1 + NOISE_QUANTILE) / 2) * math.sqrt(1 + 1 / 2)
-"""This quantile of a point's offset from the mean of its neighbours, over the noise's std."""
+"""Ratio of this quantile of a point's offset from the mean of its neighbours to the standard
+deviation of the noise."""
 LATERAL_FRACTION = math.sqrt(VARIANCE_FLOOR_FRACTION)
-"""Error along X over the error along Y where no noise model is given: the unknown ray is as far
-from Y as the normals of a fit may be wrong, 13 deg."""
+"""Ratio of the error along X to that along Y where no noise model is given: the direction of the
+ray is unknown by 13 deg, as that of the normals of a fit."""
 MIN_ESTIMATED_VARIANCE_FACTOR = 0.5**2
-"""Smallest variance factor of an estimated noise: outliers and rounding may double its std."""
+"""Smallest variance factor of an estimated noise: outliers and rounded numbers may double the
+estimated standard deviation."""
 MIN_NOISE_PITCHES = 1e-5
-"""Smallest noise, in pitches, of points without visible noise: above the rounding of float64."""
+"""Smallest estimated noise, in pitches: that of exact points, above the rounding of float64."""
 
 
 def prepare_profile(profile: Profile, noise: NoiseModel | None) -> PreparedProfile:
-    """Order a profile's valid points along the line and add their noise.
+    """Order the valid points of a profile along the line, and add their noise.
 
-    Without a noise model the noise is along Y, by `estimate_noise_std`. More than 20 000 points are
-    thinned evenly. Lost points are left out, unless all points are lost.
+    Lost points are left out, unless all points are lost. More than `MAX_POINTS` points are thinned
+    evenly.
+
+    Parameters
+    ----------
+    profile : Profile
+        Any profile; it may be empty. Units: mm.
+    noise : NoiseModel or None
+        Noise of the points; None: noise along Y, estimated by `estimate_noise_std`.
+
+    Returns
+    -------
+    PreparedProfile
+        Ordered points with their noise.
     """
     columns = _valid_columns(profile.points)
     points = profile.points[columns]
@@ -62,7 +76,10 @@ def _valid_columns(points: Points) -> IntArray:
 
 
 def typical_pitch(points: Points) -> float:
-    """Return the median spacing of ordered points along X, 1 if all coincide. Units: mm."""
+    """Return the median spacing of ordered points (n, 2) along X. Units: mm.
+
+    Where all have the same x, their mean spacing along Y; 1 if all coincide or there is no point.
+    """
     x = points[:, 0]
     spacing = np.abs(x[1:] - x[:-1])
     spacing = spacing[spacing > 0]
@@ -72,16 +89,29 @@ def typical_pitch(points: Points) -> float:
 
 
 def estimate_noise_std(points: Points, pitch: float) -> float:
-    """Return the noise of ordered points, from their offsets from the mean of their neighbours.
+    """Return the standard deviation of the noise of ordered points along Y. Units: mm.
 
-    Standard deviation along Y, never zero; too small if neighbours' errors correlate. Units: mm.
+    The estimate comes from the offset of each point from the mean of its neighbours, and is too
+    small if the errors of neighbours are correlated.
+
+    Parameters
+    ----------
+    points : (n, 2) ndarray
+        Valid points in order along the line; any number. Units: mm.
+    pitch : float
+        Typical spacing of the points. Units: mm.
+
+    Returns
+    -------
+    float
+        At least `MIN_NOISE_PITCHES` pitches, the result also for fewer than three points.
     """
     z, y = as_complex(points), points[:, 1]
     repeated = z[1:] == z[:-1]
     if repeated.any():
         y = y[np.append(True, ~repeated)]
     offset = np.abs(y[1:-1] - (y[2:] + y[:-2]) / 2)
-    # Zeros are excluded: a file may round its numbers, or repeat them over several columns.
+    # Zeros are excluded: a file may contain rounded numbers, or the same one for several columns.
     offset = offset[offset > 0]
     if len(offset) == 0:
         return MIN_NOISE_PITCHES * pitch

@@ -1,7 +1,7 @@
-"""Profile as a range image of one row, and its connected components.
+"""Profile as a range image with one row, and its connected components.
 
 Each column is a point. Neighbours are connected unless there is a step or a large gap between them.
-Jumps, which are isolated points off the line, are removed first by a median filter of the ranges.
+Jumps, which are isolated points away from the line, are first removed by a median filter.
 """
 
 from dataclasses import dataclass
@@ -15,13 +15,13 @@ from lsvision.geometry import BoolArray, IntArray
 from lsvision.profile import PreparedProfile
 
 JUMP_SIGMAS = 6.0
-"""Distance from the median-filtered line above which a point is a jump, in standard deviations of
-the noise."""
+"""Distance of a point from the median-filtered line above which it is a jump, in standard
+deviations of the noise."""
 JUMP_PITCHES = 0.5
-"""Pitches that are added to this distance: height of a narrow crest above the median of five
-points."""
+"""Number of pitches that are added to this distance: the top of a narrow crest is by as much above
+the median of five points."""
 MAX_ADJACENT_JUMPS = 2
-"""Number of adjacent jumps that the median filter removes."""
+"""Largest number of adjacent jumps that the median filter removes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,8 +33,8 @@ class RangeImageSettings:
     bridged_columns : int
         Largest number of consecutive lost columns between connected neighbours.
     step_slope : float
-        Largest distance of connected neighbours along Y, in pitches: tangent of the steepest
-        flank of a component (4: 76 deg). The growing of arcs adds the steeper rest of a flank.
+        Largest distance of connected neighbours along Y, in pitches: the tangent of the steepest
+        flank of a component (4: 76 deg). Rough identification extends an arc over steeper flanks.
     """
 
     bridged_columns: int = 5
@@ -42,7 +42,15 @@ class RangeImageSettings:
 
 
 class RangeImage(NamedTuple):
-    """Indices (k,) of the points without jumps; whether each is connected to the next."""
+    """Points of a profile that are not jumps.
+
+    Parameters
+    ----------
+    indices : (k,) int ndarray
+        Ascending indices of the points in the prepared profile.
+    connected : (k - 1,) bool ndarray
+        Whether each point is connected to the next one; empty without points.
+    """
 
     indices: IntArray
     connected: BoolArray
@@ -51,12 +59,12 @@ class RangeImage(NamedTuple):
 def build_range_image(
     profile: PreparedProfile, settings: RangeImageSettings = RangeImageSettings()
 ) -> RangeImage:
-    """Return the points that are not jumps, and which of them are connected to the next."""
+    """Remove the jumps of a profile, and find out which points are connected to the next one."""
     valid, tolerance = profile.valid_indices, JUMP_SIGMAS * profile.noise_std
     if len(valid) == 0:
         return RangeImage(valid, np.zeros(0, dtype=bool))
     z = profile.noisy_points.z[valid]  # x + iy
-    # OpenCV uses float32: without subtracting a height, heights near 400 mm would lose precision.
+    # Relative to a height of the profile: in OpenCV's float32, 400 mm would lose precision.
     heights = (z.imag - (z[0] + z[-1]).imag / 2).astype(np.float32)
     jump = np.abs(heights - cv2.medianBlur(heights[None], 2 * MAX_ADJACENT_JUMPS + 1)[0])
     on_line = jump <= tolerance + JUMP_PITCHES * profile.pitch
@@ -68,7 +76,7 @@ def build_range_image(
 
 
 def connected_components(range_image: RangeImage, smallest: int) -> list[IntArray]:
-    """Return the indices of each component of `smallest` points or more."""
+    """Return the indices of the points of each component with at least `smallest` points."""
     indices, connected = range_image
     cuts = (~connected).nonzero()[0] + 1
     bounds = pairwise([0, *cuts.tolist(), len(indices)])

@@ -1,4 +1,4 @@
-"""Rejection reasons for all segments of a profile without a cylinder."""
+"""Rejections of all segments of a profile that have no cylinder, with reasons."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -12,7 +12,7 @@ from lsvision.geometry import BoolArray, IntArray
 from lsvision.profile import Arc, PreparedProfile
 
 MAX_FLAT_SIGMAS = 2.0
-"""Largest rms distance of a flat segment from its line over the noise."""
+"""Largest ratio of the rms distance of a flat segment from its line to the noise."""
 
 
 def complete_rejections(
@@ -23,11 +23,28 @@ def complete_rejections(
     radius_range: tuple[float, float],
     min_span_points: int = candidates.CandidateSettings().min_span_points,
 ) -> list[Rejection]:
-    """Return the rejections without overlaps, and one for each segment without a reason so far.
+    """Return the rejections without overlaps, and one more for each segment without explanation.
 
-    Of overlapping `rejections` the first one is retained. The result is in the order of the
-    profile, and empty only where there are cylinders or no columns. Segments of fewer than
-    `min_span_points` are left out; if all are as short, that is the reason for the whole profile.
+    Parameters
+    ----------
+    profile : PreparedProfile
+        The profile.
+    components : list of (n,) int ndarray
+        Indices of the points of its connected components.
+    cylinders : sequence of CylinderSection
+        Accepted sections, with the indices of the prepared profile.
+    rejections : list of Rejection
+        Rejected arcs; of those that overlap the first one is retained.
+    radius_range : (float, float)
+        Smallest and largest radius of the search. Units: mm.
+    min_span_points : int
+        Smallest number of points of a segment for which a rejection is added.
+
+    Returns
+    -------
+    list of Rejection
+        In the order of the profile; empty only if there are cylinders, or the profile is empty. If
+        all segments are too short, one rejection of the whole profile states that.
     """
     explained = np.zeros(len(profile.points), dtype=bool)
     for cylinder in cylinders:
@@ -53,7 +70,10 @@ def complete_rejections(
 def _find_unexplained(
     components: list[IntArray], explained: BoolArray, smallest: int
 ) -> list[Rejection]:
-    """Return rejections without a reason: unexplained segments of at least `smallest` points."""
+    """Return a rejection, yet without a reason, of each unexplained segment.
+
+    Segments are runs of at least `smallest` points of a component.
+    """
     segments = []
     for component in components:
         is_explained = explained[component]
@@ -70,7 +90,7 @@ def _add_reasons(
     rejections: list[Rejection],
     radius_range: tuple[float, float],
 ) -> list[Rejection]:
-    """Return rejections with reasons: flat, else the given reason, else one from their circle."""
+    """Return rejections with reasons: that it is flat, else its own, else one from its circle."""
     spans = np.array([(rejection.arc.start, rejection.arc.stop) for rejection in rejections])
     starts, stops = np.searchsorted(connected, spans).T
     points = profile.noisy_points.z[None, connected]
@@ -94,7 +114,7 @@ def _add_reasons(
 
     explained = []
     for i, rejection in enumerate(rejections):
-        given = "" if flat[i] else rejection.reason
+        reason = "" if flat[i] else rejection.reason
         convex = bool(circles.convex[i] and not straight[i])
-        explained.append(Rejection(rejection.arc, given or circle_reason(i), convex=convex))
+        explained.append(Rejection(rejection.arc, reason or circle_reason(i), convex=convex))
     return explained

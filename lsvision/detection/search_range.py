@@ -9,21 +9,36 @@ from lsvision.profile import PreparedProfile
 from lsvision.statistics.robust import SIGNIFICANT_SIGMAS
 
 NOMINAL_SPREAD = 0.2
-"""Half width of the search over a nominal radius, and smallest radius searched over a known one."""
+"""Half width of the search range, and smallest radius of the range for a known radius with a large
+uncertainty, as fractions of the nominal radius."""
 MIN_RADIUS_FRACTION = 1 / 3
-"""Smallest radius over the geometric mean of extent and pitch: 4 pitches for a profile of 150
-points, 7 for 400, 21 for 4000. A smaller pipe has under twelve points, or is a speck of dust."""
+"""Ratio of the smallest radius to the geometric mean of extent and pitch: the radius is 4 pitches
+for a profile of 150 points, 7 for 400, 21 for 4000. A smaller pipe has fewer than twelve points, or
+is more likely to be a particle of dust."""
 MAX_RADIUS_EXTENTS = 0.5 / math.sin(math.radians(AcceptanceSettings().min_coverage_deg) / 2)
-"""Largest radius over the extent, 1.54: larger pipes show less than the smallest accepted arc."""
+"""Ratio, 1.54, of the largest radius to the extent of the profile: an arc of a larger pipe would
+cover less than the smallest accepted angle."""
 
 
 def search_range(
     radius: float | tuple[float, float] | None, known: RadiusPrior | None, profile: PreparedProfile
 ) -> tuple[float, float]:
-    """Return the smallest and largest radius of the search. Units: mm.
+    """Return the smallest and the largest radius of the search. Units: mm.
 
-    `radius` is nominal, or a range; without it the prior `known` is nominal; without both the range
-    follows the profile. Raises ValueError if `radius` is not positive or reversed.
+    Parameters
+    ----------
+    radius : float, (float, float) or None
+        Nominal radius or range (min, max). Units: mm.
+    known : RadiusPrior or None
+        Prior on the radius, which determines the range if `radius` is None.
+    profile : PreparedProfile
+        Profile whose extent and pitch determine the range if both are None; (1, 2) if the profile
+        has no extent.
+
+    Raises
+    ------
+    ValueError
+        If the radius is not positive and finite, or the range is reversed or empty.
     """
     if isinstance(radius, tuple):
         low, high = map(float, radius)

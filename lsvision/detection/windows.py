@@ -1,8 +1,9 @@
-"""Circle fits of many overlapping windows of ordered points at once, from running moments."""
+"""Circle fits to many overlapping windows of ordered points at once, from cumulated moments."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
@@ -15,11 +16,11 @@ WINDOW_GROWTH = 2
 SHIFTS_PER_WINDOW = 3
 """Ratio of a window's length to the largest shift between successive windows of that length."""
 MAX_CACHED_SIZES = 512
-"""Number of sizes of components whose windows are kept: 10 MB for sizes of 2000 points."""
+"""Number of component sizes whose windows are cached: 10 MB for sizes of 2000 points."""
 
 
 class Windows(NamedTuple):
-    """Spans [start, stop) of w windows of points, and the row of points in which each lies."""
+    """Spans [start, stop) of w windows, and the row of points to which each window belongs."""
 
     rows: IntArray
     starts: IntArray
@@ -28,11 +29,22 @@ class Windows(NamedTuple):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class WindowCircles:
-    """Circles of w windows, with complex centres x + iy. Units: mm.
+    """Circles fitted to w windows.
 
-    `rms` is the root mean square distance from the circle, to first order, and `line_rms` that from
-    the best line. `radius` is infinite for a straight window, and its `rms` then 0 or NaN. A
-    `convex` window is curved towards the sensor.
+    Parameters
+    ----------
+    centre : (w,) complex ndarray
+        Centre x + iy. Units: mm.
+    radius : (w,) ndarray
+        Radius; infinite for a straight window. Units: mm.
+    rms : (w,) ndarray
+        Root mean square distance from the circle, to first order; 0 or NaN for a straight window.
+        Units: mm.
+    line_rms : (w,) ndarray
+        Root mean square distance from the best straight line. Units: mm.
+    convex : (w,) bool ndarray
+        Whether the window is curved as a cylinder is: with its centre beyond it, as seen from the
+        sensor.
     """
 
     centre: ComplexArray
@@ -42,18 +54,19 @@ class WindowCircles:
     convex: BoolArray
 
 
-def multiscale_windows(sizes: Sequence[int], smallest: int) -> tuple[IntArray, IntArray]:
-    """Return starts and stops of windows of increasing length, symmetric within each component.
+def multiscale_windows(sizes: Sequence[int], smallest: int) -> IntArray:
+    """Return starts and stops (2, w) of windows of increasing length in successive components.
 
-    `sizes` are the numbers of points of successive components. No window extends over
-    two components; the last window of each is the component itself.
+    `sizes` are the numbers of points of one or more components, `smallest` is that of the shortest
+    window. No window contains points of two components; the last window of a component is the
+    component itself. The windows of a component are symmetric about its middle.
     """
-    spans, first = [np.zeros((2, 0), dtype=int)], 0
-    for size in sizes:
-        spans.append(first + _component_windows(size, smallest))
-        first += size
-    starts, stops = np.concatenate(spans, axis=1)
-    return starts, stops
+    firsts = accumulate(sizes[:-1], initial=0)
+    spans = [
+        first + _component_windows(size, smallest)
+        for first, size in zip(firsts, sizes, strict=True)
+    ]
+    return np.concatenate(spans, axis=1)
 
 
 @lru_cache(maxsize=MAX_CACHED_SIZES)
@@ -61,10 +74,10 @@ def _component_windows(size: int, smallest: int) -> IntArray:
     """Return starts and stops (2, w) of the windows of a component of `size` points."""
     starts, stops, length = list[int](), list[int](), smallest
     while length < size:
-        room = size - length
-        # With an odd number of steps rounding has no ties, which would break the symmetry.
-        steps = -(-room // (length // SHIFTS_PER_WINDOW)) | 1
-        offsets = [(2 * k * room + steps) // (2 * steps) for k in range(steps + 1)]
+        last = size - length
+        # With an odd number of steps there are no ties in rounding, which would break the symmetry.
+        steps = -(-last // (length // SHIFTS_PER_WINDOW)) | 1
+        offsets = [(2 * k * last + steps) // (2 * steps) for k in range(steps + 1)]
         starts += offsets
         stops += [start + length for start in offsets]
         length *= WINDOW_GROWTH
@@ -74,24 +87,37 @@ def _component_windows(size: int, smallest: int) -> IntArray:
 
 
 def fit_window_circles(points: ComplexArray, windows: Windows) -> WindowCircles:
-    """Fit Kasa's circle to each window: linear least squares in x^2 + y^2.
+    """Fit a circle to each window by Kasa's method: linear least squares in x^2 + y^2.
 
-    `points` are rows (p, n) of points x + iy in mm, one for each profile. The radius of short noisy
-    arcs is biased to small values: the circles only select windows.
+    The radius of short noisy arcs is biased to small values, so that the circles serve only to
+    select windows.
+
+    Parameters
+    ----------
+    points : (p, n) complex ndarray
+        Points x + iy, one row for each profile. Units: mm.
+    windows : Windows
+        Windows of these rows.
+
+    Returns
+    -------
+    WindowCircles
+        Circle of each window.
     """
-    origins = (points[:, :1] + points[:, -1:]) / 2  # near, so that the squares keep their precision
+    # An origin near the points, so that the squares are precise.
+    origins = (points[:, :1] + points[:, -1:]) / 2
     z = points - origins
     q = z.real**2 + z.imag**2
     # Cumulated z, z^2, q z and q + i q^2: their differences are the moments of the windows.
-    running = np.zeros((4, len(z), z.shape[1] + 1), dtype=complex)
-    products = running[..., 1:]
+    cumulated = np.zeros((4, len(z), z.shape[1] + 1), dtype=complex)
+    products = cumulated[..., 1:]
     products[0], products[1], products[2] = z, z * z, q * z
     products[3].real, products[3].imag = q, q * q
     products.cumsum(axis=-1, out=products)
     rows, starts, stops = windows
-    running, first = running.reshape(4, -1), rows * running.shape[-1]
-    moments = running.take(first + stops, axis=1)
-    moments -= running.take(first + starts, axis=1)
+    cumulated, first = cumulated.reshape(4, -1), rows * cumulated.shape[-1]
+    moments = cumulated.take(first + stops, axis=1)
+    moments -= cumulated.take(first + starts, axis=1)
     moments /= np.maximum(stops - starts, 1)
     mean, zz, qz, qq = moments
     # Second central moments E|z|^2 and E z^2; covariances of q = |z|^2 with z and with q.
@@ -111,9 +137,10 @@ def fit_window_circles(points: ComplexArray, windows: Windows) -> WindowCircles:
 
 
 def arc_coverage(points: ComplexArray, windows: Windows, centres: ComplexArray) -> FloatArray:
-    """Return the angle that each window's arc covers, across the top of its circle. Units: rad.
+    """Return the angle (w,) between the first and the last point of each window. Units: rad.
 
-    `points` are rows (p, n) of points, `centres` (w,) those of the circles, x + iy in mm.
+    `points` are rows (p, n) of points, `centres` (w,) the centres of the circles, x + iy in mm. The
+    angle is that across the top of the circle, the side towards the sensor.
     """
     rows, starts, stops = windows
     ends = points.take(np.array([starts, stops - 1]) + rows * points.shape[1]) - centres
