@@ -1,8 +1,8 @@
 """Homogenising (paper section 3.3.2): resampling of an arc at equal steps of arc length.
 
 The paper resamples with a spline y(x), which fails on vertical flanks, where x does not increase;
-arc length always does. Smoothing (`lsvision.ellipse.smoothing`) already evaluates its local
-quadratics at equal steps of arc length, so that no spline is needed here.
+arc length always increases. Smoothing (`lsvision.ellipse.smoothing`) already evaluates its local
+quadratics at equal steps of arc length, so that no spline is needed.
 
 Symbols: the point c + E w of an ellipse for a unit vector w, with E given by m and d = p + iq (see
 `lsvision.ellipse.parameters`).
@@ -35,7 +35,7 @@ class HomogenisedArc(NamedTuple):
     points : (k, 2) ndarray
         Smoothed points. Units: mm.
     ellipse : Ellipse
-        Ellipse of these points; the screened ellipse if the fit to them is not an ellipse.
+        Ellipse of these points; the screened ellipse if the fit to the points is not an ellipse.
         Units: mm, rad.
     """
 
@@ -44,16 +44,26 @@ class HomogenisedArc(NamedTuple):
 
 
 def homogenise_arcs(smoothed: Sequence[SmoothedArc]) -> list[HomogenisedArc]:
-    """Return the smoothed points of each arc, and the ellipse from which its refinement starts.
+    """Return the smoothed points of each arc, and the ellipse fitted to them.
 
     The points are equally spaced, so that densely and sparsely sampled parts of an arc have equal
-    weight in the fit of that ellipse.
+    weight in the fit. The ellipse is the initial guess of the geometric refinement.
+
+    Parameters
+    ----------
+    smoothed : sequence of SmoothedArc
+        Smoothed residuals of each arc.
+
+    Returns
+    -------
+    list of HomogenisedArc
+        One for each arc.
     """
     if not smoothed:
         return []
     screened = np.array([parameters_from_ellipse(arc.ellipse) for arc in smoothed])
     w = np.array([arc.directions for arc in smoothed])
-    # Jacobian and residuals in one array, as `WeightedSystem` has them.
+    # `WeightedSystem` expects Jacobian and residuals in one array.
     rows = np.empty((len(w), PARAMETERS + 1, w.shape[1]))
     jacobian, residuals = rows[:, :PARAMETERS], rows[:, PARAMETERS]
     residuals[:] = [arc.residuals for arc in smoothed]

@@ -18,7 +18,7 @@ def refine_arcs(
     settings: FittingSettings,
     estimated_stds: Sequence[float | None],
 ) -> Fits:
-    """Fit ellipses to the inliers of k arcs, with the noise models corrected by the residuals.
+    """Fit ellipses to the inliers of arcs, and correct the noise models by the residuals.
 
     Parameters
     ----------
@@ -31,14 +31,15 @@ def refine_arcs(
     settings : FittingSettings
         Settings of the fit.
     estimated_stds : sequence of float or None
-        Standard deviation of an estimated noise, None for a noise model. The variance of an
-        estimated noise is free, and an arc whose errors are correlated or grow with incidence is
-        refitted with the noise of a sensor that smooths along the line. Units: mm.
+        Standard deviation of an estimated noise, None for a given noise model. An estimated noise
+        is scaled by the residuals; an arc whose errors are correlated, or increase with the angle
+        of incidence, is fitted again with the noise of a sensor that smooths along the line.
+        Units: mm.
 
     Returns
     -------
     list of EllipseFit or LsvisionError
-        The error where no ellipse can be fitted; see `fit_ellipse`.
+        Fit of each arc, or the error if no ellipse can be fitted; see `fit_ellipse`.
     """
     arcs = dict(enumerate(zip(points, initial_guesses, estimated_stds, strict=True)))
     given = {i: (arc, guess) for i, (arc, guess, std) in arcs.items() if std is None}
@@ -52,7 +53,7 @@ def refine_arcs(
 def _refine_estimated(
     arcs: Collection[tuple[NoisyPoints, Ellipse, float]], priors: Priors, settings: FittingSettings
 ) -> Fits:
-    """Fit ellipses to arcs with estimated noise, some again with that of a sensor that smooths."""
+    """Fit ellipses to arcs with estimated noise; fit some again with that of a smoothing sensor."""
     fits = fit_noisy_points([(points, guess) for points, guess, _ in arcs], priors, settings)
     smoothed = {
         i: (smoothed_noise(points, fit.normals, std), fit.ellipse)
@@ -64,7 +65,10 @@ def _refine_estimated(
 
 
 def _shows_smoothing(fit: EllipseFit) -> bool:
-    """Return whether the errors are correlated or grow with incidence, as a smoothing sensor's."""
+    """Return whether the errors are those of a smoothing sensor.
+
+    They are correlated, or increase with the angle of incidence.
+    """
     return fit.correlation.neighbours_correlated or errors_grow_with_incidence(
         fit.normalised, fit.normals
     )

@@ -1,8 +1,8 @@
-"""Robust ellipse fit for detection: fast and stable on short arcs, with a small bias.
+"""Robust ellipse fit for detection: fast, and stable on short arcs, with a small bias.
 
-An arc of 40 deg hardly determines the tilt of a free ellipse, whose fit may degenerate to a
-straight line. Here a weak prior (few pipes are tilted by more than 60 deg) limits the difference
-of the semi-axes; on a long arc it has no effect.
+An arc of 40 deg hardly determines the tilt: without a constraint the fit may degenerate to a
+straight line. A weak prior (few pipes are tilted by more than 60 deg) limits the difference of the
+semi-axes; on a long arc it has no effect.
 
 The functions take one arc, or a stack of k arcs as arrays with a leading axis: parameters (5,) or
 (k, 5), points (n,) or (k, n).
@@ -32,15 +32,16 @@ IDENTITY = np.eye(PARAMETERS)
 FLATTENING_INFORMATION = np.diag([0, 0, 0, 1, 1, 0])[:PARAMETERS] / FLATTENING_PRIOR_STD**2
 """Normal equations (5, 6) of the prior on the flattening of a circle, for m = 1 mm."""
 FLATTENING_DIAGONAL = FLATTENING_INFORMATION.sum(axis=1, keepdims=True)
-"""Its information about each parameter, (5, 1)."""
+"""Information of the prior on the flattening about each parameter, (5, 1), for m = 1 mm."""
 MAX_RELATIVE_STEP = 0.1
-"""Damping: a step of this fraction of m costs as much as a residual of one sigma."""
+"""Step, as a fraction of m, whose damping costs as much as a residual of one sigma."""
 DAMPING = IDENTITY / MAX_RELATIVE_STEP**2
 """Information that damps a step, for m = 1 mm. Units: 1/mm^2."""
 DAMPED_PRIOR = DAMPING + FLATTENING_INFORMATION[:, :PARAMETERS]
 """Information of the damping and of the prior on the flattening, for m = 1 mm. Units: 1/mm^2."""
 VARIANCE_FLOOR_FRACTION = 0.05
-"""Fraction of the total variance added along any normal: as for a normal that is 13 deg wrong."""
+"""Fraction of a point's total variance that is added to the variance along any normal, as for a
+normal with an error of 13 deg."""
 
 
 class EllipseResiduals(NamedTuple):
@@ -52,14 +53,14 @@ class EllipseResiduals(NamedTuple):
         Orthogonal distance, positive outside; its error is of second order near the ellipse.
         Units: mm.
     normals, w : (..., n) complex ndarray
-        Outward unit normal, and unit vector of c + E w, where the ray from the centre meets the
-        ellipse.
+        Outward unit normal, and unit vector w, of the point c + E w where the ray from the centre
+        meets the ellipse.
     variances : (..., n) ndarray
         Variance of the points' errors along these normals, n' Sigma n. Units: mm^2.
     inflated_variances : (..., n) ndarray
-        These variances plus `VARIANCE_FLOOR_FRACTION` of the total variance: on a steep flank
-        n' Sigma n almost vanishes, and with a normal a few degrees wrong a single point would
-        dominate the fit. Units: mm^2.
+        These variances plus `VARIANCE_FLOOR_FRACTION` of the total variance. On a steep flank
+        n' Sigma n is almost zero, so that without this addition a single point, with an error of
+        a few degrees in its normal, would dominate the fit. Units: mm^2.
     """
 
     residuals: FloatArray
@@ -70,15 +71,16 @@ class EllipseResiduals(NamedTuple):
 
     @property
     def normalised_squares(self) -> FloatArray:
-        """Squared residuals over the inflated variances."""
+        """Squared residuals divided by the inflated variances, (..., n)."""
         return self.residuals * self.residuals / self.inflated_variances
 
 
 def ellipse_residuals(points: NoisyPoints, parameters: FloatArray) -> EllipseResiduals:
-    """Return the residuals of points from an ellipse (see `lsvision.ellipse.parameters`).
+    """Return the residuals of points (..., n) from ellipses (..., 5), in mm.
 
-    The symmetric matrix E / m acts on w as w + d conj(w), with d = (p + iq) / m, and its adjugate,
-    from which the inverse and the normals follow, as w - d conj(w).
+    For the parameters see `lsvision.ellipse.parameters`. The symmetric matrix E / m acts on w as w
+    + d conj(w), with d = (p + iq) / m, and its adjugate, from which the inverse and the normals
+    follow, as w - d conj(w).
     """
     centre, m, d = split_parameters(parameters)
     d = d / m
@@ -89,8 +91,8 @@ def ellipse_residuals(points: NoisyPoints, parameters: FloatArray) -> EllipseRes
     n = w - d * w.conj()
     cosine = 1 / np.maximum(np.abs(n), TINY)
     n *= cosine.astype(complex)
-    # The ray meets the ellipse at m det(E / m) / size of the offset from the centre; the distance
-    # from there is multiplied by the cosine of the ray with n.
+    # The ray meets the ellipse at m det(E / m) / size of the offset from the centre. The distance
+    # of the point from there is multiplied by the cosine of the angle between the ray and n.
     signed = (size - (m - m * (d * d.conjugate()).real)) * cosine
     variances = points.normal_variances(n)
     inflated = variances + (2 * VARIANCE_FLOOR_FRACTION) * points.mean_variance
@@ -98,10 +100,10 @@ def ellipse_residuals(points: NoisyPoints, parameters: FloatArray) -> EllipseRes
 
 
 def ray_normal_variances(points: NoisyPoints, parameters: FloatArray) -> FloatArray:
-    """Return `EllipseResiduals.variances` (..., n) of points alone. Units: mm^2."""
+    """Return only the `EllipseResiduals.variances` (..., n) of points. Units: mm^2."""
     centre, m, d = split_parameters(parameters)
     offset = points.z - centre
-    # n of `ellipse_residuals` times m^2, without its unit vector w in between.
+    # The normal n of `ellipse_residuals` times m^2, without the intermediate unit vector w.
     n = (m * m + (d * d.conjugate()).real) * offset
     n -= (2 * m * d) * offset.conj()
     n *= n
@@ -130,10 +132,17 @@ class WeightedSystem(NamedTuple):
     def of(
         cls, evaluated: EllipseResiduals, variance_factor: float | FloatArray
     ) -> "WeightedSystem":
-        """Return the system with Cauchy's weights: a residual of 3 sigma halves a point's.
+        """Return the system with Cauchy's weights: at a residual of 3 sigma the weight is halved.
 
-        Otherwise the foot of a weld bead on a flank, where n' Sigma n is small, would dominate the
-        fit, and the next step would diverge. `variance_factor` is a number, or (k, 1).
+        With full weights, the foot of a weld bead on a flank, where n' Sigma n is small, would
+        dominate the fit, and the next step would diverge.
+
+        Parameters
+        ----------
+        evaluated : EllipseResiduals
+            Residuals (..., n).
+        variance_factor : float or (k, 1) ndarray
+            Ratio of the true variances to the inflated variances of the residuals.
         """
         *stack, count = evaluated.residuals.shape
         rows = np.empty((*stack, PARAMETERS + 1, count))
@@ -145,7 +154,10 @@ class WeightedSystem(NamedTuple):
         return cls(rows, 1 / variances)
 
     def normal_equations(self, members: BoolArray | None = None) -> FloatArray:
-        """Return the normal equations of all or some points, (..., 5, 6): information, gradient."""
+        """Return the normal equations (..., 5, 6): information and, last, the right-hand side.
+
+        `members` is the mask (..., n) of the points that are used, all of them by default.
+        """
         weights = self.weights if members is None else self.weights * members
         weighted = self.rows[..., :PARAMETERS, :] * weights[..., None, :]
         equations: FloatArray = weighted @ self.rows.swapaxes(-1, -2)
@@ -153,16 +165,16 @@ class WeightedSystem(NamedTuple):
 
 
 def add_flattening_prior(equations: FloatArray, parameters: FloatArray) -> None:
-    """Add the weak prior that few pipes are tilted by more than 60 deg, in place."""
+    """Add the weak prior on the flattening to normal equations (..., 5, 6), in place."""
     m = _mean_semi_axes(parameters)
     equations += FLATTENING_INFORMATION / (m * m)
     equations[..., PARAMETERS:] -= FLATTENING_DIAGONAL / (m * m) * parameters[..., None]
 
 
 def damped_step(equations: FloatArray, parameters: FloatArray) -> FloatArray:
-    """Return the step (..., 5) to the minimum with the weak prior; NaN if singular.
+    """Return the damped step (..., 5) to the minimum with the weak prior; NaN if singular.
 
-    `equations` are those without the prior. The step is damped in units of m.
+    `equations` (..., 5, 6) are those without the prior, `parameters` (..., 5) the present ones.
     """
     m = _mean_semi_axes(parameters)
     information = equations[..., :PARAMETERS] + DAMPED_PRIOR / (m * m)
@@ -171,27 +183,35 @@ def damped_step(equations: FloatArray, parameters: FloatArray) -> FloatArray:
 
 
 def _mean_semi_axes(parameters: FloatArray) -> Any:
-    """Return m of ellipses (..., 5) as (..., 1, 1); that of a single ellipse is a number."""
+    """Return m of ellipses (..., 5) as (..., 1, 1); of a single ellipse as a number. Units: mm."""
     if parameters.size == PARAMETERS:
         return parameters.ravel().tolist()[2]
     return parameters[..., 2:3, None]
 
 
 def inverse_information(equations: FloatArray) -> FloatArray:
-    """Return the covariance (..., 5, 5) of the parameters; NaN if singular. Units: mm^2."""
+    """Return the inverse (..., 5, 5) of the information in normal equations (..., 5, 6).
+
+    It is the covariance of the parameters; NaN where it is singular. Units: mm^2.
+    """
     information = equations[..., :PARAMETERS]
     matrices = information.reshape(-1, PARAMETERS, PARAMETERS)
-    inverses = np.array([_solve(matrix, IDENTITY) for matrix in matrices])
-    return inverses.reshape(information.shape)
+    return np.array([_solve(matrix, IDENTITY) for matrix in matrices]).reshape(information.shape)
 
 
 def gauss_newton_step(
     evaluated: EllipseResiduals, parameters: FloatArray, members: BoolArray | None = None
 ) -> FloatArray:
-    """Return the parameters after one robust, weighted step; NaN if they are not an ellipse.
+    """Return the parameters (..., 5) after one robust, weighted step; NaN if not an ellipse.
 
-    `members` is the mask (..., n) of the points that are used, all of them by default; at least one
-    of each arc.
+    Parameters
+    ----------
+    evaluated : EllipseResiduals
+        Residuals (..., n) from the ellipses of these parameters.
+    parameters : (..., 5) ndarray
+        Present parameters. Units: mm.
+    members : (..., n) bool ndarray, optional
+        Points that are used, at least one of each arc; all of them by default.
     """
     medians = row_medians(evaluated.normalised_squares, members)
     factor = as_column([max(median * MAD_TO_STD**2, 1.0) for median in medians])
@@ -206,10 +226,10 @@ def gauss_newton_step(
 def row_medians(
     values: FloatArray, members: BoolArray | Sequence[IntArray] | None = None
 ) -> list[float]:
-    """Return the upper median of each row of (k, n) values, or of the one row of (n,) values.
+    """Return the upper median of each row of (k, n) values, or of (n,) values.
 
-    `members` is the mask (k, n) of the values that count, or their positions in each row; by
-    default all of them.
+    `members` are the values that are used, as a mask (k, n) or as positions in each row, at least
+    one in each; all of them by default.
     """
     rows: Iterable[FloatArray] = values.reshape(-1, values.shape[-1])
     if members is not None:
@@ -236,7 +256,7 @@ def _solve(matrix: FloatArray, rhs: FloatArray) -> FloatArray:
 
 
 def inverse_or_huge(information: FloatArray) -> FloatArray:
-    """Return the inverse of an information (5, 5); huge variances where it is singular."""
+    """Return the inverse of an information matrix (5, 5), with huge variances if it is singular."""
     inverse = solve_positive_definite(information, IDENTITY)
     if math.isnan(inverse[0, 0]):
         scale = 1 / np.sqrt(np.maximum(information.diagonal(), TINY))

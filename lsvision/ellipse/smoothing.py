@@ -1,12 +1,12 @@
-"""Smoothing (paper section 3.3.1) of the residuals from the ellipse along arc length.
+"""Smoothing (paper section 3.3.1) of the residuals from the screened ellipse along arc length.
 
-The paper smooths y(x) by local quadratics over 30 % of the arc. Over so wide a window a
-quadratic in x does not fit an ellipse: even radii of noise-free arcs are 0.4 to 0.8 mm too large.
-The residual from the screened ellipse is nearly zero, so that smoothing it has no such bias. The
-robust weights (Tukey's bisquare) also detect jumps inside an arc.
+The paper smooths y(x) by local quadratics over 30 % of the arc. In so wide a window a quadratic in
+x does not fit an ellipse: even the radii of noise-free arcs are 0.4 to 0.8 mm too large. Here the
+residuals from the screened ellipse are smoothed; they are nearly zero, so that there is no such
+bias. The robust weights (Tukey's bisquare) also detect jumps inside an arc.
 
-Arcs are smoothed together, as rows of up to n points; after the last point of an arc it is repeated
-with weight 0.
+Several arcs are smoothed together, as rows of n points; a shorter arc is padded with its last
+point, with weight 0.
 """
 
 from collections.abc import Sequence
@@ -25,27 +25,31 @@ from lsvision.statistics.robust import MAD_TO_STD
 WINDOW_FRACTION = 0.3
 """Width of the local regression as a fraction of the arc (paper: 30 % of the points)."""
 TUKEY_CONSTANT = 4.685
-"""Tukey's constant: 95 % efficiency at the normal distribution."""
+"""Tukey's constant, for an efficiency of 95 % with normally distributed residuals."""
 POSITIONS = 16
 """Number of positions at equal steps of arc length (paper section 3.3.2) at which the local
-quadratic is evaluated: five per window of 30 %, since a quadratic has no finer detail."""
+quadratic is evaluated: five per window of 30 %, since a quadratic has no finer details."""
 EVEN_STEPS = np.linspace(0, 1, POSITIONS)
-"""These positions over the arc's length."""
+"""Arc lengths of these positions, as fractions of the arc's length."""
 RIDGE = 1e-9
 """Ridge of the regression relative to its weights, and smallest step relative to the arc's length,
-since points may share a foot point. Larger than rounding errors."""
+since several points may have the same foot point. It is larger than rounding errors."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SmoothedArc:
-    """Residuals at k equal steps of arc length, from the screened `ellipse` (mm, rad).
+    """Smoothed residuals of an arc at k equal steps of arc length.
 
     Parameters
     ----------
+    ellipse : Ellipse
+        Screened ellipse, from which the residuals are measured. Units: mm, rad.
     directions : (k,) complex ndarray
-        Unit vectors w of the points c + E w of the ellipse.
-    residuals, stds : (k,) ndarray
-        Smoothed residuals, positive outside; standard deviation of a single point. Units: mm.
+        Unit vectors w of the points c + E w of the ellipse, see `lsvision.ellipse.parameters`.
+    residuals : (k,) ndarray
+        Smoothed residuals, positive outside. Units: mm.
+    stds : (k,) ndarray
+        Standard deviations of the residual of a single point. Units: mm.
     inliers : (n,) bool ndarray
         Mask of the measured points that are not jumps.
     """
@@ -58,17 +62,30 @@ class SmoothedArc:
 
 
 def smooth_arcs(points: Sequence[NoisyPoints], ellipses: Sequence[Ellipse]) -> list[SmoothedArc]:
-    """Smooth the residuals of the points of k arcs from their screened ellipses, and find jumps."""
+    """Smooth the residuals of the points of arcs from their screened ellipses, and detect jumps.
+
+    Parameters
+    ----------
+    points : sequence of NoisyPoints
+        Inliers of each arc, at least one, in any order. Units: mm.
+    ellipses : sequence of Ellipse
+        Screened ellipse of each arc. Units: mm, rad.
+
+    Returns
+    -------
+    list of SmoothedArc
+        One for each arc, with the mask of inliers in the order of its points.
+    """
     if not points:
         return []
     sizes = [len(arc_points) for arc_points in points]
     stacked, valid = NoisyPoints.stack(points)
     parameters = np.array([parameters_from_ellipse(ellipse) for ellipse in ellipses])
     evaluated = ellipse_residuals(stacked, parameters)
-    # Angles relative to the middle of each arc, so that they have no jump of 2 pi.
+    # Angles relative to the mean direction of each arc, so that they have no step of 2 pi.
     sums = [complex(row[:size].sum()) for row, size in zip(evaluated.w, sizes, strict=True)]
-    middle = as_column([total / abs(total) for total in sums])
-    rotated = evaluated.w * middle.conjugate()
+    mean_w = as_column([total / abs(total) for total in sums])
+    rotated = evaluated.w * mean_w.conjugate()
     angles = np.arctan2(rotated.imag, rotated.real)
     order = _sort_rows(angles, sizes)
     angles, residuals = angles.take(order), evaluated.residuals.take(order)
@@ -79,7 +96,7 @@ def smooth_arcs(points: Sequence[NoisyPoints], ellipses: Sequence[Ellipse]) -> l
     smooth, weights = smooth_residuals(length, residuals, stds, even, valid)
     inliers = np.empty(weights.shape, dtype=bool)
     inliers.put(order, weights > 0)
-    directions = middle * np.exp(1j * _interpolate_rows(even, length, angles))
+    directions = mean_w * np.exp(1j * _interpolate_rows(even, length, angles))
     stds = _interpolate_rows(even, length, stds)
     return [
         SmoothedArc(ellipse, directions[i], smooth[i], stds[i], inliers[i, : sizes[i]])
@@ -88,7 +105,10 @@ def smooth_arcs(points: Sequence[NoisyPoints], ellipses: Sequence[Ellipse]) -> l
 
 
 def _sort_rows(angles: FloatArray, sizes: list[int]) -> IntArray:
-    """Return indices (k, n) into the flattened angles that sort each row; the last one repeats."""
+    """Return indices (k, n) into the flattened angles that sort each row; the last one is repeated.
+
+    `sizes` are the numbers of valid angles in each row.
+    """
     order = np.empty(angles.shape, dtype=int)
     for i, (row, size) in enumerate(zip(angles, sizes, strict=True)):
         order[i, :size] = row[:size].argsort(kind="stable")
@@ -98,7 +118,10 @@ def _sort_rows(angles: FloatArray, sizes: list[int]) -> IntArray:
 
 
 def _arc_length(feet: ComplexArray, sizes: list[int]) -> FloatArray:
-    """Return the ascending arc length (k, n) of foot points. Units: mm."""
+    """Return the strictly ascending arc length (k, n) of foot points x + iy. Units: mm.
+
+    Padding, after the number of points in `sizes`, has the length of the last point.
+    """
     steps = np.zeros(feet.shape)
     np.abs(feet[:, 1:] - feet[:, :-1], out=steps[:, 1:])
     length: FloatArray = steps.cumsum(axis=1)
@@ -122,23 +145,39 @@ def smooth_residuals(
     even: FloatArray,
     valid: BoolArray | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return residuals smoothed at p arc lengths `even` (k, p), and robust weights (k, n).
+    """Smooth residuals by one pass of robust local quadratic regression.
 
-    One pass of robust local quadratic regression; the paper's reference 20 fits local lines in two
-    passes. A weight of 0 is a jump. `length` is the ascending arc length of the points (k, n), and
-    `valid` their mask, None if all are valid. Units: mm.
+    The paper's reference 20 fits local lines in two passes.
+
+    Parameters
+    ----------
+    length : (k, n) ndarray
+        Ascending arc length of the points. Units: mm.
+    residuals, stds : (k, n) ndarray
+        Residuals and their standard deviations. Units: mm.
+    even : (k, p) ndarray
+        Arc lengths at which the residuals are smoothed. Units: mm.
+    valid : (k, n) bool ndarray, optional
+        False for padding. None: all points are valid.
+
+    Returns
+    -------
+    smooth : (k, p) ndarray
+        Smoothed residuals. Units: mm.
+    weights : (k, n) ndarray
+        Robust weights, from 0 (a jump) to 1.
     """
     first, last = length[:, :1], length[:, -1:]
     half = WINDOW_FRACTION * (last - first) / 2 + TINY
-    # At the ends the window is one-sided; it is extended inwards to keep its width.
+    # At the ends of the arc the window is one-sided, and extended inwards to the same width.
     widths = np.maximum(half, np.maximum(first - even, even - last) + 2 * half)
     u = length[:, None] - even[..., None]
     u /= widths[..., None]
     cube = np.abs(u)
     cube *= u * u
     tricube = np.maximum(1 - cube, 0.0)
-    # The first weights come from the residuals from the screened ellipse, which no jump has
-    # shifted: an unweighted regression would follow jumps and reject their valid neighbours.
+    # The first weights come from the residuals from the screened ellipse, which do not depend on
+    # jumps. An unweighted regression would follow the jumps, and reject their valid neighbours.
     weights = _bisquare_weights(residuals / stds, valid) / (stds * stds)
     if valid is not None:
         weights *= valid
@@ -148,9 +187,9 @@ def smooth_residuals(
 
 
 def _bisquare_weights(normalised: FloatArray, valid: BoolArray | None) -> FloatArray:
-    """Return Tukey's weights of residuals over their standard deviations, (k, n)."""
+    """Return Tukey's weights (k, n) of residuals divided by their standard deviations."""
     medians = row_medians(np.abs(normalised), valid)
-    # The scale is at least that of the noise model, so that points within the noise are kept.
+    # The scale is at least that of the noise model, so that points within the noise are inliers.
     limits = [TUKEY_CONSTANT * max(MAD_TO_STD * median, 1.0) for median in medians]
     z = normalised / as_column(limits)
     weights: FloatArray = np.maximum(1 - z * z, 0.0) ** 2
@@ -166,10 +205,10 @@ def _local_quadratics(u: FloatArray, weights: FloatArray, residuals: FloatArray)
     powers[0] = weights
     for lower, higher in pairwise(powers):
         np.multiply(lower, u, out=higher)
-    # Sums as products with ones, which are faster.
+    # Products with ones are faster than sums.
     m0, m1, m2, m3, m4 = powers @ np.ones(u.shape[-1])
     r0, r1, r2 = (powers[:3] @ residuals[..., None])[..., 0]
-    # Ridge regression: a window with two points gets a line, an empty one the ellipse itself.
+    # Because of the ridge, a window with two points has a line, and an empty one the value 0.
     ridge = RIDGE * (m0 + RIDGE * m0.max(axis=1, keepdims=True)) + TINY
     d0, d2, d4 = m0 + ridge, m2 + ridge, m4 + ridge
     # First row of the normal equations' inverse, by Cramer's rule.
