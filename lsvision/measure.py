@@ -1,7 +1,7 @@
 """Pipeline from profiles to their cylinders (the paper's Figure 4).
 
-Range image and candidates precede the paper's steps, because rough identification alone mistakes
-planes for huge ellipses. The paper's pipeline without them is
+Range image and candidates precede the paper's steps, because rough identification alone finds huge
+ellipses on planes. The pipeline exactly as published is
 `lsvision.studies.chen_liu_2016.measure_cylinders_paper`.
 """
 
@@ -57,12 +57,12 @@ if TYPE_CHECKING:
 __all__ = ["Measurement", "Settings", "measure_cylinders", "measure_profiles"]
 
 POINTS_AT_ONCE = 20_000
-"""Largest number of points that each step handles together: 53 profiles of 376 points. Larger
+"""Largest number of points that each step processes together: 53 profiles of 376 points. Larger
 groups need more memory and are hardly faster."""
 PROFILES_AT_ONCE = 32
-"""Number of profiles in each task of a parallel process; twice as many are hardly faster."""
+"""Number of profiles in each task of a parallel process; tasks twice as large are hardly faster."""
 _NumberOrPair = float | Sequence[float] | None
-"""A number, a pair such as (mean, std), or nothing."""
+"""A number, a pair such as (mean, std), or None."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -74,7 +74,7 @@ class Settings(ShowsChanges):
     range_image : RangeImageSettings
         Division of a profile into connected components.
     candidates : CandidateSettings
-        Selection of the point sequences on which ellipses are tried, before rough identification.
+        Selection of the point sequences to which ellipses are fitted in rough identification.
     acceptance : AcceptanceSettings
         Limits for accepting a section as a cylinder.
     fitting : FittingSettings
@@ -89,10 +89,10 @@ class Settings(ShowsChanges):
     range_image: RangeImageSettings = RangeImageSettings()
     candidates: CandidateSettings = CandidateSettings()
     acceptance: AcceptanceSettings = AcceptanceSettings()
-    # The initial guess from the homogenised arc is so near that reweighting changes nothing, and
-    # that each step is a hundredth of the one before. A relative decrease of chi^2 of 1e-3 is a
-    # step of 0.2 sigma, so that the error after it is 0.002 sigma. Pipes take 2 to 14 evaluations;
-    # a fit that needs more than 20 diverges.
+    # The initial guess from the homogenised arc is so near the minimum that reweighting changes
+    # nothing, and that each step is a hundredth of the one before. A step that decreases chi^2 by a
+    # fraction of 1e-3 has a length of 0.2 sigma; the error after it is 0.002 sigma. The fits of
+    # pipes need 2 to 14 evaluations; a fit that needs more than 20 diverges.
     fitting: FittingSettings = FittingSettings(reweightings=0, max_evaluations=20, tolerance=1e-3)
 
 
@@ -113,45 +113,46 @@ def measure_cylinders(
         Points of one light section, as `Profile` takes them: y increases towards the sensor, a
         NaN row is a lost point, a data frame has columns x and z (or y). Units: mm.
     radius : float or (float, float), optional
-        Search range (min, max), or a nominal radius that is searched within 20 %. Units: mm.
+        Search range (min, max), or a nominal radius whose search range is +/- 20 %. By default
+        the range follows from extent and pitch of the profile. Units: mm.
     known_radius : float or (float, float), optional
         Radius, or (radius, std): a prior in the fit, and the centre of the search range if
         `radius` is not given. Units: mm.
     known_phi : float or (float, float), optional
         Tilt of the axis from the laser plane's normal, or (tilt, std): a prior in the fit. With
-        0 circles are fitted, also to arcs too short for an ellipse; see `PhiPrior`.
+        0, circles are fitted, also to arcs that are too short for an ellipse; see `PhiPrior`.
         Units: rad.
     sensor : NoiseModel or str, optional
-        Noise of the points, as a `ProfileSensor` or the name of a known one ("lps36",
-        "lps36hi"). Default: the noise of the profile; if that has none, its size is
-        estimated from the residuals, and its direction is assumed within 13 deg of Y.
+        Noise of the points, such as a `ProfileSensor`, or the name of a known sensor ("lps36",
+        "lps36hi"). Default: the noise of the profile; if the profile has none, the size of the
+        noise is estimated from the residuals, and its direction is assumed within 13 deg of Y.
     settings : Settings
         Settings of the steps.
 
     Returns
     -------
     Measurement
-        Equal arguments yield equal results. Without cylinders, `Measurement.reason` states why; a
-        profile with points then has at least one rejection.
+        Cylinders and rejected arcs; the same for the same arguments. Without cylinders,
+        `Measurement.reason` states why, and a profile with points has at least one rejection.
 
     Raises
     ------
     ValueError
-        If a radius is not positive, its range is reversed, a known phi is not a tilt (as one in
-        degrees), or a sensor's name is unknown.
+        If a radius is not positive, its range is reversed, a known phi is not in [0, pi / 2)
+        (for example because it is in degrees), or the name of a sensor is unknown.
     TypeError
-        If an argument is of another type.
+        If an argument has another type.
 
     Warns
     -----
     UserWarning
         If the points seem to be in metres: they span less than 1 mm in x and y, with less than
-        0.002 mm from one to the next. No profile sensor has so small a pitch.
+        0.002 mm from one point to the next, which is less than the pitch of any profile sensor.
 
     Notes
     -----
-    One section does not determine the sign of the tilt (`CylinderSection.axis_twins`), and hardly
-    a phi below 10 deg (see ``interval("phi")``); two sections determine both.
+    One section does not determine the sign of the tilt (`CylinderSection.axis_twins`), and a tilt
+    phi below 10 deg only roughly (see ``interval("phi")``); two sections determine both.
 
     Examples
     --------
@@ -162,10 +163,8 @@ def measure_cylinders(
     >>> abs(pipe.radius - truth.radius) < 4 * pipe.radius_std
     True
     """
-    measured = as_profile(profile)
-    (measurement,) = _measure(
-        [measured], (radius, known_radius, known_phi), as_noise_model(sensor), settings
-    )
+    values = radius, known_radius, known_phi
+    (measurement,) = _measure([as_profile(profile)], values, as_noise_model(sensor), settings)
     return measurement
 
 
@@ -180,13 +179,13 @@ def measure_profiles(
 ) -> list[Measurement]:
     """Measure many profiles at once, several times as fast as one by one.
 
-    Each step handles up to `POINTS_AT_ONCE` points of several profiles together.
+    Each step processes up to `POINTS_AT_ONCE` points of several profiles together.
     `lsvision.measure_many` does the same in several processes, with profiles that are read lazily.
 
     Parameters
     ----------
     profiles : sequence of Profile, (n, 2) array_like or data frame
-        The profiles.
+        Profiles, as `measure_cylinders` takes them; there may be none.
     radius, known_radius, known_phi, sensor, settings
         As for `measure_cylinders`, the same for all profiles.
 
@@ -208,10 +207,31 @@ def measure_profiles(
     [1, 1]
     """
     require_several(profiles)
-    measured = list(map(as_profile, profiles))
+    checked = list(map(as_profile, profiles))
     options = (radius, known_radius, known_phi), as_noise_model(sensor), settings
-    sizes = list(map(len, measured))
-    return apply_in_groups(lambda group: _measure(group, *options), measured, sizes, POINTS_AT_ONCE)
+    sizes = list(map(len, checked))
+    return apply_in_groups(lambda group: _measure(group, *options), checked, sizes, POINTS_AT_ONCE)
+
+
+class _Search(NamedTuple):
+    """Profile with its search.
+
+    Parameters
+    ----------
+    profile : Profile
+        The profile.
+    prepared : PreparedProfile
+        The profile, prepared for detection.
+    radius_range : (float, float)
+        Smallest and largest radius. Units: mm.
+    components : list of (n,) int ndarray
+        Indices of the points of the connected components of the prepared profile.
+    """
+
+    profile: Profile
+    prepared: PreparedProfile
+    radius_range: tuple[float, float]
+    components: list[IntArray]
 
 
 def _measure(
@@ -220,40 +240,23 @@ def _measure(
     sensor: NoiseModel | None,
     settings: Settings,
 ) -> list[Measurement]:
-    """Measure profiles with the values of `radius`, `known_radius` and `known_phi`."""
+    """Run the steps of the paper's Figure 4 on several profiles together.
+
+    `radii_and_tilt` are `radius`, `known_radius` and `known_phi` of `measure_cylinders`.
+    """
     radius, known_radius, known_phi = radii_and_tilt
     priors = Priors.from_values(known_radius, known_phi)
-    search = as_number_or_pair(radius, "radius", "mm", "(min, max)")
-    return _find_cylinders(profiles, search, priors, sensor, settings)
-
-
-class _Search(NamedTuple):
-    """A profile, prepared, the range of radii to search (mm), and each component's indices."""
-
-    measured: Profile
-    profile: PreparedProfile
-    radius_range: tuple[float, float]
-    components: list[IntArray]
-
-
-def _find_cylinders(
-    profiles: Sequence[Profile],
-    radius: float | tuple[float, float] | None,
-    priors: Priors,
-    sensor: NoiseModel | None,
-    settings: Settings,
-) -> list[Measurement]:
-    """Run the steps of the paper's Figure 4 on several profiles together."""
+    search_radius = as_number_or_pair(radius, "radius", "mm", "(min, max)")
     # Range image and candidates, which precede the steps of the paper.
     prepared = [prepare_profile(profile, sensor or profile.noise) for profile in profiles]
-    ranges = [search_range(radius, priors.radius, profile) for profile in prepared]
+    ranges = [search_range(search_radius, priors.radius, profile) for profile in prepared]
     images = [build_range_image(profile, settings.range_image) for profile in prepared]
     min_points = settings.candidates.min_span_points
     components = [connected_components(image, min_points) for image in images]
     candidates = find_candidates(prepared, components, ranges, settings.candidates)
     # Rough identification, section 3.2.1.
     identified = identify_arcs(prepared, candidates, ranges, settings.acceptance)
-    # The following steps take arcs of similar size together, whichever profiles they belong to.
+    # The following steps process arcs of similar size together, also those of different profiles.
     searches = list(map(_Search, profiles, prepared, ranges, components))
     by_profile = list(zip(searches, identified, strict=True))
     arcs = [(search, arc) for search, (profile_arcs, _) in by_profile for arc in profile_arcs]
@@ -276,7 +279,7 @@ def _measure_arcs(
 ) -> list[CylinderSection | Rejection]:
     """Return the cylinder of each identified arc, or the rejection with its reason."""
     # Accurate screening, section 3.2.2.
-    screened = screen_arcs([search.profile for search, _ in arcs], [arc for _, arc in arcs])
+    screened = screen_arcs([search.prepared for search, _ in arcs], [arc for _, arc in arcs])
     checked = [_check_screened(*pair, arc) for pair, arc in zip(arcs, screened, strict=True)]
     passed = [
         (search, identified.arc, arc)
@@ -290,17 +293,17 @@ def _measure_arcs(
 def _check_screened(
     search: _Search, arc: IdentifiedArc, screened: ScreenedArc | None
 ) -> ScreenedArc | Rejection:
-    """Return the screened arc, or its rejection if the laser line continues tangentially."""
+    """Return the screened arc, or its rejection if it has no ellipse or continues tangentially."""
     if screened is None:
         return Rejection(arc.arc, "no ellipse fits the middle part of the arc")
-    reason = tangential_end_reason(search.profile, arc, screened)
+    reason = tangential_end_reason(search.prepared, arc, screened)
     return screened if reason is None else Rejection(arc.arc, reason)
 
 
 def _fit_sections(
     arcs: Sequence[tuple[_Search, Arc, ScreenedArc]], priors: Priors, settings: Settings
 ) -> list[CylinderSection | Rejection]:
-    """Return the cylinder of each screened arc, or the rejection of its identified span."""
+    """Return the cylinder of each screened arc, or a rejection of its span before screening."""
     # Smoothing, which also detects jumps, and homogenising (resampling at equal arc length),
     # section 3.3.
     points = [arc.points for _, _, arc in arcs]
@@ -312,7 +315,7 @@ def _fit_sections(
         [arc.ellipse for arc in homogenised],
         priors,
         settings.fitting,
-        [search.profile.estimated_std for search, _, _ in arcs],
+        [search.prepared.estimated_std for search, _, _ in arcs],
     )
     return [
         Rejection(span, str(fit))
@@ -327,7 +330,7 @@ def _check_section(
 ) -> CylinderSection | Rejection:
     """Return the cylinder fitted to the points at `indices` if it is accepted, else a rejection."""
     section = CylinderSection(fit, Arc(int(indices[0]), int(indices[-1]) + 1), indices)
-    reason = rejection_reason(search.profile, section, search.radius_range, settings.acceptance)
+    reason = rejection_reason(search.prepared, section, search.radius_range, settings.acceptance)
     return section if reason is None else Rejection(section.arc, reason)
 
 
@@ -337,11 +340,11 @@ def _build_complete_measurement(
     """Return the measurement of a profile: cylinders, and a rejection for each other segment."""
     cylinders = suppress_overlapping([r for r in results if isinstance(r, CylinderSection)])
     rejections = complete_rejections(
-        search.profile,
+        search.prepared,
         search.components,
         cylinders,
         [result for result in results if isinstance(result, Rejection)],
         search.radius_range,
         settings.candidates.min_span_points,
     )
-    return build_measurement(cylinders, rejections, search.profile, search.measured)
+    return build_measurement(cylinders, rejections, search.prepared, search.profile)
