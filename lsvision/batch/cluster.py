@@ -12,13 +12,14 @@ Task = TypeVar("Task")
 Value = TypeVar("Value")
 
 IN_FLIGHT_PER_THREAD = 3
-"""Number of unfinished tasks per thread of the workers: one that runs, and others that wait."""
+"""Largest number of unfinished tasks per thread of the workers: one that runs, and two that
+wait."""
 CONNECT_TIMEOUT_S = 10.0
 """Time limit for the connection to the scheduler. Units: s."""
 ANSWER_TIMEOUT_S = 60.0
 """Time limit for each answer of the scheduler, which may be busy. Units: s."""
 POLL_S = 1.0
-"""How often the connection is checked while all workers are busy. Units: s."""
+"""Interval between checks of the connection while all workers are busy. Units: s."""
 
 
 def run_on_cluster(
@@ -33,18 +34,18 @@ def run_on_cluster(
     tasks : iterable
         Tasks, read lazily as results arrive.
     address : str
-        Address of the scheduler, as ``tcp://192.168.0.10:8786``.
+        Address of the scheduler, such as ``tcp://192.168.0.10:8786``.
 
     Yields
     ------
     Finished
-        The tasks of a worker that ends are repeated by others; one that has ended several workers
-        has the value `EndedProcess`.
+        Result of each task. If a worker ends, other workers repeat its tasks; a task that has ended
+        several workers has the value `EndedProcess`.
 
     Raises
     ------
     LsvisionError
-        If dask is not installed, no scheduler answers, or it goes away.
+        If dask is not installed, no scheduler answers, or the connection to it is lost.
     """
     client = _connect(address)
     try:
@@ -76,7 +77,7 @@ def _connect(address: str) -> Any:
 def _run_tasks(
     client: Any, function: Callable[[Task], Value], remaining: Iterator[Task]
 ) -> Iterator[Finished[Task, Value]]:
-    """Submit the remaining tasks as others finish, and yield the results."""
+    """Submit tasks, a new one when another one finishes, and yield the results."""
     in_flight: dict[Any, Task] = {}
     while True:
         max_count = IN_FLIGHT_PER_THREAD * max(_count_threads(client), 1)
@@ -94,14 +95,14 @@ def _count_threads(client: Any) -> int:
     Raises
     ------
     OSError, TimeoutError
-        If the scheduler does not answer. The client itself would wait for it without limit.
+        If the scheduler does not answer; the client itself would wait without a time limit.
     """
     answer = client.sync(client.scheduler.ncores, callback_timeout=ANSWER_TIMEOUT_S)
     return sum(answer.values())
 
 
 def _wait_for_any(client: Any, futures: list[Any]) -> list[Any]:
-    """Return the futures that are done, at least one."""
+    """Wait until at least one future is done, and return those that are done."""
     import distributed
 
     wait: Any = distributed.wait  # without annotations
@@ -122,15 +123,15 @@ def _result_of_future(client: Any, future: Any) -> Any:
             return EndedProcess()
         except distributed.CancelledError as error:
             raise _scheduler_lost(client.scheduler.address, error) from None
-        except TimeoutError:  # the worker that held the result has ended: it is computed again
+        except TimeoutError:  # the worker with the result has ended: the task runs again
             if future.status == "error":
                 raise
             _count_threads(client)
 
 
 def _scheduler_lost(address: str, error: Exception) -> LsvisionError:
-    """Return the error that a scheduler does not answer any more."""
+    """Return the error of a lost connection to the scheduler."""
     return LsvisionError(
-        f"{address}: the scheduler has gone away ({type(error).__name__}): start it, and give the "
-        "same command again: finished files are kept"
+        f"{address}: the connection to the scheduler is lost ({type(error).__name__}): start the "
+        "scheduler, and repeat the command: finished files are kept"
     )

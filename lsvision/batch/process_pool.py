@@ -1,8 +1,9 @@
 """Tasks that run in several processes of this machine, a limited number of them at a time.
 
-Each process has a connection of its own, and the calling process knows which tasks it was given.
-`concurrent.futures.ProcessPoolExecutor` shares one queue of results among all processes: it waits
-without limit for the rest of a result whose process was terminated while it was sending.
+Each process has its own connection, and the calling process records which tasks it has sent to
+which process. `concurrent.futures.ProcessPoolExecutor` shares one queue of results among all
+processes; if a process is terminated while it sends a result, the executor waits for the rest
+without a time limit.
 """
 
 import multiprocessing
@@ -25,9 +26,12 @@ Task = TypeVar("Task")
 Value = TypeVar("Value")
 
 IN_FLIGHT_PER_JOB = 3
-"""Number of tasks per process that are taken ahead of the results."""
+"""Largest number of tasks per process that are read ahead of the results."""
 TASKS_PER_PROCESS = 2
-"""Number of tasks that a process is given: one that runs, and one that waits in it."""
+"""Largest number of tasks assigned to a process: one that runs, and one that waits in the
+process."""
+MAX_CRASHES = 2
+"""Number of processes that a task may end before its result is `EndedProcess`."""
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Variables that limit the threads of linear algebra to one per process."""
 
@@ -38,34 +42,34 @@ class EndedProcess:
 
 
 class Finished(NamedTuple, Generic[Task, Value]):
-    """A task and what its function returned."""
+    """Task, and the value that its function returned."""
 
     task: Task
     value: Value | EndedProcess
 
 
-class _Failed(NamedTuple):
-    """Exception that a task raised in its process."""
+class _TaskFailure(NamedTuple):
+    """Exception that a task has raised in its process."""
 
     exception: Exception
 
 
 @dataclass(eq=False)
-class _Numbered(Generic[Task]):
-    """Task with its number, and how often it has ended its process."""
+class _NumberedTask(Generic[Task]):
+    """Task with its number, and the number of processes that it has ended."""
 
     number: int
     task: Task
-    ends: int = 0
+    crashes: int = 0
 
 
 @dataclass(eq=False)
 class _Worker(Generic[Task]):
-    """Process that runs tasks one after the other, and the tasks it was given."""
+    """Process that runs tasks one after the other, and the tasks assigned to it."""
 
     process: BaseProcess
     connection: "Connection[Any, Any]"
-    given: deque[_Numbered[Task]] = field(default_factory=deque)
+    assigned: deque[_NumberedTask[Task]] = field(default_factory=deque)
 
 
 def default_jobs() -> int:
@@ -84,38 +88,39 @@ def run_tasks(
     Parameters
     ----------
     function : callable
-        Function of a module; it, its arguments and its results can be pickled.
+        Function of a module; the function, its arguments and its results can be pickled.
     tasks : iterable
-        Tasks, read lazily, at most `IN_FLIGHT_PER_JOB` for each process ahead of the results.
+        Tasks; they are read lazily, at most `IN_FLIGHT_PER_JOB` per process ahead of the results.
     jobs : int
         Number of processes; with 1 the tasks run in the calling process.
     ordered : bool
-        Yield in the order of the tasks, else as they finish.
+        Whether the results are yielded in the order of the tasks, or else as they finish.
 
     Yields
     ------
     Finished
-        If a process ends (killed, out of memory, a crash), the task that it was running is tried
-        once more; if that ends its process again, its value is `EndedProcess`.
+        Result of each task. If a process ends (terminated, out of memory, a crash), the task that
+        it was running is repeated once; if its process ends again, the value is `EndedProcess`.
 
     Raises
     ------
     Exception
-        What `tasks` or `function` raises, after the results of the tasks before if `ordered`.
+        Exception that `tasks` or `function` raises; if `ordered`, after the results of the tasks
+        before.
     """
     if jobs == 1:
         yield from (Finished(task, function(task)) for task in tasks)
         return
     failures: list[Exception] = []
-    numbered = (_Numbered(*pair) for pair in enumerate(_until_failure(tasks, failures)))
+    numbered = (_NumberedTask(*pair) for pair in enumerate(_iterate_until_failure(tasks, failures)))
     finished = _run_in_processes(function, numbered, jobs, ordered=ordered)
-    yield from (Finished(job.task, value) for job, value in finished)
+    yield from (Finished(numbered_task.task, value) for numbered_task, value in finished)
     if failures:
         raise failures[0]
 
 
-def _until_failure(tasks: Iterable[Task], failures: list[Exception]) -> Iterator[Task]:
-    """Yield tasks; if taking one fails, append the exception to `failures` instead."""
+def _iterate_until_failure(tasks: Iterable[Task], failures: list[Exception]) -> Iterator[Task]:
+    """Yield tasks; if reading the next one fails, append the exception to `failures` and stop."""
     try:
         yield from tasks
     except Exception as failure:  # noqa: BLE001 - raised after the results of the tasks before it
@@ -124,61 +129,62 @@ def _until_failure(tasks: Iterable[Task], failures: list[Exception]) -> Iterator
 
 def _run_in_processes(
     function: Callable[[Task], Value],
-    remaining: Iterator[_Numbered[Task]],
+    remaining: Iterator[_NumberedTask[Task]],
     jobs: int,
     *,
     ordered: bool,
-) -> Iterator[tuple[_Numbered[Task], Value | EndedProcess]]:
-    """Yield tasks and their values; finished ones wait for those before them if `ordered`."""
-    waiting: deque[_Numbered[Task]] = deque()
-    finished: dict[int, tuple[_Numbered[Task], Any]] = {}
-    taken = due = 0
+) -> Iterator[tuple[_NumberedTask[Task], Value | EndedProcess]]:
+    """Yield tasks with their values, in the order of the tasks if `ordered`."""
+    waiting: deque[_NumberedTask[Task]] = deque()
+    finished: dict[int, tuple[_NumberedTask[Task], Any]] = {}
+    read = yielded = 0
     with _open_workers() as workers:
         while True:
-            for job in islice(remaining, IN_FLIGHT_PER_JOB * jobs - (taken - due)):
-                waiting.append(job)
-                taken += 1
-            _give_tasks(function, workers, waiting, jobs)
-            if due in finished:
-                job, value = finished.pop(due)
-                due += 1
-                if isinstance(value, _Failed):
+            for task in islice(remaining, IN_FLIGHT_PER_JOB * jobs - (read - yielded)):
+                waiting.append(task)
+                read += 1
+            _assign_tasks(function, workers, waiting, jobs)
+            if yielded in finished:
+                task, value = finished.pop(yielded)
+                yielded += 1
+                if isinstance(value, _TaskFailure):
                     raise value.exception
-                yield job, value
-            elif taken == due:
+                yield task, value
+            elif read == yielded:
                 return
             else:
-                for job, value in _collect(workers, waiting):
-                    finished[job.number if ordered else due + len(finished)] = job, value
+                for task, value in _collect_results(workers, waiting):
+                    finished[task.number if ordered else yielded + len(finished)] = task, value
 
 
-def _give_tasks(
+def _assign_tasks(
     function: Callable[[Task], Value],
     workers: list[_Worker[Task]],
-    waiting: deque[_Numbered[Task]],
+    waiting: deque[_NumberedTask[Task]],
     jobs: int,
 ) -> None:
-    """Send the waiting tasks to the processes with the fewest; start processes up to `jobs`."""
-    idle = sum(not worker.given for worker in workers)
+    """Send waiting tasks to the processes with the fewest tasks; start processes up to `jobs`."""
+    idle = sum(not worker.assigned for worker in workers)
     for _ in range(min(jobs - len(workers), len(waiting) - idle)):
-        workers.append(_start_worker(function))  # all of them, before a large task is sent to one
+        # All processes are started before a task is sent: to send a large one takes long.
+        workers.append(_start_worker(function))
     while waiting:
-        worker = min(workers, key=lambda each: len(each.given))
-        if len(worker.given) == TASKS_PER_PROCESS:
+        worker = min(workers, key=lambda each: len(each.assigned))
+        if len(worker.assigned) == TASKS_PER_PROCESS:
             return
-        worker.given.append(waiting.popleft())
-        with suppress(BrokenPipeError, ConnectionResetError):  # noticed by `_collect`
-            worker.connection.send(worker.given[-1].task)
+        worker.assigned.append(waiting.popleft())
+        with suppress(BrokenPipeError, ConnectionResetError):  # noticed by `_collect_results`
+            worker.connection.send(worker.assigned[-1].task)
 
 
-def _collect(
-    workers: list[_Worker[Task]], waiting: deque[_Numbered[Task]]
-) -> Iterator[tuple[_Numbered[Task], Any]]:
-    """Wait for processes to finish a task or to end; yield the tasks that are finished.
+def _collect_results(
+    workers: list[_Worker[Task]], waiting: deque[_NumberedTask[Task]]
+) -> Iterator[tuple[_NumberedTask[Task], Any]]:
+    """Wait until a process finishes a task or ends; yield finished tasks with their values.
 
-    The tasks of a process that has ended return to `waiting`; the one that was running counts it.
+    The tasks of a process that has ended return to `waiting`.
     """
-    busy = {worker.connection: worker for worker in workers if worker.given}
+    busy = {worker.connection: worker for worker in workers if worker.assigned}
     for connection in wait(list(busy)):
         worker = busy[connection]  # type: ignore[index]
         try:
@@ -186,18 +192,19 @@ def _collect(
         except (EOFError, OSError):
             workers.remove(worker)
             _terminate(worker)
-            worker.given[0].ends += 1
-            if worker.given[0].ends == 2:
-                yield worker.given.popleft(), EndedProcess()
-            waiting.extendleft(reversed(worker.given))
+            worker.assigned[0].crashes += 1
+            if worker.assigned[0].crashes == MAX_CRASHES:
+                yield worker.assigned.popleft(), EndedProcess()
+            waiting.extendleft(reversed(worker.assigned))
             continue
-        yield worker.given.popleft(), value
+        yield worker.assigned.popleft(), value
 
 
 @contextmanager
 def _open_workers() -> Iterator[list[_Worker[Any]]]:
-    """Yield a list for the processes, which are terminated at the end."""
-    if getattr(multiprocessing.current_process(), "_inheriting", False):  # imports the script
+    """Yield an empty list of processes; at the end, terminate all processes in it."""
+    # A started process that still imports the caller's script must not start processes itself.
+    if getattr(multiprocessing.current_process(), "_inheriting", False):
         raise RuntimeError(
             "expected several processes to be started below if __name__ == '__main__':, since "
             "each of them imports the script; or pass jobs=1"
@@ -215,15 +222,15 @@ def _start_worker(function: Callable[[Any], Any]) -> _Worker[Any]:
     context = multiprocessing.get_context("spawn")
     connection, other_end = context.Pipe()
     process = context.Process(target=_run_worker, args=(function, other_end), daemon=True)
-    with _settings_of_workers():
+    with _worker_settings():
         process.start()
-    other_end.close()  # or the end of the process would not be noticed
+    other_end.close()  # otherwise the end of the process would not close the connection
     return _Worker(process, connection)
 
 
 @contextmanager
-def _settings_of_workers() -> Iterator[None]:
-    """Settings that a new process inherits: one thread of linear algebra, interrupts blocked.
+def _worker_settings() -> Iterator[None]:
+    """Set what a new process inherits: one thread for linear algebra, and blocked interrupts.
 
     An interrupt from the keyboard reaches all processes, also those that are still starting.
     """
@@ -244,7 +251,7 @@ def _settings_of_workers() -> Iterator[None]:
 
 
 def _terminate(worker: _Worker[Any]) -> None:
-    """End a process, whatever it is doing, and release its resources."""
+    """Terminate a process, also during a task, and release its resources."""
     worker.process.kill()
     worker.process.join()
     worker.process.close()
@@ -252,10 +259,10 @@ def _terminate(worker: _Worker[Any]) -> None:
 
 
 def _run_worker(function: Callable[[Any], Any], connection: "Connection[Any, Any]") -> None:
-    """Run the tasks that arrive, until the parent process closes the connection or ends."""
+    """Run received tasks, until the parent process closes the connection or ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent process handles interrupts
     tasks: queue.SimpleQueue[Any] = queue.SimpleQueue()
-    threading.Thread(target=_receive, args=(connection, tasks), daemon=True).start()
+    threading.Thread(target=_receive_tasks, args=(connection, tasks), daemon=True).start()
     import cv2
 
     cv2.setNumThreads(1)
@@ -265,21 +272,21 @@ def _run_worker(function: Callable[[Any], Any], connection: "Connection[Any, Any
             value = function(task)
         except Exception as exception:  # noqa: BLE001 - raised in the parent process
             exception.add_note("".join(traceback.format_exception(exception)))
-            value = _Failed(exception)
-        connection.send_bytes(_pickled(value))
+            value = _TaskFailure(exception)
+        connection.send_bytes(_pickle_result(value))
 
 
-def _pickled(value: Any) -> bytes:
-    """Return a pickled result, or the reason why it cannot be pickled."""
+def _pickle_result(value: Any) -> bytes:
+    """Return a pickled result, or the pickled reason why it cannot be pickled."""
     try:
         return bytes(ForkingPickler.dumps(value))
     except Exception as exception:  # noqa: BLE001 - raised in the parent process
         reason = RuntimeError(f"the result of a task cannot be pickled: {exception}")
-        return bytes(ForkingPickler.dumps(_Failed(reason)))
+        return bytes(ForkingPickler.dumps(_TaskFailure(reason)))
 
 
-def _receive(connection: "Connection[Any, Any]", tasks: "queue.SimpleQueue[Any]") -> None:
-    """Receive tasks while others run, so that the parent process never waits for this one."""
+def _receive_tasks(connection: "Connection[Any, Any]", tasks: "queue.SimpleQueue[Any]") -> None:
+    """Receive tasks while another one runs, so that sending never blocks the parent process."""
     try:
         while True:
             tasks.put(connection.recv())

@@ -21,11 +21,9 @@ COVARIANCE_ORDER = "point along e_phi, e_theta (mm), direction along them (rad),
 
 
 def axis_cells(fit: "CylinderFit") -> tuple[str, ...]:
-    """Return the row of a cylinder, with the columns of `AXIS_HEADER`; numbers with one sigma."""
-    direction_decimals, point_decimals = (
-        decimals_for(fit.direction_std),
-        decimals_for(fit.position_std),
-    )
+    """Return the cells of a cylinder in the columns of `AXIS_HEADER`; `±` is one sigma."""
+    direction_decimals = decimals_for(fit.direction_std)
+    point_decimals = decimals_for(fit.position_std)
     return (
         format_value(fit.radius, fit.radius_std),
         " ".join(f"{component:+.{direction_decimals}f}" for component in fit.direction),
@@ -36,7 +34,10 @@ def axis_cells(fit: "CylinderFit") -> tuple[str, ...]:
 
 
 def axis_record(fit: "CylinderFit") -> Record:
-    """Return the axis, radius and covariance, ready for JSON; lengths in mm, angles in deg."""
+    """Return axis, radius and covariance, ready for JSON: lengths in mm, angles in deg.
+
+    Only the covariance of the direction is in rad, as its order states.
+    """
     return {
         "point_mm": json_numbers(fit.point),
         "position_std_mm": fit.position_std,
@@ -50,7 +51,10 @@ def axis_record(fit: "CylinderFit") -> Record:
 
 
 def axis_row(record: Record, interval: Sequence[float]) -> Record:
-    """Return the columns of a data frame: radius with its interval, point and direction."""
+    """Return the columns of a data frame from the record of a cylinder.
+
+    `interval` is the 95 % interval of the radius. Units: mm.
+    """
     x, y, z = record["point_mm"]
     u, v, w = record["direction"]
     low, high = interval

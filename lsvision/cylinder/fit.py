@@ -1,8 +1,8 @@
 """Maximum-likelihood fit of a cylinder to points in space, usually of several sections.
 
 The residual of a point is its distance from the surface divided by the standard deviation
-sqrt(n' Sigma n) of that distance. The points of one section fit two cylinders, the twins, with a
-large uncertainty; the points of two or more sections fit one.
+sqrt(n' Sigma n) of that distance. Two cylinders, the twins, fit the points of one section, with a
+large uncertainty; only one fits those of two or more sections.
 """
 
 from __future__ import annotations
@@ -33,13 +33,14 @@ from lsvision.statistics.numerical_failures import report_numerical_failure, req
 from lsvision.statistics.robust import mad_std
 
 MIN_EXTENT_MM = 1e-9
-"""Smallest extent of points to which a cylinder is fitted: a hundredth of an atom. Units: mm."""
+"""Smallest extent of points to which a cylinder is fitted: far below the resolution of any sensor.
+Units: mm."""
 COPLANARITY_TOLERANCE = 1e-7
-"""Ratio of the thickness to the extent of points below which they lie in a plane or on a line."""
+"""Ratio of thickness to extent of points, below which they are in a plane or on a straight line."""
 SINGULARITY_TOLERANCE = 1e-14
 """Smallest eigenvalue of a regular information matrix, after scaling its diagonal to 1."""
 MAX_TRUNCATION_ITERATIONS = 20
-"""Maximum number of fits with truncation; five are usual."""
+"""Largest number of fits with truncation; usually five are needed."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -51,10 +52,11 @@ class CylinderFittingSettings(ShowsChanges):
     reweightings : int
         Number of times the weights 1 / (n' Sigma n) are recomputed at the fitted cylinder.
     truncation : float, optional
-        Exclude points farther from the surface than this many standard deviations, and repeat
-        the fit until the inliers no longer change; for points of which less than half are
-        outliers. None keeps all points. The standard deviation is that of the noise model, or
-        the robust one (MAD) of the residuals if it is larger or there is no noise model.
+        Largest distance of an inlier from the surface, in standard deviations, above 1. Other
+        points are excluded, and the fit is repeated until the inliers do not change; more than
+        half of the points must be inliers. The standard deviation is the larger of that of the
+        noise model, if there is one, and the robust one (MAD) of the residuals. None: all points
+        are inliers.
     """
 
     reweightings: int = 3
@@ -80,8 +82,8 @@ def fit_cylinder(
     Parameters
     ----------
     points : (n, 3) array_like
-        Points in one frame, without lost ones; their order is used only to estimate the
-        correlation of neighbouring errors. Units: mm.
+        At least 6 points in one frame, without lost points; their order is used only to estimate
+        the correlation of neighbouring errors. Units: mm.
     covariances : (n, 3, 3) array_like, optional
         Covariance of each point's error. None: least squares of the distances with equal
         weights, and the noise estimated from the residuals. Units: mm^2.
@@ -96,8 +98,8 @@ def fit_cylinder(
     Returns
     -------
     CylinderFit
-        Its direction has the sign of the initial guess, or without one a positive largest
-        component.
+        The cylinder with its covariance. Its direction has the sign of that of the initial guess;
+        without an initial guess, the largest component of the direction is positive.
 
     Raises
     ------
@@ -107,10 +109,10 @@ def fit_cylinder(
     TooFewPoints
         If there are fewer than 6 points.
     DegenerateGeometry
-        If all points lie at one place or on a line; or, without an initial guess, in a plane,
-        as those of one section, to which two cylinders fit.
+        If all points are at one position or on a straight line; or, without an initial guess, in
+        one plane, such as the points of one section, which two cylinders fit.
     FitFailed
-        If no cylinder fits, as for noisy points of a plane, or if numbers overflow.
+        If no cylinder fits, for example to noisy points of a plane, or if numbers overflow.
 
     Notes
     -----
@@ -140,6 +142,7 @@ def _fit_validated(
     known_radius: RadiusPrior | None,
     settings: CylinderFittingSettings,
 ) -> CylinderFit:
+    """Fit a cylinder to valid points, centred and scaled to an extent of 1."""
     origin, scale = points.mean(axis=0), measure_extent(points)
     _check_not_degenerate(points - origin, has_initial_guess=initial_guess is not None)
     scaled = (points - origin) / scale
@@ -160,16 +163,17 @@ def _fit_validated(
 def _validate(
     points: npt.ArrayLike, covariances: npt.ArrayLike | None
 ) -> tuple[Points, FloatArray | None]:
+    """Return points and covariances as read-only arrays; raise the errors of `fit_cylinder`."""
     points = as_readonly_array(points, ("n", 3), "points")
     if len(points) <= PARAMETERS:
-        raise TooFewPoints("a cylinder", len(points), PARAMETERS + 1, "measure more of it")
+        raise TooFewPoints("a cylinder", len(points), PARAMETERS + 1, "measure a longer arc")
     if not np.isfinite(points).all():
         raise ValueError("expected finite points, got NaN or infinity: leave lost points out")
     require_coordinates(points)
     if np.ptp(points, axis=0).max() < MIN_EXTENT_MM:
         raise DegenerateGeometry(
-            f"all {len(points)} points lie within {MIN_EXTENT_MM:g} mm, which any cylinder there "
-            "fits: measure an arc of it, or check the units"
+            f"all {len(points)} points lie within {MIN_EXTENT_MM:g} mm, and any cylinder there "
+            "fits them: measure an arc of the cylinder, or check the units"
         )
     if covariances is None:
         return points, None
@@ -179,16 +183,17 @@ def _validate(
 
 
 def _check_not_degenerate(centred: Points, *, has_initial_guess: bool) -> None:
+    """Raise DegenerateGeometry for points on a line, or in a plane without an initial guess."""
     extents = np.linalg.svd(centred, compute_uv=False)
     if not extents[1] > COPLANARITY_TOLERANCE * extents[0]:
         raise DegenerateGeometry(
-            f"all {len(centred)} points lie on one straight line, which any cylinder along it "
-            "fits: measure an arc of it"
+            f"all {len(centred)} points lie on one straight line, and many cylinders along it fit "
+            "them: measure an arc of the cylinder"
         )
     if not has_initial_guess and not extents[2] > COPLANARITY_TOLERANCE * extents[0]:
         raise DegenerateGeometry(
-            f"all {len(centred)} points lie in one plane: one section has two cylinders, the "
-            "twins: add a second section, or give an initial guess near the right one"
+            f"all {len(centred)} points lie in one plane, and two cylinders, the twins, fit one "
+            "section: add a second section, or pass an initial guess near the right one"
         )
 
 
@@ -199,6 +204,7 @@ def _fit_truncated(
     known_radius: RadiusPrior | None,
     settings: CylinderFittingSettings,
 ) -> CylinderFit:
+    """Fit a cylinder to the inliers of points, and repeat the fit until they do not change."""
     cylinder, inliers = initial_guess, np.ones(len(points), dtype=bool)
     for _ in range(MAX_TRUNCATION_ITERATIONS):
         selected = None if covariances is None else covariances[inliers]
@@ -207,7 +213,7 @@ def _fit_truncated(
             return fit
         cylinder = fit.cylinder
         residuals, stds, normalised = _residuals(points, covariances, cylinder)
-        # Outliers bias the first fits: the limit decreases as they are excluded.
+        # Outliers bias the first fits, so that the limit decreases while outliers are excluded.
         noise_factor = max(1.0, mad_std(normalised))
         new_inliers = np.abs(normalised) <= settings.truncation * noise_factor
         if new_inliers.sum() <= PARAMETERS or (new_inliers == inliers).all():
@@ -240,6 +246,7 @@ def _fit(
     known_radius: RadiusPrior | None,
     reweightings: int,
 ) -> CylinderFit:
+    """Fit a cylinder to points from an initial one, with the weights recomputed at each fit."""
     for _ in range(reweightings + 1):
         frame = tangent_frame(cylinder.direction)
         rotated = None if covariances is None else rotate_covariances(covariances, frame)
@@ -258,6 +265,7 @@ def _build_fit(
     *,
     known_noise: bool,
 ) -> CylinderFit:
+    """Return the fit of a cylinder to points, with the Jacobian at their foot points."""
     frame = tangent_frame(cylinder.direction)
     problem = replace(problem, points=foot_points @ frame.T)
     residuals, jacobian = problem.evaluate(parameters_from_cylinder(frame, cylinder))
@@ -290,7 +298,7 @@ def _invert_information(information: FloatArray) -> FloatArray:
     if not values[0] > SINGULARITY_TOLERANCE:
         raise DegenerateGeometry(
             "the points do not determine the cylinder (too short an arc, or a section "
-            "perpendicular to the axis): measure more of it, or add a section"
+            "perpendicular to the axis): measure a longer arc, or add a section"
         )
     inverse: FloatArray = (vectors / values) @ vectors.T
     return inverse * np.outer(scale, scale)
@@ -310,6 +318,7 @@ def _rescale(fit: CylinderFit, origin: FloatArray, scale: float) -> CylinderFit:
 
 
 def _orient_like_initial_guess(fit: CylinderFit, initial_guess: Cylinder | None) -> CylinderFit:
+    """Return the fit with the sign of the direction as `fit_cylinder` defines it."""
     if initial_guess is None:
         reverse = fit.direction[np.argmax(np.abs(fit.direction))] < 0
     else:

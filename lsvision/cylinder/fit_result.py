@@ -31,8 +31,8 @@ class CylinderFit(WithCylinder, Result):
     Parameters
     ----------
     cylinder : Cylinder
-        The estimate; its point is the axis point nearest to the centroid of the points (see
-        `with_reference_point`).
+        Fitted cylinder; its point is the point of the axis nearest to the centroid of the points
+        (see `with_reference_point`).
     covariance : (5, 5) ndarray
         Order: point along e_phi, point along e_theta (mm), direction along e_phi, direction
         along e_theta (rad), radius (mm); with `tangent_basis` = (e_phi, e_theta). The same order
@@ -45,10 +45,10 @@ class CylinderFit(WithCylinder, Result):
         Predicted standard deviation of the residuals; without a noise model their rms.
         Units: mm.
     inliers : (n,) ndarray of bool
-        Points to which the cylinder was fitted.
+        Mask of the points to which the cylinder was fitted.
     variance_factor : float
-        Factor on the covariance that follows from `stds`: 1 if they explain the residuals, more
-        if the residuals are larger or correlated along the line.
+        Factor by which the covariance exceeds that from `stds` alone: 1 if the stds explain the
+        residuals, more if the residuals are larger or correlated along the line.
     degrees_of_freedom : float
         Degrees of freedom of the noise estimate; infinite with a noise model.
 
@@ -102,8 +102,9 @@ class CylinderFit(WithCylinder, Result):
         Parameters
         ----------
         quantity : {"radius", "point_x", ..., "point_z", "direction_x", ..., "direction_z"}
-            Units: mm, or components of the unit vector. The interval of a point is that
-            perpendicular to the axis: its position along the axis may be chosen.
+            Coordinate in mm, or component of the unit vector. The interval of a coordinate of the
+            point contains only the uncertainty perpendicular to the axis, because any point of the
+            axis may be the reference.
         level : float
             Level of confidence, between 0 and 1.
 
@@ -196,7 +197,7 @@ class CylinderFit(WithCylinder, Result):
         Parameters
         ----------
         near : (3,) array_like
-            Frame of the points. Units: mm.
+            Any position in the frame of the points. Units: mm.
         """
         shift = float((np.asarray(near, dtype=np.float64) - self.point) @ self.direction)
         cylinder = Cylinder(self.point + shift * self.direction, self.direction, self.radius)
@@ -207,8 +208,7 @@ class CylinderFit(WithCylinder, Result):
     def with_reversed_direction(self) -> "CylinderFit":
         """Return the fit with the opposite direction."""
         cylinder = Cylinder(self.point, -self.direction, self.radius)
-        # The point is expressed in the basis of the new direction; the change of the direction
-        # has the opposite sign as well.
+        # In the basis of the new direction; errors of the direction also change their sign.
         change_of_basis = tangent_frame(-self.direction)[:2] @ self.tangent_basis.T
         jacobian = np.eye(PARAMETERS)
         jacobian[:2, :2], jacobian[2:4, 2:4] = change_of_basis, -change_of_basis
@@ -218,7 +218,7 @@ class CylinderFit(WithCylinder, Result):
 def estimate_variance_factor(
     normalised: FloatArray, degrees_of_freedom: int, *, known_noise: bool
 ) -> tuple[float, float, float]:
-    """Return the factors on covariance and standard deviations that the residuals require.
+    """Return the factors by which residuals increase covariance and standard deviations.
 
     Parameters
     ----------
@@ -233,12 +233,13 @@ def estimate_variance_factor(
     Returns
     -------
     factor : float
-        Factor on the covariance: the autocorrelation time of the residuals, with known noise
-        times their reduced chi^2 if a chi^2 test finds that significantly above 1.
+        Factor on the covariance: the autocorrelation time of the residuals; with known noise,
+        multiplied by their reduced chi^2 if that is significantly above 1.
     dof : float
         Degrees of freedom of the noise estimate; infinite with known noise.
     std_scale : float
-        Factor on the standard deviations, to be applied first; 1 with known noise.
+        Factor on the standard deviations, which also applies to the covariance; 1 with known
+        noise.
     """
     degrees_of_freedom = max(degrees_of_freedom, 1)
     reduced_chi2 = float(normalised @ normalised) / degrees_of_freedom

@@ -14,17 +14,19 @@ from lsvision.geometry import Cylinder, FloatArray, Points, hemisphere_direction
 from lsvision.geometry.arrays import TINY
 
 DIRECTIONS = 400
-"""Number of directions in the grid over the hemisphere: they are 7 deg apart, so that even for a
-short arc one of them converges to the cylinder."""
+"""Number of directions in the grid over the hemisphere. They are 7 deg apart, so that the
+refinement of one of them converges to the cylinder even for a short arc."""
 MAX_CANDIDATES = 8
 """Number of best directions of each grid that are refined."""
 MIN_STRETCH = 2.0
-"""Smallest ratio of length to width of the points for which the stretched grid is searched, too.
-The direction must be known to about radius / length: the regular grid suffices up to about 5."""
+"""Ratio of length to width of the points, above which the stretched grid is also searched. The
+initial direction must be correct to about radius / length; the regular grid is sufficient for
+ratios up to about 5."""
 DISTINCT_DIRECTION_COSINE = np.cos(np.radians(12.0))
-"""Cosine of the angle between two candidates, which must exceed 12 deg."""
+"""Largest cosine of the angle between two candidates: that of 12 deg."""
 MAX_POINTS = 400
-"""Largest number of points, evenly selected, for the initial guess; more do not improve it."""
+"""Largest number of points for the initial guess, selected evenly; more points do not improve
+it."""
 
 
 def guess_cylinder(points: Points, known_radius: RadiusPrior | None = None) -> Cylinder:
@@ -62,10 +64,10 @@ def guess_cylinder(points: Points, known_radius: RadiusPrior | None = None) -> C
 
 
 def _candidates(points: Points) -> list[Cylinder]:
-    """Return the cylinders of least cost on a regular and, for elongated points, a stretched grid.
+    """Return the best cylinders of a regular and, for elongated points, of a stretched grid.
 
     The stretched grid is regular in coordinates that are compressed along the long axis until the
-    points are as wide as long; its directions are denser near that axis.
+    points are as wide as long; its directions are closer together near that axis.
     """
     grid = hemisphere_directions(DIRECTIONS)
     grids = [grid]
@@ -109,7 +111,7 @@ def fit_projected_circles(
     squared_distances = (projected**2).sum(axis=2)
     design = np.concatenate([projected, np.ones((*squared_distances.shape, 1))], axis=2)
     normal = np.einsum("kni,knj->kij", design, design)
-    # Keeps the normal matrix invertible where the projected points are collinear.
+    # With the ridge the normal matrix is invertible also where the projected points are collinear.
     ridge = 1e-12 * np.trace(normal, axis1=1, axis2=2)
     normal += ridge[:, None, None] * np.eye(3)
     solution = np.linalg.solve(
@@ -123,7 +125,7 @@ def fit_projected_circles(
 
 
 def _best_distinct_directions(directions: FloatArray, costs: FloatArray) -> list[int]:
-    """Return the indices of the directions of least cost that differ from one another.
+    """Return the indices of the distinct directions with the lowest costs, best first.
 
     For a stretched grid, `directions` are those before stretching.
     """

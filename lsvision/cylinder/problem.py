@@ -20,15 +20,17 @@ Evaluation = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 PARAMETERS = 5
 """Number of parameters."""
 MAX_RADIUS_EXTENTS = 1e5
-"""Largest ratio of the radius to the extent of the points; above it, the points lie on a plane."""
+"""Largest ratio of the radius to the extent of the points; with a larger one they are on a
+plane."""
 FOOT_POINT_ITERATIONS = 3
-"""Iterations for the foot point; each multiplies its error by about point error / radius."""
+"""Number of iterations for a foot point; each one multiplies its error by about point error /
+radius."""
 MIN_VARIANCE_RATIO = 1e-12
-"""Smallest ratio of the variance of a distance to the trace of its point's covariance: that of an
-error along a ray that grazes the surface at 1e-6 rad."""
+"""Smallest ratio of the variance of a distance to the trace of its point's covariance, as for an
+error along a ray at 1e-6 rad from the surface."""
 PLAUSIBLE_SIGMAS = 6.0
-"""Distance from the surface, in standard deviations, beyond which a point is weighted to first
-order, at the measured point: its foot point may not exist."""
+"""Distance from the surface, in standard deviations, above which the weight of a point is computed
+at the measured point, to first order, because its foot point may not exist."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -241,7 +243,7 @@ def _tangents(normals: FloatArray, parameters: FloatArray) -> FloatArray:
 
 
 def minimise(problem: CylinderProblem, initial_guess: FloatArray) -> FloatArray:
-    """Return the least-squares parameters, by Levenberg-Marquardt (MINPACK).
+    """Return the least-squares parameters (5,), by the Levenberg-Marquardt method (MINPACK).
 
     Raises
     ------
@@ -265,7 +267,7 @@ def minimise(problem: CylinderProblem, initial_guess: FloatArray) -> FloatArray:
 
 
 def _cache_last_evaluation(evaluate: Evaluation) -> Evaluation:
-    """Return a function that keeps its last result: MINPACK calls for both parts separately."""
+    """Return a function that stores its last result: MINPACK asks for both parts separately."""
     last: dict[bytes, tuple[FloatArray, FloatArray]] = {}
 
     def cached(parameters: FloatArray) -> tuple[FloatArray, FloatArray]:

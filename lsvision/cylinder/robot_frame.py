@@ -67,8 +67,8 @@ class PlacedCylinder(WithCylinder, Result):
     frame : {"base", "flange"}
         Frame of all coordinates.
     includes_calibration : bool
-        Whether the covariance includes the errors of the calibration and, in the base frame, of
-        the robot; otherwise both are taken as exact.
+        Whether the covariance includes the errors of the calibration and, in the base frame, those
+        of the robot; otherwise both are assumed exact.
 
     Examples
     --------
@@ -170,7 +170,7 @@ class PlacedCylinder(WithCylinder, Result):
 
 
 def placed_cells(cylinder: PlacedCylinder) -> tuple[str, ...]:
-    """Return the row of a cylinder, with the columns of `PLACED_HEADER`; numbers with one sigma."""
+    """Return the cells of a cylinder in the columns of `PLACED_HEADER`; `±` is one sigma."""
     stds = [float(std) for std in cylinder.point_std]
     direction_decimals = decimals_for(cylinder.direction_std)
     return (
@@ -196,8 +196,8 @@ def place_section(
     section : CylinderSection
         Cylinder in a profile, from ``measure_cylinders(...).cylinders``.
     calibration : HandEye, Pose or (4, 4) array_like
-        ``flange_from_section`` with its covariance, and the errors of the robot; a Pose is taken
-        as exact (`PlacedCylinder.includes_calibration` is False then).
+        ``flange_from_section`` with its covariance, and the errors of the robot. A Pose is assumed
+        exact; `PlacedCylinder.includes_calibration` is then False.
     base_from_flange : Pose or (4, 4) array_like, optional
         Pose of the robot. None: the result is in the flange frame and does not include the
         errors of the robot. Units: mm.
@@ -207,8 +207,8 @@ def place_section(
     tuple of PlacedCylinder
         In the order of ``section.axis_candidates``: directions cos(phi) n + sin(phi) m and
         cos(phi) n - sin(phi) m, with n the laser plane's normal and m the ellipse's major axis.
-        One of them is the real cylinder; a second section, or knowledge of the scene,
-        determines which.
+        One of them is the real cylinder; a second section, or other information about the scene,
+        determines which one.
 
     Raises
     ------
@@ -260,7 +260,7 @@ def place_section(
 
 
 def twin_jacobian(section: CylinderSection, sign: float) -> FloatArray:
-    """Return the Jacobian of one of the two cylinders by the section's ellipse parameters.
+    """Return the Jacobian of one of the two cylinders with respect to the ellipse of a section.
 
     Parameters
     ----------
@@ -314,7 +314,7 @@ def rigid_motion_jacobian(cylinder: Cylinder, pivot: FloatArray, axes: FloatArra
     """
     jacobian = np.zeros((7, 6))
     jacobian[:3, :3] = axes
-    # A small rotation w about an axis displaces a point at `arm` from the pivot by w x arm.
+    # A small rotation w displaces a point by w x (point - pivot).
     jacobian[:3, 3:] = np.cross(axes.T, cylinder.point - pivot).T
     jacobian[3:6, 3:] = np.cross(axes.T, cylinder.direction).T
     return jacobian
@@ -327,6 +327,6 @@ def robot_covariance(calibration: SectionMount) -> FloatArray:
 
 
 def _scale_to_limit(limit: float, gradient: FloatArray, covariance: FloatArray) -> float:
-    """Return the factor, at most 1, that scales a gradient so that its std is within a limit."""
+    """Return the factor, at most 1, on a gradient so that its propagated std is within a limit."""
     linear = math.sqrt(max(float(gradient @ covariance @ gradient), 0.0))
     return min(1.0, limit / linear) if linear > 0 else 1.0

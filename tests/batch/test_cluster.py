@@ -104,7 +104,7 @@ def test_a_scheduler_that_goes_away_is_reported_and_costs_no_finished_file(
         if len(finished) == 2:
             process.send_signal(end)
 
-    with pytest.raises(LsvisionError, match=r"gone away .* finished files are kept"):
+    with pytest.raises(LsvisionError, match=r"connection .* is lost .* finished files are kept"):
         run_batch(tasks, out, scheduler=address, report=report)
     kept = {path.name: path.stat().st_mtime_ns for path in out.glob("[01].parquet")}
     assert len(kept) == 2

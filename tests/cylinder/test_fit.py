@@ -153,7 +153,11 @@ RINGS = surface(PIPE, np.array([0.0, 10.0]))
         (RINGS[:, :2], ValueError, r"expected points of shape \(n, 3\)"),
         (np.full((9, 3), np.nan), ValueError, "expected finite points"),
         (np.outer(np.arange(9.0), [1, 2, 3]), DegenerateGeometry, "on one straight line"),
-        (surface(PIPE, np.array([0.0])), DegenerateGeometry, "the twins: add a second section"),
+        (
+            surface(PIPE, np.array([0.0])),
+            DegenerateGeometry,
+            "the twins, fit one section: add a second section",
+        ),
         (np.ones((9, 3)), DegenerateGeometry, "all 9 points lie within 1e-09 mm"),
         (RINGS * 1e12, ValueError, r"expected finite coordinates within 1e\+09 mm"),
     ],
