@@ -426,7 +426,7 @@ def test_an_open_or_closed_ring_is_measured(span_deg, order, rng):
     [
         (np.empty((0, 2)), "no valid point", 0),
         (np.full((9, 2), np.nan), "all points are lost", 1),
-        ([[0.0, 300.0]], "too few points: 1, of which no 10 are connected", 1),
+        ([[0.0, 300.0]], "too few points: 1, no segment of at least 10 connected points", 1),
     ],
 )
 def test_a_measurement_of_hardly_any_points_says_why(points, reason, rejections):

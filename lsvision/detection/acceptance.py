@@ -114,13 +114,13 @@ def rejection_reason(
     scatter = math.sqrt(float(fit.residuals @ fit.residuals) / variance)
     limit = profile.max_noise_factor(fit.ellipse.radius)
     if scatter > limit:
-        hint = "" if profile.noise_is_estimated else ": is the sensor's noise right?"
+        hint = "" if profile.noise_is_estimated else ": check the sensor's noise"
         return f"residual rms {scatter:.1f} times the noise, limit {limit:.1f}{hint}"
     # With a known radius the ellipse cannot become flat; such a fit may stop without convergence at
     # a circle, where the derivative of b is discontinuous.
     if not fit.converged and fit.problem.known_radius is None:
-        tilt = f"the fit stopped at {math.degrees(fit.ellipse.phi):.0f} deg"
-        return f"no best ellipse: the fit improves as it becomes flatter ({tilt})"
+        stop = f"the fit stopped at a tilt of {math.degrees(fit.ellipse.phi):.0f} deg"
+        return f"no best ellipse: the flatter the ellipse, the better it fits ({stop})"
     return undeterminable_radius_reason(section) or contradicted_radius_reason(section)
 
 

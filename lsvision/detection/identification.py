@@ -8,8 +8,7 @@ single lost columns and jumps do not end an arc. The arcs of many profiles grow 
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 
@@ -74,11 +73,10 @@ class GrownArc(NamedTuple):
     normals: ComplexArray
 
 
-@dataclass(eq=False, slots=True)
 class _GrowingArc:
-    """Arc that grows from a seed.
+    """Arc that grows from a seed; at first it consists of the free points of the candidate.
 
-    Parameters
+    Attributes
     ----------
     number : int
         Index of the seed among those that grow together.
@@ -98,24 +96,15 @@ class _GrowingArc:
         First and last inlier after each step so far.
     """
 
-    number: int
-    seed: Seed
-    points: NoisyPoints
-    max_noise_factor: float
-    inliers: IntArray
-    start: int
-    normals: ComplexArray
-    previous_spans: set[tuple[int, int]]
-
-    @classmethod
-    def of(cls, number: int, seed: Seed) -> Self:
-        """Return the arc that consists of the free points of a candidate."""
+    def __init__(self, number: int, seed: Seed) -> None:
         profile, candidate, free = seed
         in_candidate = np.zeros(len(profile.points), dtype=bool)
         in_candidate[candidate.indices] = True
-        inliers, points = in_candidate[free].nonzero()[0], profile.noisy_points[free]
-        noise_factor = profile.max_noise_factor(candidate.radius)
-        return cls(number, seed, points, noise_factor, inliers, 0, points.z, set())
+        self.number, self.seed, self.points = number, seed, profile.noisy_points[free]
+        self.max_noise_factor = profile.max_noise_factor(candidate.radius)
+        self.inliers: IntArray = in_candidate[free].nonzero()[0]
+        self.start, self.normals = 0, self.points.z
+        self.previous_spans: set[tuple[int, int]] = set()
 
     def next_window(self) -> NoisyPoints:
         """Return the points around the inliers, extended by half their span at either end."""
@@ -233,7 +222,7 @@ def grow_arcs(seeds: Sequence[Seed]) -> list[GrownArc | None]:
         Arc of each seed; None where no ellipse fits, or fewer than `MIN_POINTS` are inliers.
     """
     grown: list[GrownArc | None] = [None] * len(seeds)
-    arcs = [_GrowingArc.of(number, seed) for number, seed in enumerate(seeds)]
+    arcs = [_GrowingArc(number, seed) for number, seed in enumerate(seeds)]
     arcs = [arc for arc in arcs if len(arc.inliers) >= MIN_POINTS]
     arcs, parameters = _fit_seeds(arcs)
     for _ in range(MAX_ITERATIONS):

@@ -60,7 +60,9 @@ def complete_rejections(
         complete = _add_reasons(profile, np.concatenate(components), complete, radius_range)
     if not complete and not cylinders and len(explained):
         valid = len(profile.valid_indices)
-        too_few = f"too few points: {valid}, of which no {min_span_points} are connected"
+        too_few = (
+            f"too few points: {valid}, no segment of at least {min_span_points} connected points"
+        )
         complete.append(
             Rejection(Arc(0, len(explained)), too_few if valid else "all points are lost")
         )
@@ -110,7 +112,7 @@ def _add_reasons(
         if fits[i] and not low <= radius <= high:
             return f"radius {radius:.3g} mm outside {low:.3g} to {high:.3g} mm"
         noise = f"{profile.noise_std:.2f} mm noise"
-        return f"no ellipse: best circle leaves {rms:.2f} mm rms at {noise}"
+        return f"no ellipse: {rms:.2f} mm rms from the best circle, with {noise}"
 
     explained = []
     for i, rejection in enumerate(rejections):

@@ -104,28 +104,27 @@ def screen_arcs(
         None where no ellipse fits the middle part. An arc with too few points for screening keeps
         the inliers of its identification.
     """
-    splits = [
-        split_arc(number, *pair) for number, pair in enumerate(zip(profiles, arcs, strict=True))
-    ]
-    screened: list[ScreenedArc | None] = [
-        ScreenedArc(arc.indices, profile.noisy_points[arc.indices], arc.ellipse, 1.0)
-        if split is None
-        else None
-        for profile, arc, split in zip(profiles, arcs, splits, strict=True)
-    ]
+    screened: dict[int, ScreenedArc | None] = {}
     extended: dict[int, IdentifiedArc] = {}
-    for fits in _fit_middles([split for split in splits if split is not None]):
-        for number, arc in _compare_ends(fits):
-            if isinstance(arc, IdentifiedArc):
-                extended[number] = arc
+    splits: list[SplitArc] = []
+    for number, (profile, arc) in enumerate(zip(profiles, arcs, strict=True)):
+        split = split_arc(number, profile, arc)
+        if split is None:
+            points = profile.noisy_points[arc.indices]
+            screened[number] = ScreenedArc(arc.indices, points, arc.ellipse, 1.0)
+        else:
+            splits.append(split)
+    for fits in _fit_middles(splits):
+        for number, result in _compare_ends(fits):
+            if isinstance(result, IdentifiedArc):
+                extended[number] = result
             else:
-                screened[number] = arc
+                screened[number] = result
     # An arc whose inliers include the outermost point that was compared may continue beyond it.
     if extended:
         again = screen_arcs([profiles[number] for number in extended], list(extended.values()))
-        for number, result in zip(extended, again, strict=True):
-            screened[number] = result
-    return screened
+        screened |= zip(extended, again, strict=True)
+    return [screened.get(number) for number in range(len(arcs))]
 
 
 def _fit_middles(arcs: list[SplitArc]) -> Iterator[_ArcFits]:
