@@ -142,7 +142,7 @@ def _fit_validated(
     known_radius: RadiusPrior | None,
     settings: CylinderFittingSettings,
 ) -> CylinderFit:
-    """Fit a cylinder to valid points, centred and scaled to an extent of 1."""
+    """Fit a cylinder to valid points, after centring them and scaling their extent to 1."""
     origin, scale = points.mean(axis=0), measure_extent(points)
     _check_not_degenerate(points - origin, has_initial_guess=initial_guess is not None)
     scaled = (points - origin) / scale

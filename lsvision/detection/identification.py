@@ -157,13 +157,13 @@ class _SearchedProfile:
 
     def add(self, arc: IdentifiedArc, reason: str | None) -> None:
         """Add an arc, or its rejection if there is a reason for one, and mark its points."""
-        start, stop = arc.arc.start, arc.arc.stop
-        self._explained[start:stop] = True
+        span = arc.arc
+        self._explained[span.start : span.stop] = True
         if reason is None:
             self.arcs.append(arc)
-            self._free = self._free[(self._free < start) | (self._free >= stop)]
+            self._free = self._free[(self._free < span.start) | (self._free >= span.stop)]
         else:
-            self.rejections.append(Rejection(arc.arc, reason))
+            self.rejections.append(Rejection(span, reason))
 
 
 def identify_arcs(
