@@ -60,7 +60,10 @@ def main(arguments):
     code.add_argument("--tree", metavar="FOLDER", type=Path, help="measure this folder")
     parser.add_argument("--against", metavar="REV", help="a commit or folder for a second column")
     parser.add_argument("--quick", action="store_true", help="fewer scenes")
-    parser.add_argument("--seed", type=int, default=SEED)
+    parser.add_argument(
+        "--seed", type=int, default=SEED,
+        help="first seed of the scenes; two runs with seeds less than 1000 apart share scenes",
+    )  # fmt: skip
     parser.add_argument("--only", nargs="+", choices=QUICK, metavar="SET", default=list(QUICK))
     parser.add_argument("--jobs", type=int, default=1, help="processes that measure")
     parser.add_argument("--faults", action="store_true", help="list the scenes with faults")
