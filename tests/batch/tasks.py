@@ -41,6 +41,12 @@ def pid_then_sleep(seconds):
     return os.getpid()
 
 
+def blocks_interrupts(_):
+    """Whether the process was started with interrupts blocked, after a while."""
+    time.sleep(0.1)
+    return signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+
 def fails(number):
     raise ValueError(f"task {number}")
 

@@ -169,6 +169,22 @@ def test_an_interrupt_reaches_only_the_parent_also_while_processes_start(delay):
     assert (done.stdout, done.stderr, done.returncode) == ("interrupted\n", "", 0)
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_the_first_process_is_started_with_interrupts_blocked_too():
+    """In Python 3.11 the resource tracker, started with the first process, unblocks them."""
+    repository = Path(__file__).parents[2]
+    code = (
+        "from lsvision.batch.process_pool import run_tasks\n"
+        "from tests.batch.tasks import blocks_interrupts\n"
+        "print({value for _, value in run_tasks(blocks_interrupts, range(8), 2, ordered=True)})\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=repository, capture_output=True, text=True, timeout=60,
+        env={**os.environ, "PYTHONPATH": str(repository)}, check=True,
+    )  # fmt: skip
+    assert done.stdout == "{True}\n"
+
+
 def _is_running(pid):
     try:
         return Path(f"/proc/{pid}/cmdline").read_bytes() != b""  # empty until it is waited for
