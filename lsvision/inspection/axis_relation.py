@@ -17,12 +17,14 @@ from lsvision.inspection.relation import Relation, Seam
 from lsvision.inspection.uncertain import Length, Scalar
 
 DERIVATIVE_STEP = 1e-6
-"""Step of the numerical derivatives by the parameters. Units: mm or rad."""
+"""Step of the central differences by the parameters. Units: mm or rad."""
 PARALLEL_SINE = 1e-9
-"""Sine of the angle below which two axes are parallel."""
+"""Sine of the angle below which two directions count as parallel."""
 
 Range = tuple[float, float]
-"""Two positions along axes: (first, last) of one axis, or one on each of two axes. Units: mm."""
+"""First and last position along an axis. Units: mm."""
+Positions = tuple[float, float]
+"""Position on each of two axes, from the point of the fit along its direction. Units: mm."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +60,8 @@ def relate_axes(
     Relation
         At the common perpendicular of the axes if it lies within the observed length of both, else
         in the middle of the length along which both were observed: distance of the axes, gap of the
-        surfaces, flush, angle and seam. Covariances are propagated to first order, with the
-        positions along both axes kept fixed.
+        surfaces, flush, angle and seam. Covariances are propagated to first order: a common
+        perpendicular moves with the axes, positions in the middle of the length are kept fixed.
     """
     pair = _Pair.of(first, second)
     values = pair.values(np.zeros(10), up)
@@ -68,6 +70,7 @@ def relate_axes(
         [(pair.values(step, up) - pair.values(-step, up)) / (2 * DERIVATIVE_STEP) for step in steps]
     ).T
     covariance = jacobian @ pair.covariance @ jacobian.T
+    # The smaller number: Student's t is then not too narrow for either fit.
     dof = min(first.fit.degrees_of_freedom, second.fit.degrees_of_freedom)
 
     def scalar(row: int) -> Scalar:
@@ -80,7 +83,8 @@ def relate_axes(
     }
     if up is not None:
         quantities["flush"] = scalar(5)
-    # For parallel axes any point along the line is valid: only errors perpendicular to it count.
+    # Without a crossing the seam point may lie anywhere along the mean direction: only its errors
+    # perpendicular to that count.
     projector = (
         np.eye(3)
         if pair.crossing
@@ -98,15 +102,29 @@ def relate_axes(
 
 
 def angle_between(fit: CylinderFit, direction: FloatArray) -> Length:
-    """Return the angle between an axis, in either sense, and an exact direction. Units: rad."""
+    """Return the angle between an axis, in either sense, and an exact direction.
+
+    Parameters
+    ----------
+    fit : CylinderFit
+        Cylinder with the axis.
+    direction : (3,) ndarray
+        Direction of any length above 0, in the frame of the fit.
+
+    Returns
+    -------
+    Length
+        Tilt from the axis to the direction along both rows of ``fit.tangent_basis``; its length is
+        the angle, at most 90 deg. Units: rad.
+    """
     unit = direction / np.linalg.norm(direction)
     unit = unit if unit @ fit.direction >= 0 else -unit
     perpendicular = unit - (unit @ fit.direction) * fit.direction
     sine = float(np.linalg.norm(perpendicular))
-    # The rotation from the axis to the direction, in the basis of the axis' errors.
-    rotation = fit.tangent_basis @ perpendicular
+    # In the basis of the covariance of the direction.
+    tilt = fit.tangent_basis @ perpendicular
     angle = math.atan2(sine, float(unit @ fit.direction))
-    vector = rotation * (angle / sine) if sine > PARALLEL_SINE else rotation
+    vector = tilt * (angle / sine) if sine > PARALLEL_SINE else tilt
     return Length(vector, fit.covariance[2:4, 2:4], fit.degrees_of_freedom)
 
 
@@ -122,9 +140,9 @@ class _Pair:
         1 if the angle between both directions is at most 90 deg, else -1.
     along : (float, float)
         Position on each axis, from ``point`` along ``direction``. Units: mm.
-    frame : (2, 3) ndarray
-        Orthonormal vectors along which the offset of the axes is resolved; for crossing axes, their
-        common normal and a row of zeros.
+    offset_basis : (2, 3) ndarray
+        Vectors along which the offset of the axes is resolved: an orthonormal basis perpendicular
+        to the mean direction; for crossing axes, their common unit normal and a row of zeros.
     crossing : bool
         Whether the common perpendicular lies within the observed length of both.
     """
@@ -132,13 +150,13 @@ class _Pair:
     first: CylinderFit
     second: CylinderFit
     sign: float
-    along: Range
-    frame: FloatArray
+    along: Positions
+    offset_basis: FloatArray
     crossing: bool
 
     @classmethod
     def of(cls, first: ObservedCylinder, second: ObservedCylinder) -> _Pair:
-        """Return a pair with the points of both axes that are compared."""
+        """Return the pair, with its positions at the common perpendicular or the common middle."""
         a, b = first.fit, second.fit
         sign = 1.0 if a.direction @ b.direction >= 0 else -1.0
         along = _nearest_approach((a.point, a.direction), (b.point, b.direction))
@@ -147,12 +165,11 @@ class _Pair:
             low <= s <= high for s, (low, high) in zip(along, ranges, strict=True)
         ):
             normal = np.cross(a.direction, b.direction)
-            frame = np.stack([normal / np.linalg.norm(normal), np.zeros(3)])
-            return cls(a, b, sign, along, frame, crossing=True)
-        along = _common_middle(first, second, sign)
-        mean = a.direction + sign * b.direction
-        frame = _perpendicular_basis(mean / np.linalg.norm(mean))
-        return cls(a, b, sign, along, frame, crossing=False)
+            basis = np.stack([normal / np.linalg.norm(normal), np.zeros(3)])
+            return cls(a, b, sign, along, basis, crossing=True)
+        mean = _mean_direction(a.direction, sign * b.direction)
+        along = _common_middle(first, second, mean)
+        return cls(a, b, sign, along, _perpendicular_basis(mean), crossing=False)
 
     @property
     def covariance(self) -> FloatArray:
@@ -164,9 +181,7 @@ class _Pair:
     @property
     def mean_direction(self) -> FloatArray:
         """Unit vector midway between both directions, (3,)."""
-        mean = self.first.direction + self.sign * self.second.direction
-        unit: FloatArray = mean / np.linalg.norm(mean)
-        return unit
+        return _mean_direction(self.first.direction, self.sign * self.second.direction)
 
     def _perturbed(self, step: FloatArray) -> list[tuple[FloatArray, FloatArray, float]]:
         """Return point, direction and radius of both cylinders after adding `step`, (10,).
@@ -197,28 +212,45 @@ class _Pair:
         )
 
     def values(self, step: FloatArray, up: FloatArray | None) -> FloatArray:
-        """Return (12,): offset (2), angle (2), gap, flush, seam point (3) and direction (3)."""
-        (_, u, r), (_, v, t) = self._perturbed(step)
+        """Return all quantities after adding `step` to the parameters, (12,).
+
+        Offset along `offset_basis` (2, mm), angle as a rotation vector (2, rad), gap and flush
+        (mm; flush is 0 without `up`), seam point (3, mm) and seam direction (3).
+        """
+        (_, u, radius), (_, v, other_radius) = self._perturbed(step)
         v = self.sign * v
         foot, other_foot = self.foot_points(step)
-        offset = self.frame @ (other_foot - foot)
+        basis = self.offset_basis
+        offset = basis @ (other_foot - foot)
         distance = math.hypot(*offset)
-        unit = self.frame.T @ offset / distance if distance > 0 else self.frame[0]
+        unit = basis.T @ offset / distance if distance > 0 else basis[0]
         flush = 0.0
         if up is not None:
-            flush = float((other_foot - foot) @ up) + _crest(v, t, up) - _crest(u, r, up)
-        seam = (foot + other_foot + (r - t) * unit) / 2
-        mean = (u + v) / np.linalg.norm(u + v)
-        return np.concatenate([offset, self._angle(u, v), [distance - r - t, flush], seam, mean])
+            crests = _crest(v, other_radius, up) - _crest(u, radius, up)
+            flush = float((other_foot - foot) @ up) + crests
+        gap = distance - radius - other_radius
+        seam = (foot + other_foot + (radius - other_radius) * unit) / 2
+        return np.concatenate(
+            [offset, self._angle(u, v), [gap, flush], seam, _mean_direction(u, v)]
+        )
 
     def _angle(self, u: FloatArray, v: FloatArray) -> FloatArray:
-        """Return the (2,) rotation from the first axis to the second, normal to both."""
+        """Return the rotation vector from direction `u` to `v`, (2,). Units: rad.
+
+        It is perpendicular to both, and so to their mean: two components are enough.
+        """
         cross = np.cross(u, v)
         sine = float(np.linalg.norm(cross))
         angle = math.atan2(sine, float(u @ v))
         rotation = cross * (angle / sine) if sine > PARALLEL_SINE else cross
         rotated: FloatArray = _perpendicular_basis(self.mean_direction) @ rotation
         return rotated
+
+
+def _mean_direction(u: FloatArray, v: FloatArray) -> FloatArray:
+    """Return the unit vector midway between two unit vectors that are not opposite, (3,)."""
+    unit: FloatArray = (u + v) / np.linalg.norm(u + v)
+    return unit
 
 
 def _perpendicular_basis(direction: FloatArray) -> FloatArray:
@@ -234,32 +266,42 @@ def _crest(direction: FloatArray, radius: float, up: FloatArray) -> float:
 
 def _nearest_approach(
     first: tuple[FloatArray, FloatArray], second: tuple[FloatArray, FloatArray]
-) -> Range | None:
-    """Return the positions of the common perpendicular on both axes; None if parallel."""
+) -> Positions | None:
+    """Return the positions of the common perpendicular on both axes; None if parallel.
+
+    Each axis is a point and a unit vector.
+    """
     (point, u), (other_point, v) = first, second
-    cosine = float(u @ v)
-    squared_sine = 1 - cosine**2
+    # By cross products: with 1 - (u @ v)^2 rounding errors exceed the squared sine of small angles.
+    normal = np.cross(u, v)
+    squared_sine = float(normal @ normal)
     if squared_sine < PARALLEL_SINE**2:
         return None
     offset = other_point - point
-    along_u, along_v = float(offset @ u), float(offset @ v)
-    return (along_u - cosine * along_v) / squared_sine, (cosine * along_u - along_v) / squared_sine
+    return (
+        float(np.cross(offset, v) @ normal) / squared_sine,
+        float(np.cross(offset, u) @ normal) / squared_sine,
+    )
 
 
-def _common_middle(first: ObservedCylinder, second: ObservedCylinder, sign: float) -> Range:
+def _common_middle(
+    first: ObservedCylinder, second: ObservedCylinder, mean: FloatArray
+) -> Positions:
     """Return the positions on both axes in the middle of their common observed length.
 
-    If their observed lengths do not overlap, it is the middle of the distance between them.
+    The length is measured along the mean direction. If the observed lengths do not overlap, it is
+    the middle of the space between them.
     """
-    a, b = first.fit, second.fit
-    mean = a.direction + sign * b.direction
-    mean = mean / np.linalg.norm(mean)
     ends = [
-        sorted(float((fit.point + s * fit.direction) @ mean) for s in axial_range)
-        for fit, axial_range in ((a, first.axial_range), (b, second.axial_range))
+        sorted(
+            float((observed.fit.point + s * observed.fit.direction) @ mean)
+            for s in observed.axial_range
+        )
+        for observed in (first, second)
     ]
     middle = (max(low for low, _ in ends) + min(high for _, high in ends)) / 2
-    along_a, along_b = (
-        (middle - float(fit.point @ mean)) / float(fit.direction @ mean) for fit in (a, b)
+    along, other_along = (
+        (middle - float(fit.point @ mean)) / float(fit.direction @ mean)
+        for fit in (first.fit, second.fit)
     )
-    return along_a, along_b
+    return along, other_along

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -17,9 +16,7 @@ from lsvision.scan.scan_result import ScannedCylinder
 Relatable = CylinderSection | ScannedCylinder
 
 
-def relate(
-    a: Relatable, b: Relatable, *, up: npt.ArrayLike | Sequence[float] | None = None
-) -> Relation:
+def relate(a: Relatable, b: Relatable, *, up: npt.ArrayLike | None = None) -> Relation:
     """Return distance, angle, gap and flush of two cylinders, each with its uncertainty.
 
     Gap is the distance between the surfaces, flush the height of b's crest over a's.
@@ -35,18 +32,19 @@ def relate(
     Returns
     -------
     Relation
-        In a section: distance of the centres and gap of the ellipses in its plane; the angle
+        In a section: distance of the centres, gap and flush of the ellipses in its plane; the angle
         between the axes has a wide interval, because the signs of both tilts are unknown. In space:
-        all quantities at the common perpendicular of the axes, or in the middle of the observed
-        length if the perpendicular lies outside, as for parallel pipes; and the seam, which is the
-        point midway between both surfaces and the direction of a weld there.
+        all quantities (flush only with `up`) at the common perpendicular of the axes, or in the
+        middle of the common observed length if the perpendicular lies outside, as for parallel
+        pipes; and the seam, which is the point midway between both surfaces and the direction of a
+        weld there.
 
     Raises
     ------
     TypeError
         If one is measured in a section and the other in space, or one is not a cylinder.
     ValueError
-        If `up` has no length, or both are the same cylinder.
+        If `up` is not three finite numbers, or all are zero; if both are the same cylinder.
 
     Examples
     --------

@@ -27,19 +27,20 @@ RELATION_QUANTITIES = {
 
 @dataclass(frozen=True, eq=False)
 class Seam(ComparedByValue):
-    """Nearest points of two cylinders, base frame.
+    """Line midway between the surfaces of two cylinders, base frame.
 
     Parameters
     ----------
     points : (2, 3) ndarray
-        Point of each axis. Units: mm.
+        Point of each axis at which the cylinders are compared; see `crossing`. Units: mm.
     point : (3,) ndarray
         Middle of the gap between both surfaces, on the line through `points`. Units: mm.
     point_covariance : (3, 3) ndarray
-        Covariance of `point`, without the direction along which it may be chosen.
-        Units: mm^2.
+        Covariance of `point`; without a crossing it is singular along `direction`, because any
+        point along the seam is valid. Units: mm^2.
     direction : (3,) ndarray
-        Unit vector between both axes: along a weld between pipes that touch along their length.
+        Unit vector midway between both directions: along a weld between pipes that touch along
+        their length.
     direction_std : float
         Root mean square angle of `direction` to the true one. Units: rad.
     crossing : bool
@@ -82,7 +83,7 @@ class Relation(Result):
         ``distance``, ``angle``, ``gap`` and, where a direction for it is known, ``flush``.
         Units: mm, rad.
     seam : Seam, optional
-        Points where both surfaces are nearest to each other; only in a base frame.
+        Point and direction midway between both surfaces; only of cylinders in space.
 
     Examples
     --------
@@ -151,7 +152,8 @@ class Relation(Result):
         Raises
         ------
         ValueError
-            If the quantity is none of these, or is flush and no direction for it was given.
+            If the quantity is none of these, or is flush and no direction for it was given; if the
+            level is not between 0 and 1.
         """
         if quantity not in self.quantities:
             raise ValueError(
@@ -169,15 +171,21 @@ class Relation(Result):
         name : {"distance", "angle", "gap", "flush"}
             Name of the quantity.
         level : float
-            Level of confidence of the interval.
+            Level of confidence of the interval, between 0 and 1.
 
         Returns
         -------
         Estimate
             Value, standard uncertainty and interval at `level`.
+
+        Raises
+        ------
+        ValueError
+            See `interval`.
         """
+        interval = self.interval(name, level)
         quantity, number = RELATION_QUANTITIES[name], self.quantities[name]
-        ends = quantity.in_unit(self.interval(name, level))
+        ends = quantity.in_unit(interval)
         return Estimate(quantity, number.value * quantity.scale, number.std * quantity.scale, ends)
 
     def to_dict(self) -> Record:

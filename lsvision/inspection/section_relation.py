@@ -16,6 +16,8 @@ DIRECTION_COUNT = 720
 """Equally spaced directions among which the largest separation is searched first."""
 PARABOLA_STEPS = 4
 """Refinements of the direction by a parabola through three neighbours."""
+STEP_REDUCTION = 8
+"""Divisor of the distance of these neighbours after each refinement."""
 UP = np.array([0.0, 1.0])
 """Towards the sensor: the direction of flush."""
 
@@ -36,11 +38,13 @@ def relate_sections(first: CylinderSection, second: CylinderSection) -> Relation
         Distance of the centres; gap of the ellipses in the plane, negative where they overlap;
         flush, the height of the second's crest over the first's along Y; angle of the axes.
     """
-    covariance = [section.fit.parameter_covariance for section in (first, second)]
     offset = np.subtract(second.centre, first.centre)
+    covariance, other_covariance = (
+        section.fit.parameter_covariance[:2, :2] for section in (first, second)
+    )
     return Relation(
         {
-            "distance": Length(offset, covariance[0][:2, :2] + covariance[1][:2, :2]),
+            "distance": Length(offset, covariance + other_covariance),
             "angle": AngleOfSections(first, second),
             "gap": _separation(first, second, _direction_of_gap(first, second)),
             "flush": _crest_height(first, second),
@@ -100,7 +104,11 @@ def _support(section: CylinderSection, direction: FloatArray) -> tuple[float, Fl
 
 
 def _separation(first: CylinderSection, second: CylinderSection, direction: FloatArray) -> Scalar:
-    """Return the distance between both ellipses along a direction from the first to the second."""
+    """Return the gap of both ellipses along the direction of their largest separation.
+
+    At this maximum the separation does not depend on the direction to first order: the error of the
+    direction is not propagated.
+    """
     (support_1, gradient_1), (support_2, gradient_2) = (
         _support(first, direction),
         _support(second, direction),
@@ -130,9 +138,10 @@ def _propagate_std(
 
 
 def _direction_of_gap(first: CylinderSection, second: CylinderSection) -> FloatArray:
-    """Return the unit vector along the shortest distance of the ellipses: of largest separation.
+    """Return the unit vector along which the separation of both ellipses is largest.
 
-    For ellipses that overlap it is the direction of the shortest displacement that separates them.
+    The distance of two convex outlines is their largest separation over all directions. For
+    ellipses that overlap this is the direction of the shortest displacement that separates them.
     """
     angles = np.linspace(0, 2 * math.pi, DIRECTION_COUNT, endpoint=False)
     angle = float(angles[np.argmax(_separations(first, second, angles))])
@@ -147,12 +156,16 @@ def _direction_of_gap(first: CylinderSection, second: CylinderSection) -> FloatA
             if curvature < 0
             else 0.0
         )
-        step /= 8
+        step /= STEP_REDUCTION
     return np.array([math.cos(angle), math.sin(angle)])
 
 
 def _separations(first: CylinderSection, second: CylinderSection, angles: FloatArray) -> FloatArray:
-    """Return the separation of both ellipses along each direction (rad). Units: mm."""
+    """Return the separation of both ellipses along directions at angles (rad) from X. Units: mm.
+
+    The offset of the centres minus both support functions (see `_support`); negative if the
+    projections of the ellipses overlap.
+    """
     directions = np.stack([np.cos(angles), np.sin(angles)])
     separations: FloatArray = np.subtract(second.centre, first.centre) @ directions
     for section in (first, second):

@@ -13,6 +13,7 @@ from lsvision.geometry.equality import ComparedByValue
 
 QUADRATURE_NODES = 64
 """Nodes of the quadrature for the length of a vector."""
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(QUADRATURE_NODES)
 MAX_SIGMAS = 8.0
 """Standard deviations from the mean at which integrals over a normal distribution end."""
 MIN_STD_RATIO = 1e-9
@@ -24,7 +25,7 @@ MIN_NORMAL_SIGMAS = 30.0
 
 
 class Uncertain(Protocol):
-    """A number with its standard uncertainty and its intervals. Units: mm or rad."""
+    """A number with its standard uncertainty and its intervals, all in the same unit."""
 
     @property
     def value(self) -> float:
@@ -78,7 +79,7 @@ class Length(ComparedByValue):
     vector : (2,) ndarray
         The estimate.
     covariance : (2, 2) ndarray
-        Covariance of both numbers.
+        Covariance of both components.
     degrees_of_freedom : float
         Degrees of freedom of the covariance; infinite if it is known.
 
@@ -86,9 +87,9 @@ class Length(ComparedByValue):
     -----
     The length of a noisy vector is larger than the true one on average. The lower end is the true
     length at which a length as large as the estimate has the probability (1 - level) / 2, with
-    the vector in the estimated direction; 0 if noise alone makes it that probable. The upper end is
-    the linear one, which the bias makes conservative, with the largest standard deviation where the
-    direction is undetermined.
+    the true vector in the estimated direction; 0 if noise alone makes it that probable. The upper
+    end is the length plus a multiple of its std, which the bias makes conservative; where the
+    direction of the vector is undetermined, of the largest std.
 
     Examples
     --------
@@ -123,17 +124,23 @@ class Length(ComparedByValue):
         largest_std, length, std = float(stds[1]), self.value, self.std
         if largest_std == 0 or length > MIN_NORMAL_SIGMAS * largest_std:
             return max(length - factor * std, 0.0), length + factor * std
-        # 0 for a well determined direction of the vector, 1 for an undetermined one.
+        # 0 for a well determined direction of the vector, 1 for an undetermined one, which is that
+        # of a vector shorter than two standard deviations.
         undetermined = min(1.0, (2 * largest_std / length) ** 2) if length > 0 else 1.0
         upper_std = math.sqrt(std**2 + undetermined * (largest_std**2 - std**2))
         unit = axes.T @ self.vector / length if length > 0 else np.array([0.0, 1.0])
+        # Student's t, approximated by a normal distribution whose quantile at `level` is the same.
         stds = stds * factor / two_sided_factor(level)
         return _lower_length_bound(length, unit, stds, (1 - level) / 2), length + factor * upper_std
 
 
 def _lower_length_bound(length: float, unit: FloatArray, stds: FloatArray, tail: float) -> float:
-    """Return the true length for which a measured one exceeds `length` with probability `tail`."""
-    if _exceedance_probability(length, 0.0 * unit, stds) > tail:
+    """Return the true length for which a measured one exceeds `length` with probability `tail`.
+
+    `unit` and `stds` are the direction and standard deviations along the principal axes of the
+    covariance, (2,), the larger std last. 0 if the probability is larger without any true length.
+    """
+    if _exceedance_probability(length, np.zeros(2), stds) > tail:
         return 0.0
     low, high = 0.0, length
     for _ in range(BISECTIONS):
@@ -169,9 +176,10 @@ def two_sided_factor(level: float, degrees_of_freedom: float = math.inf) -> floa
 
 
 def _exceedance_probability(length: float, mean: FloatArray, stds: FloatArray) -> float:
-    """Return the probability that a vector with independent components exceeds `length`.
+    """Return the probability that a vector with independent components is longer than `length`.
 
-    The second component, of the larger standard deviation, is integrated in closed form.
+    The integral over the second component, of the larger std, is in closed form, that over the
+    first by Gauss-Legendre quadrature.
     """
     from scipy.special import ndtr
 
@@ -187,6 +195,3 @@ def _exceedance_probability(length: float, mean: FloatArray, stds: FloatArray) -
     density = np.exp(-(((x - mean[0]) / minor) ** 2) / 2) / (minor * math.sqrt(2 * math.pi))
     chord_probability = ndtr((half_chord - mean[1]) / major) - ndtr((-half_chord - mean[1]) / major)
     return 1.0 - float((_WEIGHTS * (stop - start) / 2 * half_chord) @ (density * chord_probability))
-
-
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(QUADRATURE_NODES)

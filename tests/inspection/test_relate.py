@@ -209,6 +209,25 @@ def test_flush_of_a_scan_is_the_difference_of_the_crests():
     assert "flush" not in lsv.relate(*scanned((first, second), 1)).quantities
 
 
+# The last three directions have a squared length below 1, by rounding.
+@pytest.mark.parametrize("seed", [0, 67, 130, 131])
+def test_axes_with_the_same_direction_are_compared_in_the_middle(seed):
+    direction = np.random.default_rng(seed).normal(size=3)
+    direction /= np.linalg.norm(direction)
+    across = np.cross(direction, (0, 0, 1))
+    across /= np.linalg.norm(across)
+    tube, _ = scanned(PARALLEL, 0)
+    tube = replace(tube, axial_range=(-20.0, 20.0))
+    tubes = [
+        replace(tube, fit=replace(tube.fit, cylinder=Cylinder(offset * across, direction, 10.0)))
+        for offset in (0.0, 25.0)
+    ]
+    relation = lsv.relate(*tubes)
+    assert not relation.seam.crossing
+    assert relation.distance == pytest.approx(25)
+    assert relation.angle == pytest.approx(0, abs=1e-9)
+
+
 def test_records_and_tables_name_their_units():
     relation = lsv.relate(*scanned(PARALLEL, 2), up=UP)
     record = relation.to_dict()
@@ -232,5 +251,7 @@ def test_what_cannot_be_compared_is_rejected():
     relation = lsv.relate(left, right)
     with pytest.raises(ValueError, match="expected a quantity among distance, angle, gap, flush"):
         relation.interval("radius")
+    with pytest.raises(ValueError, match="expected a quantity among distance, angle, gap, flush"):
+        relation.estimate("radius")
     with pytest.raises(ValueError, match="expected a level between 0 and 1, got 95"):
         relation.interval("gap", 95)
