@@ -33,8 +33,8 @@ class Capability:
     cp_interval, cpk_interval : (float, float)
         At `level`: Cp by chi^2, Cpk by Bissell's approximation.
     measurement_fraction : float
-        Fraction of `std` squared that the standard uncertainties of the measurements explain; NaN
-        if they are not given.
+        Fraction of `std` squared that the standard uncertainties of the measurements explain, at
+        most 1; NaN if they are not given.
     level : float
         Level of confidence of the intervals.
     """
@@ -65,7 +65,8 @@ def estimate_capability(
     limits : (float, float)
         Lower and upper limit; one may be infinite.
     stds : sequence of float
-        Standard uncertainty of each value, without the part that is common to all.
+        Standard uncertainty of each value. A part that is common to all values does not add to
+        their spread: leave it out.
     level : float
         Level of confidence of the intervals.
 
@@ -119,7 +120,7 @@ def binomial_interval(hits: int, count: int, level: float = 0.95) -> tuple[float
     Parameters
     ----------
     hits, count : int
-        Number of hits, and number of trials.
+        Number of hits, and number of trials; without trials the interval is (0, 1).
     level : float
         Level of confidence; the interval contains the probability at least that often.
 

@@ -20,7 +20,7 @@ POOLING_ALPHA = 0.25
 NDC_FACTOR = 1.41
 """Factor in the number of distinct categories (AIAG)."""
 SIGMAS = 6.0
-"""Standard deviations of a study variation."""
+"""Width of the variation of a component, in standard deviations (AIAG)."""
 
 
 @dataclass(frozen=True)
@@ -104,8 +104,12 @@ class GaugeStudy(Result):
         return next(component for component in self.components if component.name == name)
 
     def fraction_of_total(self, name: str) -> float:
-        """Return the std of a component over that of the total (%study variation / 100)."""
-        return self.component(name).std / self.component("total").std
+        """Return the std of a component over that of the total (%study variation / 100).
+
+        NaN if all values are equal.
+        """
+        total = self.component("total").std
+        return self.component(name).std / total if total > 0 else math.nan
 
     def fraction_of_tolerance(self, name: str) -> float:
         """Return six stds of a component over the tolerance (%tolerance / 100); NaN without one."""
@@ -115,7 +119,10 @@ class GaugeStudy(Result):
 
     @property
     def distinct_categories(self) -> int:
-        """Number of classes of parts that the measurement distinguishes (ndc), at least 1."""
+        """Number of classes of parts that the measurement distinguishes (ndc), at least 1.
+
+        The largest integer of 64 bits if the gauge has no variance.
+        """
         gauge = self.component("gauge").std
         if gauge == 0:
             return np.iinfo(np.int64).max
@@ -147,7 +154,9 @@ class GaugeStudy(Result):
                     "variance": component.variance,
                     "std": component.std,
                     "std_interval": list(component.interval),
-                    "percent_of_total": 100 * self.fraction_of_total(component.name),
+                    "percent_of_total": finite_or_none(
+                        100 * self.fraction_of_total(component.name)
+                    ),
                     "percent_of_tolerance": finite_or_none(
                         100 * self.fraction_of_tolerance(component.name)
                     ),
@@ -165,19 +174,21 @@ class GaugeStudy(Result):
 
     def _cells(self) -> list[tuple[str, ...]]:
         """Return the header of the printed table, and a row for each component."""
-        percent = f"{100 * self.level:g} % interval"
-        header: tuple[str, ...] = ("", "std", percent, "% of total", "% of tolerance")
+        interval = f"{100 * self.level:g} % interval"
+        header: tuple[str, ...] = ("", "std", interval, "% of total", "% of tolerance")
         rows = [header]
         for component in self.components:
             low, high = component.interval
-            tolerance = 100 * self.fraction_of_tolerance(component.name)
+            fractions = (
+                self.fraction_of_total(component.name),
+                self.fraction_of_tolerance(component.name),
+            )
             rows.append(
                 (
                     component.name,
                     f"{component.std:.6g}",
                     f"{low:.4g} .. {high:.4g}",
-                    f"{100 * self.fraction_of_total(component.name):.2f}",
-                    f"{tolerance:.2f}" if math.isfinite(tolerance) else "",
+                    *(f"{100 * part:.2f}" if math.isfinite(part) else "" for part in fractions),
                 )
             )
         return rows
@@ -214,6 +225,8 @@ def study_gauge(
 
     Raises
     ------
+    ValueError
+        If the values have another number of dimensions.
     TooFewPoints
         With fewer than two parts, operators or trials.
 
@@ -223,6 +236,8 @@ def study_gauge(
     `lsvision.inspection.variance_intervals`.
     """
     table = np.asarray(values, dtype=np.float64)
+    if table.ndim != 3:
+        raise ValueError(f"expected values of shape (parts, operators, trials), got {table.shape}")
     for factor, count in zip(("parts", "operators", "trials"), table.shape, strict=True):
         if count < 2:
             raise TooFewPoints(f"a gauge study by {factor}", count, 2, f"measure more {factor}")
@@ -240,16 +255,15 @@ def _analyse_variance(table: FloatArray) -> tuple[AnovaRow, ...]:
     dofs = (p - 1, o - 1, (p - 1) * (o - 1), p * o * (r - 1))
     squares = sums_of_squares(table)
     means = [square / dof for square, dof in zip(squares, dofs, strict=True)]
-    # Indices of the rows whose mean squares are the divisors in the F tests of the first three.
-    divisors = (2, 2, 3)
-    names = ("parts", "operators", "interaction", "repeatability")
+    # For each row, the row whose mean square is the divisor of its F statistic.
+    divisors = {"parts": 2, "operators": 2, "interaction": 3, "repeatability": None}
     rows = []
-    for axis, name in enumerate(names):
+    for row, (name, divisor) in enumerate(divisors.items()):
         ratio = p_value = math.nan
-        if axis < 3 and means[divisors[axis]] > 0:
-            ratio = means[axis] / means[divisors[axis]]
-            p_value = float(f.sf(ratio, dofs[axis], dofs[divisors[axis]]))
-        rows.append(AnovaRow(name, dofs[axis], squares[axis], ratio, p_value))
+        if divisor is not None and means[divisor] > 0:
+            ratio = means[row] / means[divisor]
+            p_value = float(f.sf(ratio, dofs[row], dofs[divisor]))
+        rows.append(AnovaRow(name, dofs[row], squares[row], ratio, p_value))
     return tuple(rows)
 
 
@@ -257,43 +271,45 @@ def _estimate_components(
     rows: Sequence[AnovaRow], shape: tuple[int, ...], *, pooled: bool, level: float
 ) -> tuple[Component, ...]:
     """Return the components of the variance; `shape` is (parts, operators, trials)."""
-    p, o, r = shape
     sums = [(row.sum_of_squares, row.degrees_of_freedom) for row in rows]
     if pooled:
         square, dof = np.add(sums[2], sums[3])
         sums[2:] = [(square, dof)]
     means = [square / dof for square, dof in sums]
     dofs = [dof for _, dof in sums]
-    # Coefficients of the mean squares in each component of the variance.
-    repeatability = np.eye(len(sums))[-1]
-    parts, operators = np.zeros(len(sums)), np.zeros(len(sums))
-    parts[[0, 2]] = 1 / (o * r), -1 / (o * r)
-    operators[[1, 2]] = 1 / (p * r), -1 / (p * r)
-    interaction = np.zeros(len(sums)) if pooled else np.array([0, 0, 1, -1]) / r
-    # A negative component counts as 0, also within a sum.
-    variances = [max(float(c @ means), 0.0) for c in (operators, interaction, parts)]
-    repeat_variance = means[-1]
+    coefficients = _mean_square_coefficients(shape, pooled=pooled)
+    # A negative variance counts as 0, also within a sum.
+    variances = {name: max(float(row @ means), 0.0) for name, row in coefficients.items()}
     combinations = {
-        "repeatability": (repeatability, repeat_variance),
-        "reproducibility": (operators + interaction, variances[0] + variances[1]),
-        "gauge": (
-            repeatability + operators + interaction,
-            repeat_variance + variances[0] + variances[1],
-        ),
-        "parts": (parts, variances[2]),
-        "total": (
-            repeatability + operators + interaction + parts,
-            repeat_variance + sum(variances),
-        ),
+        "repeatability": ("repeatability",),
+        "reproducibility": ("operators", "interaction"),
+        "gauge": ("repeatability", "operators", "interaction"),
+        "parts": ("parts",),
+        "total": ("repeatability", "operators", "interaction", "parts"),
     }
-    return tuple(
-        Component(
-            name,
-            variance,
-            _std_interval(mean_square_interval(coefficients.tolist(), means, dofs, level)),
-        )
-        for name, (coefficients, variance) in combinations.items()
-    )
+    components = []
+    for name, terms in combinations.items():
+        combined = np.sum([coefficients[term] for term in terms], axis=0).tolist()
+        interval = _std_interval(mean_square_interval(combined, means, dofs, level))
+        components.append(Component(name, sum(variances[term] for term in terms), interval))
+    return tuple(components)
+
+
+def _mean_square_coefficients(shape: tuple[int, ...], *, pooled: bool) -> dict[str, FloatArray]:
+    """Return the coefficients of the mean squares in the variance of each effect.
+
+    The mean squares are those of parts, operators, interaction and repeatability, (4,); or of
+    parts, operators and the pooled repeatability, (3,). In both, row 2 is the one that those of
+    parts and operators are compared with.
+    """
+    parts, operators, trials = shape
+    rows = np.eye(3 if pooled else 4)
+    return {
+        "repeatability": rows[-1],
+        "operators": (rows[1] - rows[2]) / (parts * trials),
+        "interaction": (rows[2] - rows[-1]) / trials,
+        "parts": (rows[0] - rows[2]) / (operators * trials),
+    }
 
 
 def _std_interval(interval: tuple[float, float]) -> tuple[float, float]:

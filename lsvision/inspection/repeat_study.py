@@ -36,7 +36,8 @@ class RepeatStudy(Result):
     bias_interval, std_interval : (float, float)
         Intervals of bias (Student's t) and standard deviation (chi^2), at `level`.
     p_value : float
-        Probability of a mean that deviates at least as much from the reference without a bias.
+        Probability of a mean that deviates at least as much from the reference without a bias,
+        by Student's t; without spread 1 for a bias of 0, else 0.
     predicted_std : float
         Root mean square of the measurements' standard uncertainties; NaN if none are given.
     tolerance : float, optional
@@ -63,14 +64,14 @@ class RepeatStudy(Result):
 
     @property
     def cg(self) -> float:
-        """Capability Cg: a fifth of the tolerance over 6 std; NaN without a tolerance."""
+        """Capability Cg: a fifth of the tolerance over 6 std; NaN without a tolerance or spread."""
         if self.tolerance is None or self.std == 0:
             return math.nan
         return TOLERANCE_FRACTION * self.tolerance / (6 * self.std)
 
     @property
     def cgk(self) -> float:
-        """Capability Cgk: (tolerance / 10 - abs(bias)) over 3 std; NaN without a tolerance."""
+        """Capability Cgk: (tolerance / 10 - abs(bias)) over 3 std; NaN where Cg is."""
         if self.tolerance is None or self.std == 0:
             return math.nan
         return (TOLERANCE_FRACTION / 2 * self.tolerance - abs(self.bias)) / (3 * self.std)
@@ -107,7 +108,7 @@ class RepeatStudy(Result):
         return []
 
     def _notes(self) -> list[str]:
-        """Return the lines below the table: bias, repeatability, and the predicted std if known."""
+        """Return all printed lines: bias, repeatability, and what else is known."""
         low, high = self.bias_interval
         low_std, high_std = self.std_interval
         significance = "significant" if self.p_value < SIGNIFICANCE else "not significant"

@@ -78,6 +78,18 @@ def test_percent_of_tolerance_is_six_sigmas_over_it():
     assert "pooled with repeatability" in text
 
 
+def test_a_study_of_equal_values_has_no_fractions_of_the_total():
+    study = study_gauge(np.ones((3, 2, 2)), tolerance=1.0)
+    assert math.isnan(study.fraction_of_total("gauge"))
+    assert study.to_dict()["components"]["gauge"]["percent_of_total"] is None
+    assert "ndc" in str(study)
+
+
+def test_a_study_of_another_shape_is_rejected():
+    with pytest.raises(ValueError, match=r"shape \(parts, operators, trials\), got \(5, 3\)"):
+        study_gauge(np.zeros((5, 3)))
+
+
 def test_the_interval_of_one_mean_square_is_that_of_chi_squared():
     low, high = mean_square_interval([1.0], [0.04], [60], level=0.9)
     assert low == pytest.approx(0.04 * 60 / stats.chi2.ppf(0.95, 60))
