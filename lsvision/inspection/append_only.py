@@ -1,4 +1,7 @@
-"""Append-only files: one JSON record per line, each with the hash of the line before it."""
+"""Append-only files: one JSON record per line, each with the hash of the line before it.
+
+A change of any line but the last is detected: no later line has the hash of the last one.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,8 @@ def read_records(path: str | os.PathLike[str]) -> list[Record]:
     Raises
     ------
     UnreadableFile
-        If a line is not a record, or the line before it was changed or removed.
+        If a line is not a record, or does not have the hash of the line before it, because that
+        was changed or removed.
     """
     if not exists(path):
         return []
@@ -48,14 +52,14 @@ def read_records(path: str | os.PathLike[str]) -> list[Record]:
 
 
 def append_record(path: str | os.PathLike[str], record: Record) -> None:
-    """Append a record to a file, after checking that the earlier ones are unchanged.
+    """Append a record to a file, after checking the earlier ones; create the file if there is none.
 
     Raises
     ------
     UnreadableFile
-        If the earlier lines are damaged or were changed.
+        See `read_records`.
     UnwritableFile
-        If it cannot be written.
+        If the file cannot be written.
 
     Examples
     --------

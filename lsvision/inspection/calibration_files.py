@@ -18,7 +18,7 @@ CALIBRATION_KEYS = ("light_section", "flange_from_section")
 
 
 def check_calibration_files(job: Job, job_path: Path) -> dict[str, dict[str, str | None]]:
-    """Return the file, date and hash of each calibration file of a job, by its key.
+    """Return ``file``, ``date`` and ``sha256`` of each calibration file of a job, by its key.
 
     Parameters
     ----------
@@ -55,14 +55,26 @@ def check_calibration_files(job: Job, job_path: Path) -> dict[str, dict[str, str
 def calibration_age_days(
     files: Mapping[str, Mapping[str, str | None]], now: datetime.datetime
 ) -> float | None:
-    """Return the age of the oldest calibration in days; None if no file has a date."""
-    dates = [file["date"] for file in files.values() if file["date"]]
-    ages = [now - datetime.datetime.fromisoformat(date) for date in dates if date]
-    return max((age.total_seconds() / 86400 for age in ages), default=None)
+    """Return the age of the oldest calibration in days; None if no file has a date.
+
+    Parameters
+    ----------
+    files : mapping
+        Result of `check_calibration_files`; a date without a time zone is taken as UTC.
+    now : datetime
+        Present time with its time zone.
+    """
+    dates = [
+        datetime.datetime.fromisoformat(date)
+        for file in files.values()
+        if (date := file["date"]) is not None
+    ]
+    zoned = [date if date.tzinfo else date.replace(tzinfo=datetime.UTC) for date in dates]
+    return max(((now - date).total_seconds() / 86400 for date in zoned), default=None)
 
 
 def _read_date(content: bytes) -> str | None:
-    """Return the date in the provenance of a calibration file; None if there is none."""
+    """Return the ISO 8601 date in the provenance of a calibration file; None if there is none."""
     try:
         date = parse_json(content.decode())["provenance"]["date"]
         datetime.datetime.fromisoformat(date)

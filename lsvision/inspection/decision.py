@@ -69,7 +69,7 @@ def widen_interval(
         Standard uncertainty that the fit does not contain and that is independent of it, such as
         the effect of temperature.
     level : float
-        Probability of the interval.
+        Level of confidence of the interval.
 
     Returns
     -------

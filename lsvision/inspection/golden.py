@@ -26,7 +26,7 @@ def golden_path(job: Job, job_path: Path) -> Path:
 def check_golden(
     cylinders: Sequence[CylinderOfJob], job: Job, source: str, now: datetime.datetime
 ) -> Record:
-    """Compare a measurement of the golden part with its known radius.
+    """Return the record of a measurement of the golden part, compared with its known radius.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def check_golden(
     source : str
         Name of the measured file.
     now : datetime
-        Time of the measurement.
+        Time of the measurement with its time zone.
 
     Returns
     -------

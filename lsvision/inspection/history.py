@@ -19,12 +19,13 @@ def history_path(job_path: Path) -> Path:
 
 
 def record_revision(job: Job, job_path: Path, now: datetime.datetime) -> bool:
-    """Record a revision in the history of its job; return False if it is already recorded.
+    """Record a job in its history, and return True; return False if it is already recorded.
 
     Raises
     ------
     LsvisionError
-        If its number is recorded with another content, or a higher number is recorded.
+        If its revision, or a higher one, is recorded with another content; if the history cannot
+        be read or written.
     """
     path = history_path(job_path)
     for entry in read_records(path):

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from lsvision.inspection.capability import Capability, binomial_interval, estimate_capability
 from lsvision.inspection.decision import Decision
 from lsvision.inspection.remedies import Remedy
-from lsvision.inspection.verdict import Verdict, verdict_rows
+from lsvision.inspection.verdict import QuantityVerdict, Verdict, verdict_rows
 from lsvision.measure import Measurement
 from lsvision.results.quantities import Quantity, Record
 from lsvision.scan.scan_result import ScanMeasurement
@@ -41,7 +41,7 @@ class JudgedMeasurement:
 
     @property
     def record(self) -> Record:
-        """Source, verdict and remedies, ready for JSON."""
+        """Source, index of the profile, verdict and remedies, ready for JSON."""
         return {
             "source": self.source,
             "profile": self.profile,
@@ -81,7 +81,7 @@ class VerdictCount:
 
 @dataclass(frozen=True)
 class Series:
-    """A quantity of an item in all measurements that have it.
+    """A quantity of a part or relation in all measurements that determine it.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ class Series:
     limits : (float, float)
         Lower and upper limit; infinite without a limit.
     numbers : tuple of int
-        Numbers of the measurements, from 1.
+        Numbers of these measurements among all, from 1.
     values, stds, lows, highs : tuple of float
         Values, standard uncertainties and interval ends in the order of the measurements, in the
         unit of the quantity.
@@ -130,27 +130,23 @@ def count_verdicts(inspected: Sequence[JudgedMeasurement]) -> list[VerdictCount]
 
 
 def collect_series(inspected: Sequence[JudgedMeasurement]) -> list[Series]:
-    """Return the series of every quantity over all measurements, in the order of the job."""
-    indices_by_quantity: dict[tuple[str, str], list[int]] = {}
-    judged = [
-        (item.name, quantity, number)
-        for number, measurement in enumerate(inspected, 1)
-        for item in measurement.verdict.items
-        for quantity in item.quantities
-        if quantity.estimate.determined and math.isfinite(quantity.estimate.value)
-    ]
-    for index, (name, quantity, _) in enumerate(judged):
-        indices_by_quantity.setdefault((name, quantity.key), []).append(index)
+    """Return the series of each quantity that was determined, in the order of first appearance."""
+    verdicts: dict[tuple[str, str], dict[int, QuantityVerdict]] = {}
+    for number, measurement in enumerate(inspected, 1):
+        for item in measurement.verdict.items:
+            for quantity in item.quantities:
+                if quantity.estimate.determined and math.isfinite(quantity.estimate.value):
+                    verdicts.setdefault((item.name, quantity.key), {})[number] = quantity
     series = []
-    for (name, _), indices in indices_by_quantity.items():
-        quantities = [judged[index][1] for index in indices]
+    for (name, _), by_number in verdicts.items():
+        quantities = list(by_number.values())
         estimates = [quantity.estimate for quantity in quantities]
         series.append(
             Series(
                 item=name,
                 quantity=estimates[0].quantity,
                 limits=quantities[0].limits,
-                numbers=tuple(judged[index][2] for index in indices),
+                numbers=tuple(by_number),
                 values=tuple(estimate.value for estimate in estimates),
                 stds=tuple(estimate.std for estimate in estimates),
                 lows=tuple(estimate.interval[0] for estimate in estimates),

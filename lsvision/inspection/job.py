@@ -97,7 +97,7 @@ class Job(JobTable):
         Raises
         ------
         InvalidJob, UnreadableFile
-            If the job has mistakes; if there is no such file, or it is not text.
+            If the job has mistakes; if the file cannot be read, or is not text.
 
         Examples
         --------
@@ -168,8 +168,17 @@ class Job(JobTable):
         -------
         Part
             Part with its limits.
+
+        Raises
+        ------
+        ValueError
+            If the job has no part with that name.
         """
-        return next(part for part in self.parts if part.name == name)
+        for part in self.parts:
+            if part.name == name:
+                return part
+        known = ", ".join(repr(part.name) for part in self.parts)
+        raise ValueError(f"expected a part among {known}, got {name!r}")
 
     def extra_std(self, key: str) -> float:
         """Return the stated uncertainty that the fit does not contain, in the unit of the key.
@@ -220,7 +229,7 @@ def _find_ambiguous_parts(parts: tuple[Part, ...]) -> list[tuple[Location, str]]
 
 
 def _overlap(first: Part, second: Part) -> bool:
-    """Return whether some position lies in the windows of both parts."""
+    """Return whether some position lies in the windows of both parts; common edges do not count."""
     unlimited = (float("-inf"), float("inf"))
     for axis in "xyz":
         low_1, high_1 = first.windows.get(axis, unlimited)

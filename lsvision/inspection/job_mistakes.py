@@ -83,7 +83,7 @@ def describe_mistakes(error: ValidationError, text: str, model: type[BaseModel])
     text : str
         The file.
     model : type
-        Model of the job, for the known keys.
+        Model of the job, with the known keys.
     """
     lines = _lines_of_keys(text)
     mistakes: list[Mistake] = []
@@ -125,7 +125,7 @@ def _nearest_line(location: Location, lines: dict[Location, int]) -> int | None:
 
 
 def _lines_of_keys(text: str) -> dict[Location, int]:
-    """Return the line number of every table and key."""
+    """Return the line of every table and key, counted from 1; the first line of each."""
     lines: dict[Location, int] = {}
     table: Location = ()
     counts: dict[Location, int] = {}
@@ -190,7 +190,7 @@ def _unknown_key(key: str, location: Location, known: list[str]) -> str:
 
 
 def known_keys(location: Location, model: type[BaseModel]) -> list[str]:
-    """Return the keys that are allowed in the table around a location."""
+    """Return the keys that are allowed in the table around a location; none outside all tables."""
     for key in location[:-1]:
         if isinstance(key, str):
             field = next(

@@ -21,9 +21,9 @@ Window = tuple[Number, Number]
 """Range (low, high) of a coordinate in which a part lies. Units: mm."""
 Name = Annotated[str, Field(min_length=1, max_length=80)]
 Count = Annotated[int, Field(strict=True, ge=1)]
-Std = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0)]
-Known = Positive | tuple[Positive, Std]
-"""A known value, or (value, standard uncertainty)."""
+NonNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0)]
+KnownRadius = Positive | tuple[Positive, NonNegative]
+"""A known radius, or (radius, standard uncertainty). Units: mm."""
 Vector = tuple[Number, Number, Number]
 
 
@@ -38,7 +38,9 @@ class Source(JobTable):
 class Rig(JobTable):
     """Calibration files, and optionally the SHA-256 by which a change of each is detected.
 
-    With a light section images are measured too; `laser` is the colour of the line in them.
+    With a light section images are measured too; `laser` is the colour of the line in them. `poses`
+    is the file of robot poses of a scan, `convention` that of its units, axes and rotation angles,
+    `flange_from_section` the file of the hand-eye calibration.
     """
 
     light_section: str | None = None
@@ -62,28 +64,31 @@ class Rig(JobTable):
 class Scan(JobTable):
     """Motion between the sections of a scan, and its standard uncertainties.
 
+    `feed` is the direction of the motion in the section frame, of any length, and `step_mm` the
+    distance of neighbouring sections; without both, ``poses`` of ``[rig]`` are used. `pose_std_mm`
+    is the error of each section's position, `feed_std_deg` that of the direction of the feed.
     Without this table each profile is judged by itself.
     """
 
     feed: Vector | None = None
     step_mm: Number | None = None
-    pose_std_mm: Std = 0.0
-    feed_std_deg: Std = 0.0
+    pose_std_mm: NonNegative = 0.0
+    feed_std_deg: NonNegative = 0.0
 
 
 class Measure(JobTable):
     """Arguments of `lsvision.measure_cylinders` and `lsvision.measure_scan`."""
 
     radius_mm: Positive | tuple[Positive, Positive] | None = None
-    known_radius_mm: Known | None = None
-    known_phi_deg: Std | tuple[Std, Std] | None = None
+    known_radius_mm: KnownRadius | None = None
+    known_phi_deg: NonNegative | tuple[NonNegative, NonNegative] | None = None
     sensor: str | None = None
     range_std_mm: Positive | None = None
     reference_range_mm: Positive = 400.0
 
     @model_validator(mode="after")
     def _check(self) -> Measure:
-        """Raise an error for keys that exclude each other or a reversed range."""
+        """Raise an error for an unknown sensor, a reversed range, or a noise model stated twice."""
         if self.sensor is not None and self.range_std_mm is not None:
             raise ValueError("expected sensor or range_std_mm, got both: leave one out")
         if self.sensor is not None:
@@ -98,11 +103,12 @@ class Measure(JobTable):
 class Part(JobTable):
     """An expected cylinder: how it is identified among those measured, and its limits.
 
-    It is identified by position (`x_mm`, `y_mm`, `z_mm`: its centre lies in all windows that are
-    given), by `order` (from the left, or in the order of the scan), or else by radius.
-    `direction_deg` and `position_mm` are the angle to `nominal_direction` and the distance from
-    `nominal_point_mm`; `length_seen_mm` is the length along the axis between the first and the last
-    measured point.
+    It is identified by position (`x_mm`, `y_mm`, `z_mm`: its centre, or ``point`` in a scan, lies
+    in all windows that are given), by `order` (from the left, or in the order of the scan), or else
+    by radius. `direction_deg` and `position_mm` are the angle to `nominal_direction` and the
+    distance of the axis from `nominal_point_mm`; `point_x_mm`, `point_y_mm` and `point_z_mm` are
+    the axis point nearest to it; `length_seen_mm` is the length along the axis between the first
+    and the last measured point.
     """
 
     name: Name
@@ -110,7 +116,7 @@ class Part(JobTable):
     y_mm: Window | None = None
     z_mm: Window | None = None
     order: Count | None = None
-    known_radius_mm: Known | None = None
+    known_radius_mm: KnownRadius | None = None
     nominal_direction: Vector | None = None
     nominal_point_mm: Vector | None = None
     radius_mm: Limits | None = None
@@ -216,7 +222,7 @@ class DecisionRule(JobTable):
     level: Annotated[float, Field(strict=True, gt=0.5, lt=1)] = 0.95
     undecided: Literal["ng", "ok"] = "ng"
     additional: Literal["tell", "ng"] = "tell"
-    extra_std: dict[str, Std] = Field(default_factory=dict)
+    extra_std: dict[str, NonNegative] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _check(self) -> DecisionRule:

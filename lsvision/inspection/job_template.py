@@ -60,13 +60,13 @@ def build_job_text(name: str, cylinders: Sequence[CylinderSection], tolerance: f
     cylinders : sequence of CylinderSection
         Measured cylinders from left to right, at least one.
     tolerance : float
-        Permissible deviation of the radius, up and down. Units: mm.
+        Permissible deviation of the radius, up and down, above 0. Units: mm.
 
     Returns
     -------
     str
-        TOML; nominal radii are rounded to a tenth of the tolerance, windows in x extend to the
-        middle between neighbours.
+        TOML; nominal radii are rounded to the power of ten at or below a tenth of the tolerance,
+        windows in x extend to the middle between neighbours.
     """
     from lsvision.inspection.relate import relate
     from lsvision.results.number_format import format_value
@@ -128,6 +128,7 @@ def find_needed_tolerance(job: Job, cylinders: Sequence[CylinderSection]) -> flo
     for part, cylinder in zip(job.parts, cylinders, strict=True):
         low, high = cylinder.interval("radius", job.decision.level)
         lower, upper = part.limits["radius_mm"].ends
+        # `build_job_text` writes limits that are symmetric about the nominal.
         nominal = (lower + upper) / 2
         needed.append(max(nominal - low, high - nominal))
         tolerances.append((upper - lower) / 2)

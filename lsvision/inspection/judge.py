@@ -49,9 +49,10 @@ def judge(
 
     A quantity is OK where its interval at the job's level lies inside the limits, NG where it lies
     completely outside, else undecided (the guard band of ISO 14253-1): with level 0.95 a part
-    outside its limits is judged OK with a probability of at most 2.5 %, and so is a part inside its
-    limits judged NG. The job's ``extra_std`` is added to both half widths in quadrature. The
-    decision on a part, a relation or the whole is the worst of its quantities, NG > undecided > OK.
+    outside its limits is judged OK, and one inside its limits NG, with a probability of at most
+    2.5 % each. The job's ``extra_std`` is added to both half widths in quadrature. The decision on
+    a part or a relation is the worst of its quantities, that on the whole the worst of all, NG >
+    undecided > OK.
 
     Parameters
     ----------
@@ -61,25 +62,27 @@ def judge(
         Parts, relations and their limits.
     blocked : str
         Reason why nothing can be decided now, such as an overdue golden part (see
-        `lsvision.inspection.golden`); every verdict is then undecided.
+        `lsvision.inspection.golden`); the whole, every part and every relation are then undecided.
     calibration : mapping, optional
-        Date and hash of each calibration file, for the record.
+        Name, date and hash of each calibration file, for the record.
 
     Returns
     -------
     Verdict
         A missing part is NG, with the reasons of rejected arcs; a part whose arc was found, but
-        whose radius is not determinable, is undecided. `Verdict.decision` equals ``"OK"``,
-        ``"NG"`` or ``"undecided"``.
+        whose radius is not determinable, or whose cylinder is assigned to another part, is
+        undecided. `Verdict.decision` equals ``"OK"``, ``"NG"`` or ``"undecided"``. A known radius
+        that a part's points contradict is not used; a note names the part.
 
     Raises
     ------
     TypeError
         If the arguments are not a measurement and a job.
     ValueError
-        If the job limits a quantity that a measurement of this kind does not have.
-    LsvisionError
-        If a part's known radius does not fit its points.
+        If the job limits a quantity that a measurement of this kind does not have: for flush in a
+        scan `up` is needed; known radii of parts are for profiles only.
+    FitFailed
+        If the fit with a part's known radius overflows or is not an ellipse.
 
     Examples
     --------
@@ -136,16 +139,14 @@ def _provenance(job: Job, calibration: Mapping[str, Mapping[str, str | None]]) -
 
 def _apply_known_radius(cylinder: CylinderOfJob, part: Part) -> CylinderOfJob:
     """Return the cylinder with a part's known radius as a prior, unless the points contradict."""
-    if part.known_radius_mm is None:
+    prior = Priors.from_values(part.known_radius_mm, None).radius
+    if prior is None:
         return cylinder
     if not isinstance(cylinder, CylinderSection):
         raise ValueError(
             f"known_radius_mm of part {part.name!r} is for profiles: for a scan write it under "
             "[measure]"
         )
-    prior = Priors.from_values(part.known_radius_mm, None).radius
-    if prior is None:
-        return cylinder
     fit = with_known_radius(cylinder.fit, prior)
     return replace(cylinder, fit=fit) if contradicting_radius(fit) is None else cylinder
 
@@ -157,6 +158,7 @@ def _describe_contradicted_radii(
     job: Job,
 ) -> list[str]:
     """Return a note on each part whose known radius is not used."""
+    # `_apply_known_radius` then returns the measured cylinder itself.
     return [
         f"{name}: known_radius_mm is not used: the points contradict it"
         for name, index in matching.cylinders.items()
@@ -192,7 +194,10 @@ def _judge_estimate(
 def _judge_periodic_angle(
     estimate: Estimate, limits: tuple[float, float], level: float
 ) -> QuantityVerdict:
-    """Return the verdict of an angle with a period of half a turn, shifted next to its limits."""
+    """Return the verdict of an angle with a period of half a turn, shifted next to its limits.
+
+    Undecided instead of NG if the interval reaches the limits shifted by half a turn.
+    """
     half_turns = round((sum(limits) / 2 - estimate.value) / HALF_TURN_DEG)
     shift = half_turns * HALF_TURN_DEG
     low, high = (end + shift for end in estimate.interval)
@@ -232,9 +237,13 @@ def _judge_relation(
 def _judge_missing(
     part: Part, measurement: Measurement | ScanMeasurement, matching: Matching
 ) -> ItemVerdict:
-    """Return the verdict of a missing part: NG, or undecided if its radius was not determinable."""
+    """Return the verdict of a part without a cylinder.
+
+    NG; undecided if the radius of an arc there was not determinable, or its cylinder is assigned to
+    another part.
+    """
     if part.name in matching.owners:
-        reason = f"the only cylinder there is assigned to {matching.owners[part.name]!r}"
+        reason = f"the cylinder there is assigned to {matching.owners[part.name]!r}"
         return ItemVerdict(part.name, decided=Decision.UNDECIDED, reason=reason)
     reasons = [reason for reason in _rejection_reasons_at(part, measurement) if reason]
     undeterminable = next((reason for reason in reasons if reason.startswith(UNDETERMINABLE)), None)
@@ -250,7 +259,8 @@ def _judge_missing(
 def _rejection_reasons_at(part: Part, measurement: Measurement | ScanMeasurement) -> list[str]:
     """Return the reasons of the arcs rejected where the part should be, the longest arc first.
 
-    If the part has no window in x, or the profile is not known, all rejected arcs count.
+    If the part has no window in x, or the profile is not known, or in a scan, all rejected arcs
+    count.
     """
     if isinstance(measurement, ScanMeasurement):
         scanned: Sequence[ScanRejection] = measurement.rejections
@@ -264,7 +274,8 @@ def _rejection_reasons_at(part: Part, measurement: Measurement | ScanMeasurement
             return True
         points = measurement.profile.points[rejection.arc.start : rejection.arc.stop]
         points = points[np.isfinite(points[:, 0])]
-        # An arc lies above its centre: only the position normal to the line of sight counts.
+        # Of a rejected arc no centre is known: that differs from the mean mostly in y, since the
+        # arc is on the side towards the sensor.
         low, high = part.windows["x"]
         return bool(len(points)) and low <= float(points[:, 0].mean()) <= high
 
@@ -284,10 +295,13 @@ def _describe_additional(matching: Matching, cylinders: Sequence[CylinderOfJob])
 def _find_exchanged_parts(
     parts: Sequence[ItemVerdict], cylinders: Mapping[str, CylinderOfJob], job: Job
 ) -> list[str]:
-    """Return a note for each pair of parts whose sizes fit only the limits of the other part."""
+    """Return a note for each pair of NG parts that would not be NG with exchanged cylinders.
+
+    Only the limits of radius and diameter count.
+    """
 
     def fits(name: str, part_name: str) -> bool:
-        """Return whether a cylinder would not be NG as this part by the limits of its radius."""
+        """Return whether the cylinder of part `name` is not NG by the size limits of another."""
         part = job.part(part_name)
         keys = [key for key in ("radius_mm", "diameter_mm") if key in part.limits]
         verdicts = [
@@ -312,7 +326,10 @@ def _find_exchanged_parts(
 
 
 def _block(verdict: Verdict, reason: str) -> Verdict:
-    """Return the verdict with every decision undecided for a given reason."""
+    """Return the verdict with every part and relation undecided for a given reason.
+
+    The verdicts on their quantities remain, for information.
+    """
 
     def as_undecided(item: ItemVerdict) -> ItemVerdict:
         return replace(item, decided=Decision.UNDECIDED, reason=reason)

@@ -23,7 +23,7 @@ SCAN_KEYS = (
 RELATION_KEYS = ("distance_mm", "angle_deg", "gap_mm", "flush_mm")
 """Limits of a relation."""
 UNITS: tuple[Unit, ...] = ("mm_per_m", "percent", "deg", "mm")
-"""Units at the end of keys, the longer ones first."""
+"""Units at the end of keys."""
 LIMIT_DECIMALS = 9
 """Decimals to which nominal + deviation is rounded: 19 - 0.1 is 18.9, not 18.899999999999999."""
 
@@ -50,7 +50,9 @@ class Limits(JobTable):
     """Limits of a quantity, in the unit of its key.
 
     Either a nominal value with deviations (`upper`, `lower`, as on a drawing; both may have the
-    same sign, as in an ISO 286 fit of shaft and bore), or `min`, `max` or both.
+    same sign, as in an ISO 286 fit of shaft and bore), or `min`, `max` or both; then `nominal` is
+    only the radius by which a part is identified. Without a deviation or an end, that side has no
+    limit.
 
     Examples
     --------
@@ -105,7 +107,7 @@ class Limits(JobTable):
 
     @property
     def middle(self) -> float | None:
-        """The nominal, or the middle between both limits; None if one is open."""
+        """The nominal, or the middle between both limits; None without a nominal and a limit."""
         if self.nominal is not None:
             return self.nominal
         middle = sum(self.ends) / 2

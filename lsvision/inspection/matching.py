@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lsvision.ellipse.section import CylinderSection
 from lsvision.inspection.job_tables import Part
 from lsvision.inspection.quantities import CylinderOfJob
 
@@ -25,7 +26,7 @@ class Matching:
     additional : tuple of int
         Indices of the cylinders that are not parts of the job.
     owners : mapping of str to str
-        For each part whose only candidate was already assigned: the part that has this candidate.
+        For each part whose cylinder was already assigned to an earlier part: that part.
     """
 
     cylinders: Mapping[str, int]
@@ -65,23 +66,32 @@ def match_parts(parts: Sequence[Part], cylinders: Sequence[CylinderOfJob]) -> Ma
 
 
 def reference_position(cylinder: CylinderOfJob) -> tuple[float, ...]:
-    """Return the centre in the section, or a point of the axis in the base frame. Units: mm."""
-    # A ScannedCylinder has no centre.
-    position = getattr(cylinder, "centre", None)
-    return tuple(map(float, cylinder.point if position is None else position))  # type: ignore[union-attr]
+    """Return the centre in the section, (2,), or ``point`` in the base frame, (3,). Units: mm."""
+    position = cylinder.centre if isinstance(cylinder, CylinderSection) else cylinder.point
+    return tuple(map(float, position))
 
 
 def lies_in_windows(part: Part, position: Sequence[float]) -> bool:
     """Return whether a position is in the part's windows of all axes that the position has."""
     return all(
         low <= coordinate <= high
-        for axis, (low, high) in part.windows.items()
-        for coordinate in position["xyz".index(axis) :][:1]
+        for coordinate, (low, high) in _coordinates_and_windows(part, position)
     )
 
 
+def _coordinates_and_windows(
+    part: Part, position: Sequence[float]
+) -> list[tuple[float, tuple[float, float]]]:
+    """Return coordinate and window for each axis that both the position and the windows have."""
+    return [
+        (coordinate, part.windows[axis])
+        for axis, coordinate in zip("xyz", position, strict=False)
+        if axis in part.windows
+    ]
+
+
 def _match_by_position_or_order(part: Part, cylinders: Sequence[CylinderOfJob]) -> int | None:
-    """Return the index of the part's cylinder; None if there is none or the part has neither."""
+    """Return the index of the part's cylinder; None without one, or without position and order."""
     if part.order is not None:
         return part.order - 1 if part.order <= len(cylinders) else None
     if not part.windows:
@@ -93,9 +103,8 @@ def _match_by_position_or_order(part: Part, cylinders: Sequence[CylinderOfJob]) 
 
     def squared_distance(index: int) -> float:
         return sum(
-            (positions[index]["xyz".index(axis)] - (low + high) / 2) ** 2
-            for axis, (low, high) in part.windows.items()
-            if "xyz".index(axis) < len(positions[index])
+            (coordinate - (low + high) / 2) ** 2
+            for coordinate, (low, high) in _coordinates_and_windows(part, positions[index])
         )
 
     return min(candidates, key=squared_distance, default=None)

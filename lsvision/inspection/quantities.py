@@ -60,18 +60,16 @@ def _measure_in_section(section: CylinderSection, part: Part, key: str, level: f
             f"{part.name!r}: a scan has it ([scan] in the job), or leave it out"
         )
     quantity = quantity_from_key(key)
-    factor = 2.0 if key == "diameter_mm" else 1.0
-    low, high = section.interval("radius" if factor == 2.0 else quantity.name, level)  # type: ignore[arg-type] # a key of SECTION_KEYS
-    value, std = {
-        "radius": lambda: (section.radius, section.radius_std),
-        "diameter": lambda: (section.radius, section.radius_std),
-        "theta": lambda: (section.theta, section.theta_std),
-        "phi": lambda: (section.phi, section.phi_std),
-        "centre_x": lambda: (section.centre[0], math.sqrt(section.covariance[0, 0])),
-        "centre_y": lambda: (section.centre[1], math.sqrt(section.covariance[1, 1])),
-    }[quantity.name]()
-    scale = factor * quantity.scale
-    # Judge by the interval, not by the std: it is (0, pi) where every direction is possible.
+    is_diameter = key == "diameter_mm"
+    name = "radius" if is_diameter else quantity.name
+    low, high = section.interval(name, level)  # type: ignore[arg-type] # a key of SECTION_KEYS
+    if name.startswith("centre_"):
+        axis = "xy".index(name[-1])
+        value, std = section.centre[axis], math.sqrt(section.covariance[axis, axis])
+    else:
+        value, std = getattr(section, name), getattr(section, f"{name}_std")
+    scale = 2.0 if is_diameter else quantity.scale
+    # The interval of theta is (0, pi) where every direction is possible.
     determined = key != "theta_deg" or high - low < math.pi
     return Estimate(quantity, scale * value, scale * std, (scale * low, scale * high), determined)
 
@@ -93,7 +91,11 @@ def _measure_in_scan(tube: ScannedCylinder, part: Part, key: str) -> Uncertain:
 
 
 def _measure_position(tube: ScannedCylinder, part: Part, key: str) -> Uncertain:
-    """Return the distance of the axis from the nominal point, or a coordinate of the axis."""
+    """Return the distance of the axis from the nominal point, or a coordinate of the axis.
+
+    The coordinate is that of the axis point nearest to the nominal point; without a nominal point,
+    of ``tube.point``.
+    """
     nominal_point = tube.point if part.nominal_point_mm is None else np.array(part.nominal_point_mm)
     fit = tube.fit.with_reference_point(nominal_point)
     basis, covariance = fit.tangent_basis, fit.covariance[:2, :2]
@@ -110,7 +112,8 @@ def _measure_form(shape: TubeShape, key: str) -> Uncertain:
     if key == "bow_mm":
         return Length(shape.bow.values, shape.bow.covariance)
     if key == "ovality_percent":
-        factor = 200 / shape.radius
+        # Percent of the mean diameter; largest minus smallest diameter is 4 times the amplitude.
+        factor = 100 * 4 / (2 * shape.radius)
         terms = shape.ovality_terms
         return Length(factor * terms.values, factor**2 * terms.covariance)
     std = 1e3 * shape.taper.size_std / shape.half_length

@@ -38,7 +38,8 @@ class Remedy:
     sections : int, optional
         Number of sections of a scan, `SPACING_MM` apart; None if none of `SECTIONS` is enough.
     std : float
-        Predicted standard uncertainty in the unit of the key; NaN without `sections`.
+        Standard uncertainty that is predicted for this scan, in the unit of the key; NaN without
+        `sections`.
     text : str
         Description of the measurement.
     """
@@ -70,8 +71,8 @@ def plan_remedies(verdict: Verdict, measurement: Measurement, job: Job) -> tuple
     -------
     tuple of Remedy
         One for each undecided radius, diameter, theta and phi. The planner is given the noise,
-        pitch and position of the measured part; its prediction is scaled such that, for one
-        section, it is at least the measured standard uncertainty.
+        pitch and position of the measured part; its predictions are scaled such that, for one
+        section, the std of the radius is at least the measured one.
     """
     remedies = []
     for item in verdict.parts:
@@ -86,44 +87,56 @@ def plan_remedies(verdict: Verdict, measurement: Measurement, job: Job) -> tuple
 def _plan_remedy(item: str, verdict: QuantityVerdict, section: CylinderSection, job: Job) -> Remedy:
     """Return the shortest scan that would decide a quantity, or why none would."""
     key, extra = verdict.key, job.extra_std(verdict.key)
-    margin = min(abs(verdict.estimate.value - end) for end in verdict.limits) / two_sided_factor(
-        job.decision.level
-    )
-    if margin <= extra:
+    distance = min(abs(verdict.estimate.value - limit) for limit in verdict.limits)
+    permitted = distance / two_sided_factor(job.decision.level)
+    if permitted <= extra:
         reason = (
             f"no scan would decide: the limit is nearer than extra_std alone ({extra:g}) allows"
             if extra > 0
             else "no scan would decide: the value lies at the limit"
         )
         return Remedy(item, key, None, math.nan, reason)
-    needed = math.sqrt(margin**2 - extra**2)
+    needed = math.sqrt(permitted**2 - extra**2)
     name, unit = verdict.estimate.quantity.name, verdict.estimate.quantity.unit_text
     try:
-        std_ratio = _std_ratio(section)
-        for sections in SECTIONS:
-            std = std_ratio * _predict_std(section, key, sections)
-            if std <= needed:
-                number = NUMBER_WORDS.get(sections, str(sections))
-                text = (
-                    f"{number} sections {SPACING_MM:g} mm apart would decide: {name} ± "
-                    f"{format_std(std)} {unit}"
-                )
-                return Remedy(item, key, sections, std, text)
+        scan = _find_shortest_scan(section, key, needed)
     except (LsvisionError, ValueError) as failure:
         return Remedy(item, key, None, math.nan, f"no prediction: {failure}")
+    if scan is None:
+        text = (
+            f"{SECTIONS[-1]} sections {SPACING_MM:g} mm apart would not decide: {name} needs ± "
+            f"{needed:.2g} {unit}"
+        )
+        return Remedy(item, key, None, math.nan, text)
+    sections, std = scan
     text = (
-        f"{SECTIONS[-1]} sections {SPACING_MM:g} mm apart would not decide: {name} needs ± "
-        f"{needed:.2g} {unit}"
+        f"{NUMBER_WORDS.get(sections, str(sections))} sections {SPACING_MM:g} mm apart would "
+        f"decide: {name} ± {format_std(std)} {unit}"
     )
-    return Remedy(item, key, None, math.nan, text)
+    return Remedy(item, key, sections, std, text)
+
+
+def _find_shortest_scan(
+    section: CylinderSection, key: str, needed: float
+) -> tuple[int, float] | None:
+    """Return number of sections and predicted std of the shortest scan with at most `needed`.
+
+    None if none of `SECTIONS` is enough. Stds are in the unit of the key.
+    """
+    std_ratio = _std_ratio(section)
+    for sections in SECTIONS:
+        std = std_ratio * _predict_std(section, key, sections)
+        if std <= needed:
+            return sections, std
+    return None
 
 
 def _std_ratio(section: CylinderSection) -> float:
-    """Return the ratio of measured to planned radius uncertainty of a section, at least 1."""
-    planned = plan_section(
+    """Return the ratio of measured to predicted std of a section's radius, at least 1."""
+    predicted = plan_section(
         section.radius, section.theta, section.phi, view=_measured_view(section)
     ).radius_std
-    return max(section.radius_std / planned, 1.0)
+    return max(section.radius_std / predicted, 1.0)
 
 
 def _predict_std(section: CylinderSection, key: str, sections: int) -> float:
@@ -145,6 +158,8 @@ def _measured_view(section: CylinderSection) -> SensorView:
     problem = section.fit.problem
     noise = float(np.median(problem.stds)) * math.sqrt(section.fit.variance_factor)
     x, y = section.centre
+    # The limits of the sensor's field are not known: they are chosen such that it contains all of
+    # the part, also where the part is as near or far as the planner places it.
     farthest = abs(y) + 3 * section.radius
     sensor = ProfileSensor(
         name="as measured",

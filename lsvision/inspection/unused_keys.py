@@ -49,6 +49,6 @@ def describe_unused_keys(job: Job) -> str | None:
 
 
 def _given_keys(job: Job, table: str, keys: tuple[str, ...]) -> list[str]:
-    """Return the keys of a table that the job states, the last one with the name of the table."""
+    """Return those of the keys that the job states in a table, the last with the table's name."""
     given = [key for key in keys if key in getattr(job, table).model_fields_set]
     return [*given[:-1], f"{given[-1]} of [{table}]"] if given else []

@@ -30,7 +30,7 @@ class QuantityVerdict(Result):
     reason : str
         Reason with numbers.
     level : float
-        Coverage probability of the interval.
+        Level of confidence of the interval.
     """
 
     estimate: Estimate
@@ -46,7 +46,10 @@ class QuantityVerdict(Result):
 
     @property
     def margin(self) -> float:
-        """Distance of the value from the nearer limit, over its std; negative outside."""
+        """Distance of the value from the nearer limit, over its std; negative outside.
+
+        Infinite if the std is 0.
+        """
         lower, upper = self.limits
         distance = min(self.estimate.value - lower, upper - self.estimate.value)
         if self.estimate.std == 0:
@@ -100,11 +103,13 @@ class ItemVerdict(Result):
     name : str
         Name of the part, or of both parts of a relation.
     quantities : tuple of QuantityVerdict
-        Verdicts in the order of the job's keys; empty for a missing part.
+        Verdicts in the order of printed tables; empty for a missing part, and for a relation with
+        one.
     cylinder : int, optional
         Index of the measured cylinder; None for a relation and for a missing part.
     decided : Decision, optional
-        Decision on an item without quantities: a missing part is NG.
+        Decision that replaces that by the quantities: on an item without any, such as NG for a
+        missing part, or undecided if nothing can be decided now.
     reason : str
         Reason of `decided`; empty if that is None.
     """
@@ -193,8 +198,8 @@ class Verdict(Result):
     provenance : Provenance
         Job, version, calibration.
     blocked : str
-        Reason why nothing can be decided: the check of the golden part (the reference) is overdue
-        or failed. Otherwise empty.
+        Reason why nothing can be decided, such as that the check of the golden part (the
+        reference) is overdue or failed. Otherwise empty.
     additional_is_ng : bool
         Whether an additional cylinder makes the verdict NG.
     undecided_passes : bool
@@ -228,7 +233,10 @@ class Verdict(Result):
 
     @property
     def decision(self) -> Decision:
-        """The worst of all parts and relations; undecided if `blocked` states a reason."""
+        """The worst of all parts and relations; undecided if `blocked` states a reason.
+
+        NG with an additional cylinder if `additional_is_ng`.
+        """
         if self.blocked:
             return Decision.UNDECIDED
         decisions = [item.decision for item in self.items]
@@ -254,8 +262,17 @@ class Verdict(Result):
         -------
         ItemVerdict
             Verdict of the part with that name.
+
+        Raises
+        ------
+        ValueError
+            If there is no part with that name.
         """
-        return next(item for item in self.parts if item.name == name)
+        for item in self.parts:
+            if item.name == name:
+                return item
+        known = ", ".join(repr(item.name) for item in self.parts)
+        raise ValueError(f"expected a part among {known}, got {name!r}")
 
     def to_dict(self) -> Record:
         """Return the verdict as plain numbers and text, ready for JSON.
@@ -285,7 +302,7 @@ class Verdict(Result):
         return item_cells(self.items)
 
     def _notes(self) -> list[str]:
-        """Return the lines below the table: the reasons of all verdicts that are not OK."""
+        """Return the lines below the table: decision, reasons of all that is not OK, notes."""
         reasons = [
             f"{item.name}: {item.reason}"
             for item in self.items
@@ -373,7 +390,12 @@ def judge_quantity(
     limits : (float, float)
         Lower and upper limit in the unit of the quantity.
     level : float
-        Coverage probability of the interval.
+        Level of confidence of the interval.
+
+    Returns
+    -------
+    QuantityVerdict
+        Undecided if the value is not determined or an end of its interval is not finite.
     """
     if not estimate.determined or not all(map(math.isfinite, estimate.interval)):
         reason = "not determinable from this measurement"
@@ -392,6 +414,10 @@ def _reason(estimate: Estimate, limits: tuple[float, float], decision: Decision)
     if decision == Decision.NG:
         side = f"below {lower:g}" if high < lower else f"above {upper:g}"
         return f"interval {interval} {unit} lies wholly {side}"
-    crossed = [f"{end:g}" for end in limits if low < end < high]
+    crossed = [
+        f"{limit:g}"
+        for limit, is_crossed in ((lower, low < lower <= high), (upper, low <= upper < high))
+        if is_crossed
+    ]
     word = "limits" if len(crossed) > 1 else "limit"
     return f"interval {interval} {unit} contains the {word} {' and '.join(crossed)}"

@@ -12,6 +12,7 @@ import lsvision as lsv
 from lsvision.detection.arcs import Rejection
 from lsvision.inspection.judge import _judge_periodic_angle
 from lsvision.inspection.limits import quantity_from_key
+from lsvision.inspection.verdict import judge_quantity
 from lsvision.measure import Measurement, measure_cylinders
 from lsvision.profile import Arc
 from lsvision.results.quantities import Estimate
@@ -66,6 +67,29 @@ def test_a_limit_at_the_value_is_undecided_and_says_which(pair):
         ("left", f"order = 1\nradius_mm = {{ max = {value} }}"), more='[decision]\nundecided = "ok"'
     )
     assert lsv.judge(pair, passing).passed
+
+
+@pytest.mark.parametrize(
+    ("interval", "words"),
+    [
+        ((18.0, 18.9), "contains the limit 18.9"),
+        ((19.1, 20.0), "contains the limit 19.1"),
+        ((18.9, 19.2), "contains the limit 19.1"),
+        ((18.0, 20.0), "contains the limits 18.9 and 19.1"),
+    ],
+)
+def test_an_undecided_quantity_names_the_limits_that_its_interval_crosses(interval, words):
+    radius = Estimate(quantity_from_key("radius_mm"), 19.0, 0.1, interval)
+    verdict = judge_quantity(radius, (18.9, 19.1), 0.95)
+    assert verdict.decision == "undecided"
+    assert verdict.reason.endswith(words)
+
+
+def test_a_part_that_the_job_does_not_have_is_rejected(pair):
+    tube = job(("left", f"order = 1\n{limits(20)}"))
+    for parts in (tube, lsv.judge(pair, tube)):
+        with pytest.raises(ValueError, match="expected a part among 'left', got 'right'"):
+            parts.part("right")
 
 
 def test_an_extra_uncertainty_can_open_a_verdict(pair):

@@ -138,6 +138,11 @@ def test_calibration_files_are_those_of_the_job(tmp_path):
     assert calibration_age_days(undated, NOW) is None
 
 
+@pytest.mark.parametrize("date", ["2026-04-21T12:00:00", "2026-04-21T12:00:00Z"])
+def test_a_calibration_date_without_a_time_zone_is_utc(date):
+    assert calibration_age_days({"light_section": {"date": date}}, NOW) == pytest.approx(10)
+
+
 def test_a_job_from_a_profile_is_passed_by_it():
     section = lsv.simulate.random_section("welded_pair", 520, noise_mm=0.02)
     found = measure_cylinders(section.profile)
