@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.cylinder.fit_result import CylinderFit
-from lsvision.geometry import FloatArray
+from lsvision.geometry import FloatArray, tangent_frame
 from lsvision.inspection.relation import Relation, Seam
 from lsvision.inspection.uncertain import Length, Scalar
 
@@ -169,7 +169,7 @@ class _Pair:
             return cls(a, b, sign, along, basis, crossing=True)
         mean = _mean_direction(a.direction, sign * b.direction)
         along = _common_middle(first, second, mean)
-        return cls(a, b, sign, along, _perpendicular_basis(mean), crossing=False)
+        return cls(a, b, sign, along, tangent_frame(mean)[:2], crossing=False)
 
     @property
     def covariance(self) -> FloatArray:
@@ -243,20 +243,14 @@ class _Pair:
         sine = float(np.linalg.norm(cross))
         angle = math.atan2(sine, float(u @ v))
         rotation = cross * (angle / sine) if sine > PARALLEL_SINE else cross
-        rotated: FloatArray = _perpendicular_basis(self.mean_direction) @ rotation
-        return rotated
+        components: FloatArray = tangent_frame(self.mean_direction)[:2] @ rotation
+        return components
 
 
 def _mean_direction(u: FloatArray, v: FloatArray) -> FloatArray:
     """Return the unit vector midway between two unit vectors that are not opposite, (3,)."""
     unit: FloatArray = (u + v) / np.linalg.norm(u + v)
     return unit
-
-
-def _perpendicular_basis(direction: FloatArray) -> FloatArray:
-    """Return two unit vectors perpendicular to a direction, (2, 3)."""
-    rows: FloatArray = np.linalg.svd(direction[None])[2][1:]
-    return rows
 
 
 def _crest(direction: FloatArray, radius: float, up: FloatArray) -> float:

@@ -36,7 +36,8 @@ def fisher_information(jacobian: FloatArray, variances: FloatArray) -> FloatArra
     Parameters
     ----------
     jacobian : (n, k) ndarray
-        Derivative of each point's signed distance from the surface by the parameters.
+        Derivative by the parameters of the surface's displacement along its outward normal at each
+        point.
     variances : (n,) ndarray
         Variance of each point's error along the surface normal, n' Sigma n. Units: mm^2.
 
@@ -85,7 +86,7 @@ def invert_information(
     DegenerateGeometry
         If the points do not determine all parameters.
     ValueError
-        If the standard deviation of the prior is negative.
+        If the standard deviation of the prior is negative or NaN.
     """
     information = information.copy()
     free = np.ones(len(information), dtype=bool)
@@ -145,13 +146,13 @@ def section_bound(
     DegenerateGeometry
         If the points do not determine the ellipse (fewer than five, or too short an arc).
     ValueError
-        If shapes do not match or a variance is not positive.
+        If shapes do not match, a variance is not positive, or `known_radius_std` is negative.
 
     Notes
     -----
-    The parameters are (centre, a, b, eta) with eta = (a - b) theta in mm, which unlike theta
-    is regular for a circle. The bound is then propagated linearly to theta and to
-    phi = arccos(b / a).
+    The parameters are (centre, a, b, eta) with eta = (a - b) times the change of theta, in mm,
+    which unlike theta is regular for a circle. The bound is then propagated linearly to theta and
+    to phi = arccos(b / a).
 
     Examples
     --------
@@ -172,13 +173,14 @@ def section_bound(
 
 
 def _section_jacobian(ellipse: Ellipse, points: Points) -> tuple[FloatArray, FloatArray]:
-    """Return the Jacobian of the signed distance by (centre, a, b, eta), and outward normals."""
+    """Return the Jacobian of `fisher_information` by (centre, a, b, eta), and outward normals."""
     a, b = ellipse.semi_major, ellipse.semi_minor
     u, v = ellipse.to_ellipse_frame(points).T
     anomaly = np.arctan2(v / b, u / a)
     cos, sin = np.cos(anomaly), np.sin(anomaly)
     length = np.hypot(b * cos, a * sin)
     ellipse_normals = np.column_stack([b * cos, a * sin]) / length[:, None]
+    # Without the centre only the rotation to the section frame remains.
     normals = ellipse.from_ellipse_frame(ellipse_normals) - ellipse.centre
     a_jacobian, b_jacobian = ellipse_normals[:, 0] * cos, ellipse_normals[:, 1] * sin
     eta_jacobian = (a + b) * sin * cos / length
@@ -229,14 +231,14 @@ def scan_bound(
     known_radius_std : float, optional
         Standard deviation of a prior on the radius; 0 = exactly known. Units: mm.
     shared_errors : (n, k) ndarray, optional
-        Change of each point's signed distance by one standard deviation of each of k errors
-        that points share, such as errors of a pose. Their effect on a fit that takes the poses
-        as exact is added; the result is then no longer a bound. Units: mm.
+        Displacement of each point along the outward normal by one standard deviation of each of
+        k errors that points share, such as errors of a pose. Their effect on a fit that takes
+        the poses as exact is added; the result is then no longer a bound. Units: mm.
 
     Returns
     -------
     ScanPrediction
-        Standard uncertainties; `sections` and `length` are those of one section.
+        Standard uncertainties; `sections` is 1 and `length` 0, whatever the points.
 
     Raises
     ------
@@ -245,7 +247,7 @@ def scan_bound(
     DegenerateGeometry
         If the points do not determine the cylinder.
     ValueError
-        If shapes do not match or a variance is not positive.
+        If shapes do not match, a variance is not positive, or `known_radius_std` is negative.
     """
     points = as_readonly_array(points, ("n", 3), "points")
     variances = as_readonly_array(variances, (len(points),), "variances")

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lsvision.errors import DegenerateGeometry, TooFewPoints
-from lsvision.geometry import Cylinder, FloatArray, IntArray, Points, Pose
+from lsvision.geometry import Cylinder, FloatArray, IntArray, Points, Pose, tangent_frame
 from lsvision.planning.bounds import scan_bound, section_bound
 from lsvision.planning.predictions import ScanPrediction, SectionPrediction
 from lsvision.planning.sensor_view import Feed, SensorView, cylinder_normals, visible_points
@@ -53,7 +53,7 @@ def plan_section(
     DegenerateGeometry
         If the visible arc does not determine the ellipse.
     ValueError
-        If radius or phi is out of range.
+        If radius, theta, phi or `known_radius_std` is out of range.
 
     Examples
     --------
@@ -104,9 +104,10 @@ def plan_scan(
     TooFewPoints
         If fewer than five points are visible in all sections together.
     DegenerateGeometry
-        If the visible points do not determine the cylinder.
+        If the visible points do not determine the cylinder, such as those of one section at
+        phi = 0.
     ValueError
-        If radius or phi is out of range.
+        As in `plan_section`.
 
     Examples
     --------
@@ -161,14 +162,14 @@ def _visible_section(
 def _pose_error_jacobian(
     normals: FloatArray, point_sections: IntArray, feed: Feed
 ) -> FloatArray | None:
-    """Return the change of each distance by one standard deviation of each pose error."""
+    """Return the `shared_errors` of `scan_bound` by the errors of the poses; None without any."""
     columns = []
     if feed.pose_std > 0:
         in_section = point_sections[:, None] == np.arange(feed.sections)
         columns += [feed.pose_std * normals[:, [axis]] * in_section for axis in range(3)]
     if feed.feed_std > 0:
         positions = feed.shifts @ feed.unit
-        lateral = np.linalg.svd(feed.unit[None])[2][1:]
+        lateral = tangent_frame(feed.unit)[:2]
         columns.append(feed.feed_std * positions[point_sections][:, None] * (normals @ lateral.T))
     return np.column_stack(columns) if columns else None
 
@@ -249,7 +250,7 @@ def sections_needed(  # noqa: PLR0913 - the parameters of `plan_scan`, and the t
     Raises
     ------
     DegenerateGeometry
-        If 2048 sections do not reach the target.
+        If 2048 sections do not reach the target, or two do not determine the cylinder.
     TooFewPoints, ValueError
         As in `plan_scan`.
 
@@ -268,11 +269,16 @@ def sections_needed(  # noqa: PLR0913 - the parameters of `plan_scan`, and the t
             radius, theta, phi, view=view, feed=scan, known_radius_std=known_radius_std
         )
 
-    insufficient, sufficient = 0, 1
-    while not target.met_by(prediction := plan(sufficient)):
+    try:
+        prediction = plan(1)
+    except DegenerateGeometry:  # such as the direction at phi = 0: more sections determine it
+        prediction = plan(2)
+    insufficient, sufficient = prediction.sections - 1, prediction.sections
+    while not target.met_by(prediction):
         insufficient, sufficient = sufficient, 2 * sufficient
         if sufficient > MAX_SECTIONS:
             raise DegenerateGeometry(_describe_unreachable(prediction))
+        prediction = plan(sufficient)
     # Bisection: the uncertainties decrease with the number of sections.
     while sufficient - insufficient > 1:
         middle = (insufficient + sufficient) // 2

@@ -34,7 +34,7 @@ class SensorView(ShowsChanges):
     Raises
     ------
     ValueError
-        If a length is not positive or the limit is not in (0, pi/2].
+        If standoff or pitch is not positive, the offset not finite, or the limit not in (0, pi/2].
     """
 
     sensor: ProfileSensor = LPS36HI
@@ -57,7 +57,7 @@ class SensorView(ShowsChanges):
 
     @property
     def rays(self) -> FloatArray:
-        """Unit vectors (n, 2) along the rays, by ascending x."""
+        """Unit vectors (n, 2) along the rays from the sensor's origin, by ascending x."""
         sensor = self.sensor
         half = sensor.width_at_max_range / 2
         if self.pitch is None:
@@ -90,8 +90,8 @@ class Feed:
         Units: mm.
     feed_std : float
         Standard uncertainty of the feed direction about each axis perpendicular to it, common to
-        all sections. It adds almost fully to the direction and hardly to the residuals.
-        Units: rad.
+        all sections. It turns the fitted axis by nearly as much, and hardly changes the
+        residuals. Units: rad.
 
     Raises
     ------
@@ -142,9 +142,9 @@ def visible_points(cylinder: Cylinder, view: SensorView) -> Points:
     Parameters
     ----------
     cylinder : Cylinder
-        Cylinder in the section frame; the view's standoff and offset are not used.
+        Cylinder in the section frame; it need not be where the view places the tube.
     view : SensorView
-        Sensor, pitch and incidence limit.
+        Sensor, pitch and incidence limit; a pitch is that at the view's standoff.
 
     Returns
     -------
@@ -160,7 +160,6 @@ def visible_points(cylinder: Cylinder, view: SensorView) -> Points:
     visible: BoolArray = (
         (ranges >= sensor.min_range)
         & (ranges <= sensor.max_range)
-        & (cosines > 0)
         & (cosines >= math.cos(view.incidence_limit))
     )
     return points[visible]

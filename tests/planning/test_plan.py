@@ -181,6 +181,14 @@ def test_sections_needed_is_the_least_number_that_reaches_the_target(spacing):
     assert answer.length == pytest.approx((answer.sections - 1) * spacing)
 
 
+def test_sections_needed_of_a_tube_along_the_normal_is_two_or_more():
+    """One section does not determine its direction at all."""
+    answer = sections_needed(19.0, 0.3, 0.0, target=AccuracyTarget(radius_std=1.0))
+    assert answer.sections == 2
+    with pytest.raises(DegenerateGeometry, match="radius and axis undetermined"):
+        plan_scan(19.0, 0.3, 0.0, feed=Feed(sections=1))
+
+
 INVALID_CALLS = [
     (lambda: plan_section(-1.0, 0.3, 0.3), ValueError, "positive radius"),
     (
