@@ -50,7 +50,7 @@ class ScanCloud:
         return len(self.points)
 
     def find_rows(self, section: int, indices: IntArray) -> IntArray:
-        """Return the rows of the cloud with the given points of a profile."""
+        """Return the rows with the given points of a profile, without those not in the cloud."""
         start, stop = np.searchsorted(self.point_sections, [section, section + 1])
         present = self.indices[start:stop]
         requested = np.zeros(max(present.max(initial=-1), indices.max(initial=-1)) + 1, dtype=bool)

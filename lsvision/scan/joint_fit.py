@@ -78,7 +78,8 @@ class JointFit:
     cloud : ScanCloud
         Points to which the cylinder was fitted.
     normalised_rms : float
-        Rms of the normalised residuals after a lateral shift of each section is fitted.
+        Rms of the normalised residuals after a lateral shift of each section is fitted; 1 for a
+        single section.
     twin : Cylinder or None
         The other cylinder that fits equally well, if only one section was measured.
     """
@@ -97,8 +98,8 @@ def fit_tracks(
 ) -> tuple[list[JointFit], list[ScanRejection]]:
     """Fit one cylinder to each track, in decreasing order of the tracks' point counts.
 
-    A track is dropped without a rejection if most of its points already belong to an earlier
-    cylinder: both tracks are parts of one tube.
+    Arcs of which half or more points already belong to an earlier cylinder are left out; a track of
+    which no arc remains is dropped without a rejection: both tracks are parts of one tube.
 
     Parameters
     ----------
@@ -110,6 +111,13 @@ def fit_tracks(
         Prior on the radius of every cylinder.
     settings : JointFitSettings
         Iterations and limits.
+
+    Returns
+    -------
+    joint_fits : list of JointFit
+        Cylinders that are accepted, without common points.
+    rejections : list of ScanRejection
+        The other tracks.
     """
     has_one_section = len(np.unique(cloud.point_sections)) == 1
     fits: list[JointFit] = []
@@ -284,7 +292,10 @@ def _assign_and_fit(
     known_radius: RadiusPrior | None,
     settings: JointFitSettings,
 ) -> JointFit:
-    """Assign points and fit in turn until the set of points no longer changes."""
+    """Assign points and fit in turn until the set of points no longer changes.
+
+    `rows` are the points of the cloud with which the first shifts of the sections are estimated.
+    """
     for _ in range(settings.max_iterations):
         section_fit = fit_section_shifts(cloud, cylinder, rows, free_radius=False)
         shifts, assignment = np.zeros((len(cloud.poses), 2)), settings.point_assignment
@@ -331,7 +342,7 @@ def cylinder_from_single_section(cloud: ScanCloud, observation: ArcObservation) 
     Returns
     -------
     JointFit
-        The first of the section's two twins, and `JointFit.twin`, the second.
+        The first of the section's two twins; `JointFit.twin` is the second.
     """
     arc, pose = observation.arc, cloud.poses[observation.section]
     first, second = (twin.transformed(pose) for twin in Cylinder.twins(arc.ellipse))

@@ -20,8 +20,12 @@ GAUSS_NEWTON_ITERATIONS = 5
 """Gauss-Newton steps for the section shifts; two or three reach `MIN_STEP_MM`."""
 MIN_STEP_MM = 1e-9
 """Change of the shifts and of the radius below which the iteration stops. Units: mm."""
-SHIFT_PRIOR_STD_RADII = 0.5
-"""Prior standard deviation of a section's shift. Units: radii."""
+SHIFT_DAMPING_RADII = 0.5
+"""Standard deviation of a section's shift whose information damps the steps. Units: radii."""
+PRESELECTION_RADII = 0.2
+"""Distance from the surface within which points are compared with the noise. Units: radii."""
+PRESELECTION_SHIFTS = 3
+"""Multiple of the largest shift of a section that is added to this distance."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -42,11 +46,12 @@ class PointAssignmentSettings:
         Smallest component of the surface normal towards the sensor; negative because the rays
         of the sensor diverge.
     end_sigmas : float
-        Points at the ends of the arcs are trimmed while their mean residual over all sections
+        Points at the ends of the arcs are trimmed while their mean residual over all arcs
         exceeds this many standard deviations of the mean: a weld or a plate that touches the
         tube leaves its surface gradually.
     max_trimmed_points : int
-        Largest number of points trimmed from either end of each arc.
+        Largest number of points trimmed from either end of each arc; at most half of the shortest
+        arc.
     """
 
     sigmas: float = 3.5
@@ -71,7 +76,7 @@ class SectionShifts:
     shifts : (k, 2) ndarray
         Shift of each section's centre along e_phi and e_theta of the axis. Units: mm.
     reduced_chi2 : float
-        Chi^2 of the shifts divided by its degrees of freedom; about 1 for a straight tube.
+        Chi^2 of the shifts divided by their number of components; about 1 for a straight tube.
     normalised : (n,) ndarray
         Normalised residuals of the points from the shifted sections.
     """
@@ -93,7 +98,11 @@ class SectionShifts:
         return rms(self.normalised)
 
     def interpolate(self, section_count: int) -> FloatArray:
-        """Return the (section_count, 2) shifts, interpolated linearly in the index. Units: mm."""
+        """Return the (section_count, 2) shifts of all profiles. Units: mm.
+
+        They are interpolated linearly in the index of the profile, and constant beyond the first
+        and the last of `sections`.
+        """
         indices = np.arange(section_count)
         columns = [np.interp(indices, self.sections, column) for column in self.shifts.T]
         return np.column_stack(columns)
@@ -102,7 +111,7 @@ class SectionShifts:
 def fit_section_shifts(
     cloud: ScanCloud, cylinder: Cylinder, rows: IntArray, *, free_radius: bool
 ) -> SectionShifts:
-    """Return the lateral shift of each section, fitted by Gauss-Newton.
+    """Return the lateral shift of each section, fitted by damped Gauss-Newton steps.
 
     Parameters
     ----------
@@ -122,8 +131,9 @@ def fit_section_shifts(
     )
     index = np.repeat(np.arange(len(sections)), counts)
     shifts, radius = np.zeros((len(sections), 2)), cylinder.radius
-    # The prior keeps the shift along a short arc, which the points do not determine, finite.
-    prior = np.eye(2) / (SHIFT_PRIOR_STD_RADII * radius) ** 2
+    # Levenberg damping: the shift along a short arc, which its points do not determine, stays
+    # finite.
+    damping = np.eye(2) / (SHIFT_DAMPING_RADII * radius) ** 2
     for _ in range(GAUSS_NEWTON_ITERATIONS):
         from_centre = lateral - shifts[index].T
         distances = np.hypot(*from_centre)
@@ -131,20 +141,18 @@ def fit_section_shifts(
         residuals = (distances - radius - offsets) / stds
         # Sums over the points of each section, (k, 2, 2) and (k, 2).
         normal_matrices = np.add.reduceat(jacobian[:, None] * jacobian, starts, axis=2).T
-        covariances = np.linalg.inv(normal_matrices + prior)
+        covariances = np.linalg.inv(normal_matrices + damping)
         gradient = np.add.reduceat(jacobian * residuals, starts, axis=1).T
         step, radius_step = np.einsum("kij,kj->ki", covariances, gradient), 0.0
         if free_radius:
-            # Schur complement: information on the radius after eliminating the shifts.
             coupling = np.add.reduceat(jacobian / stds, starts, axis=1).T
             response = np.einsum("kij,kj->ki", covariances, coupling)
+            # Schur complement: information on the radius after eliminating the shifts.
             information = float((stds**-2.0).sum() - (coupling * response).sum())
-            radius_step = (
-                float((residuals / stds).sum()) - float((response * gradient).sum())
-            ) / information
+            radius_gradient = float((residuals / stds).sum()) - float((response * gradient).sum())
+            radius_step = radius_gradient / information
             step -= response * radius_step
-            radius += radius_step
-        shifts = shifts + step
+        shifts, radius = shifts + step, radius + radius_step
         if max(np.abs(step).max(), abs(radius_step)) < MIN_STEP_MM:
             break
     normalised = (np.hypot(*(lateral - shifts[index].T)) - radius - offsets) / stds
@@ -166,8 +174,8 @@ def assign_points(
     ----------
     cloud, cylinder
         As in `fit_section_shifts`.
-    shifts : (sections, 2) ndarray
-        Lateral shift of each section along e_phi and e_theta. Units: mm.
+    shifts : (k, 2) ndarray
+        Lateral shift of the tube in each of the scan's profiles along e_phi and e_theta. Units: mm.
     noise_factor : float
         Ratio of the observed to the predicted standard deviation of the points.
     settings : PointAssignmentSettings
@@ -178,8 +186,9 @@ def assign_points(
     (m,) int ndarray
         Rows in ascending order.
     """
-    # Preselection; the limit on the normalised distance follows.
-    max_distance = 0.2 * cylinder.radius + 3 * float(np.abs(shifts).max(initial=0.0))
+    # Preselection, which saves time; the limit on the normalised distance follows.
+    largest_shift = float(np.abs(shifts).max(initial=0.0))
+    max_distance = PRESELECTION_RADII * cylinder.radius + PRESELECTION_SHIFTS * largest_shift
     near_rows = np.flatnonzero(np.abs(cylinder.signed_distances(cloud.points)) < max_distance)
     if len(near_rows) == 0:
         return near_rows
@@ -249,7 +258,7 @@ def _trim_count(
 ) -> int:
     """Return how many points to trim from the start of every arc.
 
-    A position from the start is trimmed while its mean residual over all arcs differs from 0.
+    The n-th points of all arcs are trimmed while their mean residual differs from 0 significantly.
     """
     limit = min(settings.max_trimmed_points, min(map(len, arcs)) // 2)
     for count in range(limit):

@@ -85,10 +85,9 @@ def propagate_pose_errors(fit: CylinderFit, cloud: ScanCloud, errors: PoseErrors
     _, normals, _ = axis_distances(cloud.points @ frame.T, parameters)
     along = (cloud.points - fit.point) @ fit.direction
     cylinder_jacobian = np.vstack([normals[:2], along * normals[:2], np.ones(len(cloud))]).T / stds
-    common_jacobian, section_jacobian = (
-        jacobian(normals.T @ frame, cloud, errors) / stds
-        for jacobian in (common_error_jacobian, section_error_jacobian)
-    )
+    base_normals = normals.T @ frame
+    common_jacobian = common_error_jacobian(base_normals, cloud, errors) / stds
+    section_jacobian = section_error_jacobian(base_normals, cloud, errors) / stds
     fit_covariance = fit.covariance / fit.variance_factor
     # Least squares maps a change d of the normalised distances to (J'J)^-1 J'd.
     response = fit_covariance @ (cylinder_jacobian.T @ common_jacobian)
@@ -130,18 +129,19 @@ def common_error_jacobian(
     columns = [np.zeros((len(cloud), 0))]
     if errors.feed_std > 0:
         feed, distances = feed_direction(cloud.poses)
-        lateral = np.linalg.svd(feed[None])[2][1:]
+        lateral = tangent_frame(feed)[:2]
         columns.append(
             errors.feed_std * distances[cloud.point_sections][:, None] * (directions @ lateral.T)
         )
     if errors.calibration is not None:
         flange_from_section = errors.calibration.flange_from_section
-        base_from_flange = np.array(
-            [p.rotation @ flange_from_section.rotation.T for p in cloud.poses]
+        rotations = np.array(
+            [pose.rotation @ flange_from_section.rotation.T for pose in cloud.poses]
         )[cloud.point_sections]
         pivots = np.array([pose.translation for pose in cloud.poses])
+        # From the base frame to the flange frame, in which the covariance is stated.
         in_flange = [
-            np.einsum("ni,nij->nj", vectors, base_from_flange)
+            np.einsum("ni,nij->nj", vectors, rotations)
             for vectors in _translation_and_rotation_jacobians(directions, cloud, pivots)
         ]
         columns.append(np.hstack(in_flange) @ _covariance_root(errors.calibration.covariance))
@@ -157,7 +157,7 @@ def section_error_jacobian(
     calibration, 6 with one. Units: mm.
     """
     if errors.calibration is None:
-        return errors.pose_std * directions[:, : 3 * (errors.pose_std > 0)]
+        return errors.pose_std * directions if errors.pose_std > 0 else np.zeros((len(cloud), 0))
     pivots = np.array([_flange_origin(pose, errors.calibration) for pose in cloud.poses])
     by_translation, by_rotation = _translation_and_rotation_jacobians(directions, cloud, pivots)
     position_std, rotation_std = errors.calibration.robot_std
@@ -169,7 +169,10 @@ def section_error_jacobian(
 def _translation_and_rotation_jacobians(
     directions: FloatArray, cloud: ScanCloud, pivots: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the (n, 3) changes along a direction by translations and rotations about a pivot."""
+    """Return the (n, 3) changes along a direction by unit translations and rotations (rad).
+
+    `pivots` are the points about which the sections rotate, (k, 3), base frame.
+    """
     # d . (w x arm) = w . (arm x d)
     return directions, np.cross(cloud.points - pivots[cloud.point_sections], directions)
 
@@ -186,7 +189,11 @@ def _covariance_root(covariance: FloatArray) -> FloatArray:
 
 
 def _single_section_jacobian(fit: CylinderFit, pose: Pose, errors: PoseErrors) -> FloatArray:
-    """Return the (5, k) change of a cylinder that moves rigidly with its only section."""
+    """Return the (5, k) change of a cylinder that moves rigidly with its only section.
+
+    One column for each error of one standard deviation; an error of the feed does not move it.
+    """
+    # Rows: point (3), direction (3), radius.
     columns = [errors.pose_std * np.eye(7, 3)]
     calibration = errors.calibration
     if calibration is not None:

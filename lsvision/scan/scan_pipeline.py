@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import compress
@@ -10,16 +9,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lsvision.cylinder.fit_result import CylinderFit
 from lsvision.cylinder.robot_frame import SectionMount
-from lsvision.ellipse.problem import RadiusPrior
-from lsvision.geometry import Pose
+from lsvision.ellipse.problem import Priors
+from lsvision.geometry import FloatArray, Pose
 from lsvision.geometry.arguments import as_number_or_pair
 from lsvision.geometry.arrays import require_coordinates
 from lsvision.geometry.pose import as_poses
 from lsvision.geometry.settings_repr import ShowsChanges
 from lsvision.measure import Measurement, Settings, measure_profiles
 from lsvision.profile import NoiseModel, Profile, as_profile, require_several
-from lsvision.scan.cloud import build_cloud, require_noncoplanar_sections
+from lsvision.scan.cloud import ScanCloud, build_cloud, require_noncoplanar_sections
 from lsvision.scan.joint_fit import JointFit, JointFitSettings, fit_tracks
 from lsvision.scan.pose_errors import (
     PoseErrors,
@@ -89,8 +89,8 @@ def measure_scan(  # noqa: PLR0913 - the options of `measure_cylinders`, the pos
     Parameters
     ----------
     profiles : sequence of Profile or (n, 2) array_like
-        In the order of the feed, each as `measure_cylinders` takes it. Profiles without points
-        are skipped.
+        In the order of the feed, each as `measure_cylinders` takes it. Profiles with fewer than six
+        points are skipped.
     base_from_sections : sequence of Pose or (4, 4) array_like
         One for each profile; ``Pose.along(direction, distance)`` for an encoder axis. Units: mm.
     radius : float or (float, float), optional
@@ -121,8 +121,8 @@ def measure_scan(  # noqa: PLR0913 - the options of `measure_cylinders`, the pos
     Raises
     ------
     ValueError
-        If the numbers of poses and profiles differ, or are zero, a matrix is not a rigid motion, or
-        a pose is farther than 1e9 mm.
+        If the numbers of poses and profiles differ, or are zero, a matrix is not a rigid motion, a
+        pose is farther than 1e9 mm, or a standard uncertainty is out of its range.
     TypeError
         If an element of `profiles` is not a profile, or one of `base_from_sections` not a pose.
     DegenerateGeometry
@@ -218,7 +218,7 @@ def fit_sections_jointly(  # noqa: PLR0913 - the measurements and the options of
 
     Raises
     ------
-    ValueError, TypeError, DegenerateGeometry
+    ValueError, TypeError, DegenerateGeometry, FitFailed
         As `measure_scan`.
     """
     settings = settings or ScanSettings()
@@ -228,7 +228,7 @@ def fit_sections_jointly(  # noqa: PLR0913 - the measurements and the options of
         for section, measurement in enumerate(measurements)
         for arc in measurement.cylinders
     ]
-    prior = _radius_prior(known_radius)
+    prior = Priors.from_values(known_radius, None).radius
     with report_numerical_failure("a cylinder"):
         tracks = associate_arcs(observations, settings.tracks)
         cloud = build_cloud(profiles, poses, sensor)
@@ -247,7 +247,8 @@ def validate_poses(
     Raises
     ------
     TypeError, ValueError
-        If an element is not a pose, or their number is not that of the profiles, or is zero.
+        If an element is not a pose or is too far away, or their number is not that of the profiles,
+        or is zero.
     DegenerateGeometry
         If the sections all lie in one plane.
     """
@@ -263,45 +264,56 @@ def validate_poses(
     return poses
 
 
-def _radius_prior(known_radius: float | tuple[float, float] | None) -> RadiusPrior | None:
-    if known_radius is None or isinstance(known_radius, tuple):
-        return known_radius and RadiusPrior(*known_radius)
-    return RadiusPrior(known_radius)
-
-
 def build_scanned_cylinder(joint_fit: JointFit, errors: PoseErrors) -> ScannedCylinder:
     """Return the result of a joint fit: reference point, sign, covariance and axial range."""
     fit, cloud = joint_fit.fit, joint_fit.cloud
     fit = replace(fit, covariance=propagate_pose_errors(fit, cloud, errors))
     fit = fit.with_reference_point(cloud.poses[0].translation)
-    feed, _ = feed_direction(cloud.poses)
-    cosine = float(feed @ fit.direction)
-    if abs(cosine) < MIN_FEED_COSINE:
-        cosine = float(cloud.poses[0].rotation[:, 2] @ fit.direction)
-    if cosine < 0:
+    if _is_against_feed(fit.direction, cloud.poses):
         fit = fit.with_reversed_direction()
-    along = (cloud.points - fit.point) @ fit.direction
-    rows = np.array([along.argmin(), along.argmax()])
-    end_points, axes = cloud.subset(rows), np.tile(fit.direction, (2, 1))
-    pose_jacobian = np.hstack(
-        [
-            jacobian(axes, end_points, errors)
-            for jacobian in (common_error_jacobian, section_error_jacobian)
-        ]
-    )
-    point_variances = fit.direction @ end_points.covariances @ fit.direction
-    variances = point_variances + (pose_jacobian**2).sum(axis=1)
+    axial_range, axial_range_std = _measure_axial_range(fit, cloud, errors)
     return ScannedCylinder(
         fit=fit,
         sections=tuple(int(section) for section in np.unique(cloud.point_sections)),
         points=cloud.points,
         point_sections=cloud.point_sections,
         indices=cloud.indices,
-        axial_range=(float(along[rows[0]]), float(along[rows[1]])),
-        axial_range_std=(math.sqrt(variances[0]), math.sqrt(variances[1])),
+        axial_range=axial_range,
+        axial_range_std=axial_range_std,
         twin=joint_fit.twin,
         includes_calibration=errors.calibration is not None,
     )
+
+
+def _is_against_feed(direction: FloatArray, base_from_sections: Sequence[Pose]) -> bool:
+    """Return whether a direction is against the feed; see `ScannedCylinder`."""
+    feed, _ = feed_direction(base_from_sections)
+    cosine = float(feed @ direction)
+    if abs(cosine) < MIN_FEED_COSINE:
+        cosine = float(base_from_sections[0].rotation[:, 2] @ direction)
+    return cosine < 0
+
+
+def _measure_axial_range(
+    fit: CylinderFit, cloud: ScanCloud, errors: PoseErrors
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return ``axial_range`` and ``axial_range_std`` of a `ScannedCylinder`.
+
+    The uncertainties are those of the first and the last point along the axis: of their noise and
+    of the poses.
+    """
+    along = (cloud.points - fit.point) @ fit.direction
+    rows = np.array([along.argmin(), along.argmax()])
+    end_points, axes = cloud.subset(rows), np.tile(fit.direction, (2, 1))
+    pose_jacobian = np.hstack(
+        [
+            common_error_jacobian(axes, end_points, errors),
+            section_error_jacobian(axes, end_points, errors),
+        ]
+    )
+    noise_variances = fit.direction @ end_points.covariances @ fit.direction
+    first_std, last_std = np.sqrt(noise_variances + (pose_jacobian**2).sum(axis=1)).tolist()
+    return (float(along[rows[0]]), float(along[rows[1]])), (first_std, last_std)
 
 
 def sort_cylinders(

@@ -95,11 +95,21 @@ def measure_shape(tube: ScannedCylinder) -> TubeShape:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _AxisFramePoints:
-    """Points along e_phi, e_theta and the axis, from the middle of the measured length."""
+    """Points of a tube along e_phi, e_theta and the axis, from the middle of the measured length.
 
-    points: FloatArray  # (3, n) mm
-    stds: FloatArray  # of the distances from the axis
-    offsets: FloatArray  # expected distance - radius
+    Parameters
+    ----------
+    points : (3, n) ndarray
+        Coordinates. Units: mm.
+    stds, offsets : (n,) ndarray
+        Standard deviation and expected value of ``distance from the axis - radius``. Units: mm.
+    radius, half_length : float
+        Radius of the joint fit, and half of the measured length. Units: mm.
+    """
+
+    points: FloatArray
+    stds: FloatArray
+    offsets: FloatArray
     radius: float
     half_length: float
 
@@ -114,7 +124,7 @@ def _transform_to_axis_frame(tube: ScannedCylinder) -> _AxisFramePoints:
 
 
 def _fit_deviations(axis_points: _AxisFramePoints) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the parameters, their information matrix and the normalised residuals."""
+    """Return the parameters (10,), their information matrix and the normalised residuals (n,)."""
     from scipy.optimize import leastsq
 
     initial_guess = np.zeros(PARAMETERS)
@@ -142,8 +152,8 @@ def _fit_deviations(axis_points: _AxisFramePoints) -> tuple[FloatArray, FloatArr
 def _residuals(axis_points: _AxisFramePoints, parameters: FloatArray) -> FloatArray:
     """Return the normalised distances from the bent, tapering, oval tube.
 
-    All parameters are displacements at the end of the measured length (t = 1), in mm, so that
-    they are of similar magnitude.
+    Tilt, bow and taper are displacements at the end of the measured length (t = 1): so all
+    parameters are in mm and of similar magnitude.
     """
     centre, tilt, bow = parameters[:2], parameters[2:4], parameters[BOW]
     t = axis_points.points[2] / axis_points.half_length
@@ -210,15 +220,16 @@ def _fit_circles(
     """
     count = int(index.max()) + 1
     circles = np.zeros((count, 3))
-    # The prior (std = radius) keeps a circle finite whose arc is too short to determine it.
-    prior = np.eye(free) / radius**2
+    # Levenberg damping by the information of a std of one radius, which also limits the covariance:
+    # a circle stays finite whose arc is too short to determine it.
+    damping = np.eye(free) / radius**2
     for _ in range(GAUSS_NEWTON_ITERATIONS):
         from_centre = lateral - circles[index, :2].T
         distance = np.hypot(*from_centre)
         jacobian = np.column_stack([(from_centre / distance).T, np.ones(len(stds))])[:, :free]
         jacobian /= stds[:, None]
         residuals = (distance - radius - circles[index, 2]) / stds
-        information = np.tile(prior, (count, 1, 1))
+        information = np.tile(damping, (count, 1, 1))
         np.add.at(information, index, jacobian[:, :, None] * jacobian[:, None, :])
         gradient = np.zeros((count, free))
         np.add.at(gradient, index, jacobian * residuals[:, None])

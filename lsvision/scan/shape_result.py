@@ -80,7 +80,7 @@ class FormDeviation(ComparedByValue):
         unit = self.values / self.size if self.size > 0 else np.eye(len(self.values))[0]
         return math.sqrt(float(unit @ self.covariance @ unit))
 
-    def is_significant(self, level: float = 0.01) -> bool:
+    def is_significant(self, level: float = SIGNIFICANCE) -> bool:
         """Return whether the p-value is below a significance level."""
         return self.p_value < level
 
@@ -197,7 +197,7 @@ def shape_lines(shape: TubeShape) -> list[str]:
     bow = (
         f"{format_value(shape.bow.size, shape.bow.size_std)} mm over {2 * shape.half_length:.0f} mm"
     )
-    if shape.bow.is_significant(SIGNIFICANCE):
+    if shape.bow.is_significant():
         bow += f", a radius of {format_value(shape.bow_radius / 1e3, shape.bow_radius_std / 1e3)} m"
     slope = 1e3 * shape.taper_slope
     slope_std = 1e3 * shape.taper.size_std / shape.half_length
@@ -210,4 +210,4 @@ def shape_lines(shape: TubeShape) -> list[str]:
 
 
 def _significance(deviation: FormDeviation) -> str:
-    return "significant" if deviation.is_significant(SIGNIFICANCE) else "not significant"
+    return "significant" if deviation.is_significant() else "not significant"

@@ -16,6 +16,9 @@ from lsvision.ellipse.section import CylinderSection
 from lsvision.geometry import FloatArray, Pose
 from lsvision.statistics.robust import median
 
+DIRECTION_SIGMAS = 2.0
+"""Number of standard deviations taken as the uncertainty of a predicted direction."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TrackSettings:
@@ -29,7 +32,8 @@ class TrackSettings:
     radius_gate : float
         Largest difference of the radii beyond their uncertainty. Units: radii.
     sigmas : float
-        Number of standard deviations taken as the uncertainty.
+        Number of standard deviations taken as the uncertainty of centres and radii; that of the
+        predicted direction is `DIRECTION_SIGMAS`.
     window : int
         Number of the most recent arcs used for the prediction.
     """
@@ -112,7 +116,7 @@ def associate_arcs(
     Parameters
     ----------
     observations : sequence of ArcObservation
-        Arcs in the order of the sections.
+        Arcs of all sections, in any order.
     settings : TrackSettings
         Gates of the association.
 
@@ -127,25 +131,25 @@ def associate_arcs(
         arcs = [observation for observation in observations if observation.section == section]
         predictions = [_predict(track[-settings.window :]) for track in tracks]
         candidates = sorted(
-            (distance, t, a)
-            for t, prediction in enumerate(predictions)
-            for a, arc in enumerate(arcs)
+            (distance, track_index, arc_index)
+            for track_index, prediction in enumerate(predictions)
+            for arc_index, arc in enumerate(arcs)
             if (distance := _normalised_gate_distance(prediction, arc, settings)) < 1
         )
         extended_tracks: set[int] = set()
         assigned_arcs: set[int] = set()
-        for _, t, a in candidates:
-            if t not in extended_tracks and a not in assigned_arcs:
-                tracks[t].append(arcs[a])
-                extended_tracks.add(t)
-                assigned_arcs.add(a)
-        tracks.extend([arc] for a, arc in enumerate(arcs) if a not in assigned_arcs)
+        for _, track_index, arc_index in candidates:
+            if track_index not in extended_tracks and arc_index not in assigned_arcs:
+                tracks[track_index].append(arcs[arc_index])
+                extended_tracks.add(track_index)
+                assigned_arcs.add(arc_index)
+        tracks.extend([arc] for index, arc in enumerate(arcs) if index not in assigned_arcs)
     return tuple(tuple(track) for track in tracks)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Prediction:
-    """Radius of a cylinder from some of its arcs, and its axis as `predict_axes` returns it."""
+    """Radius (mm) of a cylinder from some of its arcs, and its axis from `predict_axes`."""
 
     radius: float
     radius_std: float
@@ -170,7 +174,9 @@ def _normalised_gate_distance(
         return math.inf
     offset = arc.centre - prediction.point
     distances = np.linalg.norm(offset - (directions @ offset)[:, None] * directions, axis=1)
-    direction_uncertainty = 2 * prediction.direction_std * float(np.linalg.norm(offset))
+    direction_uncertainty = (
+        DIRECTION_SIGMAS * prediction.direction_std * float(np.linalg.norm(offset))
+    )
     uncertainty = settings.sigmas * arc.centre_std + direction_uncertainty
     gate = min(settings.gate * radius + uncertainty, settings.max_gate * radius)
     return float(distances.min()) / gate
