@@ -156,10 +156,12 @@ def visible_points(cylinder: Cylinder, view: SensorView) -> Points:
     hit = np.isfinite(ranges)
     rays, ranges = rays[hit], ranges[hit]
     points: Points = sensor.origin + rays * ranges[:, None]
+    # The measuring range is along -Y, as the width at its far limit is.
+    depths = sensor.origin[1] - points[:, 1]
     cosines = -np.sum(cylinder_normals(cylinder, points)[:, :2] * rays, axis=1)
     visible: BoolArray = (
-        (ranges >= sensor.min_range)
-        & (ranges <= sensor.max_range)
+        (depths >= sensor.min_range)
+        & (depths <= sensor.max_range)
         & (cosines >= math.cos(view.incidence_limit))
     )
     return points[visible]

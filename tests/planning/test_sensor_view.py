@@ -35,5 +35,16 @@ def test_incidence_limit_shortens_the_arc():
     )
 
 
+def test_the_measuring_range_is_along_y_over_the_whole_width():
+    sensor = replace(LPS36HI, max_range=600.0, width_at_max_range=600.0)
+    # The nearest point is 580 mm deep, but more than 600 mm away along its ray.
+    points = visible_points(
+        Cylinder((250.0, -600.0, 0.0), (0, 0, 1), 20.0), SensorView(sensor=sensor)
+    )
+    assert len(points) > 5
+    assert np.hypot(*points.T).min() > 600
+    assert points[:, 1].min() >= -600
+
+
 def test_preset_is_the_default_view():
     assert SensorView().sensor is LPS36HI
