@@ -12,6 +12,14 @@ import numpy as np
 
 from lsvision.geometry import FloatArray, Plane, Points, Pose
 
+MAX_ROTATION = np.radians(15.0)
+"""Largest rotation of a board about its normal. Units: rad."""
+MAX_OFFSET_FRACTION = 0.24
+"""Largest distance of a board's centre from the middle of the image, as a fraction of its width and
+height: then some corners reach the borders."""
+LINE_ITERATIONS = 50
+"""Fixed-point iterations of the laser line on a bent board."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BoardScene:
@@ -34,11 +42,12 @@ class BoardScene:
     square : float
         Size of a square. Units: mm.
     tilt : float
-        Largest tilt about either image axis. Units: rad.
+        Largest tilt about either axis of the board. Units: rad.
     depth_range : float
         Largest deviation from `distance`, as a fraction of it.
     bow : tuple of float
-        Deviations from flatness b1, b2. Units: mm.
+        Deviations b1, b2 of the middle from flatness along columns and rows; see the module.
+        Units: mm.
     twist : float
         Deviation t of the corners from flatness. Units: mm.
     corner_std, line_std : float
@@ -92,7 +101,10 @@ class SimulatedBoard:
 def simulate_boards(
     scene: BoardScene, count: int, *, rng: np.random.Generator
 ) -> tuple[SimulatedBoard, ...]:
-    """Simulate boards in random poses, each crossed by the laser line.
+    """Simulate boards in random poses, each crossed by the laser line from side to side.
+
+    Poses are drawn until the line crosses the board along its rows; it must be able to, or the
+    drawing does not end.
 
     Parameters
     ----------
@@ -145,26 +157,29 @@ def _measure(
 def _random_pose(scene: BoardScene, rng: np.random.Generator) -> Pose:
     """Return a random ``camera_from_board`` within the limits of the scene."""
     about_x, about_y = rng.uniform(-scene.tilt, scene.tilt, 2)
-    about_z = rng.uniform(-np.pi / 12, np.pi / 12)
+    about_z = rng.uniform(-MAX_ROTATION, MAX_ROTATION)
     rotation = np.eye(3)
     for vector in ((about_x, 0, 0), (0, about_y, 0), (0, 0, about_z)):
         rotation = rotation @ cv2.Rodrigues(np.array(vector, dtype=float))[0]
     depth = scene.distance * (1 + rng.uniform(-scene.depth_range, scene.depth_range))
-    # Off the optical axis by up to a quarter of the image, so that corners reach its borders.
-    lateral = rng.uniform(-0.12, 0.12, 2) * scene.size / scene.matrix[[0, 1], [0, 1]] * depth * 2
-    centre = np.array([*lateral, depth])
+    focal_lengths = scene.matrix[[0, 1], [0, 1]]
+    offset_px = rng.uniform(-MAX_OFFSET_FRACTION, MAX_OFFSET_FRACTION, 2) * scene.size
+    centre = np.array([*(offset_px / focal_lengths * depth), depth])
     middle = _corners(scene).mean(axis=0)
     return Pose(rotation, centre - rotation @ middle)
 
 
 def _line_on_board(scene: BoardScene, pose: Pose) -> Points | None:
-    """Return (m, 3) points of the laser line, board frame, or None if it misses the board."""
+    """Return (m, 3) points of the laser line, board frame, evenly spaced in x. Units: mm.
+
+    None unless the line crosses the board from its first column to its last.
+    """
     corners = _corners(scene)
     low, high = corners[:, :2].min(axis=0), corners[:, :2].max(axis=0)
     x = np.linspace(low[0], high[0], scene.line_points)
     plane = scene.plane.transformed(pose.inverse())
     y = np.zeros_like(x)
-    for _ in range(50):
+    for _ in range(LINE_ITERATIONS):
         # Fixed-point iteration, which converges because the bow is small.
         z = _height(scene, np.column_stack([x, y]))
         y = (plane.distance - plane.normal[0] * x - plane.normal[2] * z) / plane.normal[1]

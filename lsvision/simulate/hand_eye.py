@@ -96,11 +96,14 @@ def sphere_profile(
 
 
 def plane_profile(plane: Plane, view: SectionView, rng: np.random.Generator) -> Profile:
-    """Simulate the profile of a plane given in the section frame; see `sphere_profile`."""
+    """Simulate the profile of a plane; without points if it is steeper than the view allows.
+
+    The plane is given in the section frame; other parameters are those of `sphere_profile`.
+    """
     x = view.x
     nx, ny, _ = plane.normal
     if abs(ny) < math.cos(view.max_slope) * math.hypot(nx, ny):
-        return _noisy_profile(x, x, np.zeros(len(x), dtype=bool), view, rng)
+        return _noisy_profile(x, np.zeros_like(x), np.zeros(len(x), dtype=bool), view, rng)
     y = (plane.distance - nx * x) / ny
     return _noisy_profile(x, y, np.ones(len(x), dtype=bool), view, rng)
 
@@ -148,7 +151,7 @@ def noisy_pose(
     pose : Pose
         True pose.
     position_std, rotation_std : float
-        Standard deviation of the errors, per axis. Units: mm, rad.
+        Standard deviation of the errors, per axis of the base frame. Units: mm, rad.
     rng : numpy.random.Generator
         Source of the errors.
     """
@@ -164,7 +167,8 @@ class TargetMotion:
     Parameters
     ----------
     tilt, spin : float
-        Largest tilt of the section from upright, and largest rotation about its Y. Units: rad.
+        Largest tilt of the section from upright about X and about Y of the base frame, and largest
+        rotation about its Z, which follows. Units: rad.
     sideways, depth : float
         Largest offset of the target along the section's X and Y. Units: mm.
     offset : float
@@ -200,7 +204,7 @@ def section_poses_about(
     Returns
     -------
     list of Pose
-        Poses; the section's Y points upwards (base Z) for zero tilt and spin.
+        Poses; the section's Y points upwards (base Z) for zero tilt.
     """
     upright = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # section Y upwards
     poses = []

@@ -72,7 +72,19 @@ def stray_light(shape: tuple[int, ...], stray: StrayLight, rng: np.random.Genera
 def glint_gain(
     truth_pixels: Points, shape: tuple[int, ...], glints: int, rng: np.random.Generator
 ) -> FloatArray:
-    """Return the (height, width) factor on the laser light of specular reflections."""
+    """Return the (height, width) factor on the laser light of specular reflections.
+
+    Parameters
+    ----------
+    truth_pixels : (width, 2) ndarray
+        u, v of the line in each column; NaN without a line. Units: px.
+    shape : tuple of int
+        ``(height, width)``.
+    glints : int
+        Number of reflections, at random points of the line.
+    rng : numpy.random.Generator
+        Source of positions and sizes.
+    """
     gain = np.ones(shape)
     line = truth_pixels[np.isfinite(truth_pixels[:, 1])]
     if len(line):
@@ -130,7 +142,7 @@ def speckle_field(
     looks : int
         Number of independent patterns averaged (time, colour, polarisation); at least 1.
     fwhm : float
-        Full width at half maximum of the autocorrelation of the intensity. Units: px.
+        Full width at half maximum of the autocorrelation of the intensity, above 0. Units: px.
     rng : numpy.random.Generator
         Source of the pattern.
 
@@ -166,7 +178,7 @@ class ImageSensor:
     Parameters
     ----------
     bits : int
-        Bit depth from 8 (uint8) to 16 (uint16, of which 10 and 12 use the lower bits).
+        Bit depth from 8 (uint8) to 16; above 8 the lower bits of uint16.
     full_well : float
         Number of electrons at full scale.
     read_noise : float

@@ -95,7 +95,8 @@ class SimulatedImage:
     image, laser_off : (height, width) ndarray of uint8 or uint16
         Image with the laser, and image of the same view without it.
     truth_pixels : (width, 2) ndarray
-        u, v of the line in each column; v is NaN where no line is visible. Units: px.
+        u, v of the line in each column, of the lowest if several are visible; v is NaN where none
+        is. Units: px.
     """
 
     image: npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
@@ -183,7 +184,11 @@ def _render_sheet(scene: Scene, rig: ImagingRig, sheet_sigma: float) -> tuple[Fl
 
 
 def _illuminated_pixels(scene: Scene, rig: ImagingRig, sheet_sigma: float) -> BoolArray:
-    """Return a mask of the pixels in whose neighbourhood the sheet may be visible."""
+    """Return a (height, width) mask of the cells in whose neighbourhood the sheet may be visible.
+
+    A cell counts if the surfaces seen at its corner and at those of its neighbours are not all on
+    one side of the sheet.
+    """
     width, height = rig.size
     u, v = np.meshgrid(
         np.arange(0, width + CELL_PX, CELL_PX), np.arange(0, height + CELL_PX, CELL_PX)

@@ -69,14 +69,15 @@ class ImagingRig:
     ) -> Self:
         """Return a rig whose laser plane crosses the optical axis at the stand-off.
 
-        The laser line is horizontal in the image.
+        The laser line is horizontal in the image. The origin of the section frame is the point of
+        the laser plane nearest to the camera, its Y points away from the scene.
 
         Parameters
         ----------
         focal_length : float
             Focal length. Units: px.
         size : tuple of int
-            ``(width, height)``; the principal point is in the middle. Units: px.
+            ``(width, height)``; the principal point is at half of both. Units: px.
         stand_off : float
             Distance of the crossing from the camera. Units: mm.
         angle : float

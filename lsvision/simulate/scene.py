@@ -20,8 +20,9 @@ CLUTTER = 0
 """Label of objects that are not tubes; the k-th tube of a scene has label k >= 1."""
 NOTHING = -1
 """Label of a column without a valid point: lost, or displaced by a jump."""
-MAX_GAP_COLUMNS = 8
-"""Largest number of consecutive lost columns or jumps that does not end a tube's visible arc."""
+MAX_COLUMN_STEP = 8
+"""Largest step between consecutive points of an uninterrupted arc, over lost columns or jumps in
+between. Units: columns."""
 VISIBLE_ARC = math.radians(60.0)
 """Smallest angle about the axis of an uninterrupted arc of a visible tube. Units: rad."""
 VISIBLE_POINTS = 15
@@ -157,7 +158,7 @@ class SectionTruth:
 def tube_truths(
     scene: Scene, base_from_section: Pose, labels: IntArray, points: Points
 ) -> tuple[TubeTruth, ...]:
-    """Return the truth of each tube of a scene in one section.
+    """Return the truth of each tube of a scene whose axis a section cuts.
 
     Parameters
     ----------
@@ -185,7 +186,7 @@ def tube_truths(
 
 
 def longest_run(labels: IntArray, label: int) -> IntArray:
-    """Return the columns of a tube's longest arc without points of other objects in between.
+    """Return the columns of a tube's longest arc, without large steps or other objects in between.
 
     Parameters
     ----------
@@ -198,12 +199,12 @@ def longest_run(labels: IntArray, label: int) -> IntArray:
     if len(columns) == 0:
         return columns
     others = np.cumsum((labels != label) & (labels != NOTHING))
-    interrupted = (np.diff(columns) > MAX_GAP_COLUMNS) | (np.diff(others[columns]) > 0)
+    interrupted = (np.diff(columns) > MAX_COLUMN_STEP) | (np.diff(others[columns]) > 0)
     return max(np.split(columns, np.flatnonzero(interrupted) + 1), key=len)
 
 
 def _angular_coverage(points: Points, ellipse: Ellipse) -> float:
-    """Return the angle about the cylinder's axis from the first point to the last. Units: rad."""
+    """Return the angle about the cylinder's axis that the points of an arc cover. Units: rad."""
     if len(points) < 2:
         return 0.0
     u, v = ellipse.to_ellipse_frame(points).T

@@ -31,6 +31,11 @@ MIN_VISIBLE_ARC = math.radians(80.0)
 MAX_BULGE = 0.11
 """Largest bulge of a weld bead (see `weld_bead`); a larger one spans an arc of more than 50 deg and
 resembles a tube."""
+TOP_RANGE_MM = (330.0, 440.0)
+"""Limits of the range of the tubes' highest point; it is larger if the field is too narrow there.
+Units: mm."""
+FIELD_MARGIN_MM = 6.0
+"""Smallest distance in X from the tubes to the border of the field. Units: mm."""
 MAX_DRAWS = 200
 """Largest number of scenes that are drawn until all tubes are visible; usually a few suffice,
 except for stacks."""
@@ -264,8 +269,8 @@ def _move_into_field(ellipses: list[Ellipse], rng: np.random.Generator) -> list[
     points = np.vstack([ellipse.points_at(anomalies) for ellipse in ellipses])
     low, high = points.min(axis=0), points.max(axis=0)
     half_field_per_range = SCENE_SENSOR.width_at_max_range / SCENE_SENSOR.max_range / 2
-    half_width = (high[0] - low[0]) / 2 + 6.0
-    top = max(rng.uniform(330.0, 440.0), half_width / half_field_per_range)
+    half_width = (high[0] - low[0]) / 2 + FIELD_MARGIN_MM
+    top = max(rng.uniform(*TOP_RANGE_MM), half_width / half_field_per_range)
     max_offset = top * half_field_per_range - half_width
     x = rng.uniform(-1.0, 1.0) * max_offset
     dx, dy = x - (low[0] + high[0]) / 2, -top - high[1]

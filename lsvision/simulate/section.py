@@ -45,9 +45,9 @@ class SectionSettings(ShowsChanges):
         Standard deviation of the Gaussian filter that correlates the errors of neighbouring
         columns; 0 for independent errors. Units: columns.
     lost_fraction : float
-        Fraction of columns that are lost independently.
+        Probability that a column is lost, independently of the others.
     lost_runs, lost_run_columns : int
-        Number of runs of lost columns, and the largest length of a run.
+        Number of runs of lost columns, and the largest length of a run; the smallest is 2.
     jump_fraction : float
         Fraction of points displaced by a jump.
     jump_mm : tuple of float
@@ -224,7 +224,7 @@ def _in_range(hits: Hits, rays: Rays, sensor: ProfileSensor) -> BoolArray:
 def _visible_from(
     camera: tuple[float, float, float], exact: Points, scene: Scene, pose: Pose
 ) -> BoolArray:
-    """Return the mask of points of the section that are not hidden from the camera."""
+    """Return the mask of points (n, 3) of the section that are not hidden from the camera."""
     origins = np.broadcast_to(camera, exact.shape)
     rays = Rays(origins, np.nan_to_num(exact - origins))
     hits, _ = scene.first_hits(rays.transformed(pose))

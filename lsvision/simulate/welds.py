@@ -125,7 +125,11 @@ def weld_bead(
 
 
 def _find_contact(fixed: Ellipse, moved: Ellipse, direction: float) -> tuple[float, float]:
-    """Return the distance of the centres at contact, and the direction of the common normal."""
+    """Return the distance of the centres at contact (mm), and the direction of the normal (rad).
+
+    `direction` is that from the centre of `fixed` to that of `moved`. The bodies touch where the
+    sum of their support widths along a unit vector, over its cosine with `direction`, is smallest.
+    """
     shapes = _shape(fixed), _shape(moved)
 
     def distance(angle: FloatArray) -> FloatArray:
@@ -134,7 +138,7 @@ def _find_contact(fixed: Ellipse, moved: Ellipse, direction: float) -> tuple[flo
         sum_of_widths: FloatArray = (widths[0] + widths[1]) / np.cos(angle)
         return sum_of_widths
 
-    low, high = -1.5, 1.5
+    low, high = -1.5, 1.5  # less than a right angle from `direction`
     while high - low > NORMAL_TOLERANCE:
         angles = np.linspace(low, high, DIRECTIONS)
         index = int(np.argmin(distance(angles)))
@@ -152,11 +156,12 @@ def _shape(ellipse: Ellipse) -> FloatArray:
 
 
 def _foot(ellipse: Ellipse, contact: FloatArray, leg: float) -> tuple[FloatArray, FloatArray]:
-    """Return point and tangent at arc length `leg` from the contact, towards the sensor."""
+    """Return point and unit tangent at arc length `leg` from the contact, towards the sensor."""
     u, v = ellipse.to_ellipse_frame(contact[None])[0]
     anomaly = math.atan2(v / ellipse.semi_minor, u / ellipse.semi_major)
     steps = np.linspace(0.0, math.pi, 2000)
     paths = [ellipse.points_at(anomaly + sign * steps) for sign in (1.0, -1.0)]
+    # Of both ways round the ellipse, the one that rises at first.
     path = max(paths, key=lambda points: float(points[100, 1]))
     length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
     index = int(np.searchsorted(length, leg))
@@ -167,7 +172,10 @@ def _foot(ellipse: Ellipse, contact: FloatArray, leg: float) -> tuple[FloatArray
 def _fillet_control_point(
     feet: list[tuple[FloatArray, FloatArray]], contact: FloatArray
 ) -> FloatArray:
-    """Return the control point of a fillet: the intersection of the tangents at both feet."""
+    """Return the control point of a fillet: the intersection of the tangents at both feet.
+
+    If they are nearly parallel, the mean of feet and contact.
+    """
     (start, start_tangent), (stop, stop_tangent) = feet
     sides = np.column_stack([start_tangent, -stop_tangent])
     if abs(np.linalg.det(sides)) < 0.05:

@@ -86,6 +86,14 @@ def test_hits_of_a_bent_tube_agree_with_marching():
     assert_same_as_brute_force(pipe, inside, fan(41))
 
 
+def test_a_ray_that_starts_inside_a_solid_meets_nothing():
+    rays = Rays([[0.0, -400.0, 0.0]] * 2, [[0.0, -1.0, 0.0], [0.0, 0.0, 1.0]])
+    bent = BentTube(10.0, (500.0, -400.0, 0.0), (0.0, 1.0, 0.0), 500.0)
+    straight = Tube.of(radius=10.0, theta=0.0, phi=0.0, centre=(0.0, -400.0))
+    for solid in (straight, bent):
+        assert np.isinf(solid.first_hits(rays).distances).all()
+
+
 def test_a_slightly_bent_tube_agrees_with_its_local_cylinder():
     pipe = BentTube(20.0, (1e6, -400.0, 0.0), (0.0, 1.0, 0.3), 1e6)
     local = pipe.local_cylinder(Pose())
