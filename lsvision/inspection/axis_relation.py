@@ -83,14 +83,17 @@ def relate_axes(
     }
     if up is not None:
         quantities["flush"] = scalar(5)
-    # Without a crossing the seam point may lie anywhere along the mean direction: only its errors
-    # perpendicular to that count.
-    projector = (
-        np.eye(3)
-        if pair.crossing
-        else np.eye(3) - np.outer(pair.mean_direction, pair.mean_direction)
-    )
-    seam = Seam(
+    return Relation(quantities, _build_seam(pair, values, covariance))
+
+
+def _build_seam(pair: _Pair, values: FloatArray, covariance: FloatArray) -> Seam:
+    """Return the seam of a pair from its `values` and their covariance (12, 12)."""
+    projector = np.eye(3)
+    if not pair.crossing:
+        # The seam point may lie anywhere along the mean direction: only its errors perpendicular to
+        # that count.
+        projector -= np.outer(pair.mean_direction, pair.mean_direction)
+    return Seam(
         points=pair.foot_points(np.zeros(10)),
         point=values[6:9],
         point_covariance=projector @ covariance[6:9, 6:9] @ projector,
@@ -98,7 +101,6 @@ def relate_axes(
         direction_std=math.sqrt(max(float(np.trace(covariance[9:12, 9:12])), 0.0)),
         crossing=pair.crossing,
     )
-    return Relation(quantities, seam)
 
 
 def angle_between(fit: CylinderFit, direction: FloatArray) -> Length:

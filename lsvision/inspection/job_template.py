@@ -10,6 +10,8 @@ from collections.abc import Sequence
 
 from lsvision.ellipse.section import CylinderSection
 from lsvision.inspection.job import Job
+from lsvision.inspection.relate import relate
+from lsvision.results.number_format import format_value
 
 HEAD = """\
 # A job for lsvision: lsvision job check FILE lists its mistakes, lsvision inspect FILE
@@ -66,47 +68,55 @@ def build_job_text(name: str, cylinders: Sequence[CylinderSection], tolerance: f
     -------
     str
         TOML; nominal radii are rounded to the power of ten at or below a tenth of the tolerance,
-        windows in x extend to the middle between neighbours.
+        windows in x extend to the middle between neighbours, gaps between neighbours may exceed the
+        measured ones by the tolerance.
     """
-    from lsvision.inspection.relate import relate
-    from lsvision.results.number_format import format_value
-
     radii = [cylinder.radius for cylinder in cylinders]
     # A string in JSON is also one in TOML.
-    parts = [
+    tables = [
         HEAD.format(
             name=json.dumps(name),
             low=_rounded_multiple(0.6, min(radii)),
             high=_rounded_multiple(1.5, max(radii)),
         )
     ]
-    step = 10 ** math.floor(math.log10(tolerance / 10))
-    for number, (cylinder, (left, right)) in enumerate(
+    for number, (cylinder, window) in enumerate(
         zip(cylinders, _x_windows(cylinders), strict=True), 1
     ):
-        parts.append(
-            PART.format(
-                number=number,
-                left=left,
-                right=right,
-                radius=round(round(cylinder.radius / step) * step, 9),
-                tolerance=tolerance,
-                text=format_value(cylinder.radius, cylinder.radius_std),
-                phi=math.degrees(cylinder.phi),
-                x=cylinder.centre[0],
-            )
-        )
-    for number in range(1, len(cylinders)):
-        relation = relate(cylinders[number - 1], cylinders[number])
-        parts.append(
-            RELATION.format(
-                first=number,
-                second=number + 1,
-                gap=round(max(relation.gap, 0.0) + tolerance, 3),
-                text=format_value(relation.gap, relation.gap_std),
-            )
-        )
-    return "".join([*parts, TAIL])
+        tables.append(_part_text(number, cylinder, window, tolerance))
+    for number, (first, second) in enumerate(itertools.pairwise(cylinders), 1):
+        tables.append(_relation_text(number, first, second, tolerance))
+    return "".join([*tables, TAIL])
+
+
+def _part_text(
+    number: int, cylinder: CylinderSection, window: tuple[float, float], tolerance: float
+) -> str:
+    """Return the table of a part, numbered from 1, that lies in a window of x (mm)."""
+    step = 10 ** math.floor(math.log10(tolerance / 10))
+    return PART.format(
+        number=number,
+        left=window[0],
+        right=window[1],
+        radius=round(round(cylinder.radius / step) * step, 9),
+        tolerance=tolerance,
+        text=format_value(cylinder.radius, cylinder.radius_std),
+        phi=math.degrees(cylinder.phi),
+        x=cylinder.centre[0],
+    )
+
+
+def _relation_text(
+    number: int, first: CylinderSection, second: CylinderSection, tolerance: float
+) -> str:
+    """Return the table of the relation between part `number` and the next one."""
+    relation = relate(first, second)
+    return RELATION.format(
+        first=number,
+        second=number + 1,
+        gap=round(max(relation.gap, 0.0) + tolerance, 3),
+        text=format_value(relation.gap, relation.gap_std),
+    )
 
 
 def find_needed_tolerance(job: Job, cylinders: Sequence[CylinderSection]) -> float | None:
