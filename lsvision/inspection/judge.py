@@ -71,8 +71,9 @@ def judge(
     Verdict
         A missing part is NG, with the reasons of rejected arcs; a part whose arc was found, but
         whose radius is not determinable, or whose cylinder is assigned to another part, is
-        undecided. `Verdict.decision` equals ``"OK"``, ``"NG"`` or ``"undecided"``. A known radius
-        that a part's points contradict is not used; a note names the part.
+        undecided, and so is a quantity that is not determinable. `Verdict.decision` equals
+        ``"OK"``, ``"NG"`` or ``"undecided"``. A known radius that a part's points contradict is not
+        used; a note names the part.
 
     Raises
     ------

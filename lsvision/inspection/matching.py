@@ -41,9 +41,9 @@ def match_parts(parts: Sequence[Part], cylinders: Sequence[CylinderOfJob]) -> Ma
     ----------
     parts : sequence of Part
         A part with windows is assigned the cylinder that lies in them and nearest to their middle;
-        a part with an order, the cylinder of that number. The remaining cylinders are assigned to
-        the other parts such that the sum of the relative deviations of the radii is smallest; each
-        deviation is at most 20 %.
+        a part with an order, the cylinder of that number. Of the remaining cylinders as many as
+        possible are assigned to the other parts, each with a relative deviation of the radius of at
+        most 20 %, such that the sum of the deviations is smallest.
     cylinders : sequence of CylinderSection or ScannedCylinder
         In the order of the measurement, that is from left to right in a profile.
     """

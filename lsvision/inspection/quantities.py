@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from lsvision.ellipse.section import CylinderSection
+from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import FloatArray
 from lsvision.inspection.axis_relation import angle_between
 from lsvision.inspection.job_tables import Part
@@ -35,6 +36,12 @@ def measure_quantity(cylinder: CylinderOfJob, part: Part, key: str, level: float
     level : float
         Level of confidence of the interval.
 
+    Returns
+    -------
+    Estimate
+        Not determined: theta whose interval contains every direction, and bow, taper and ovality of
+        a tube in fewer than three sections, which are NaN.
+
     Raises
     ------
     ValueError
@@ -47,7 +54,11 @@ def measure_quantity(cylinder: CylinderOfJob, part: Part, key: str, level: float
             f"expected limits among {', '.join(SCAN_KEYS)} for a scan, got {key} of part "
             f"{part.name!r}: judge each profile by itself, or leave it out"
         )
-    quantity, number = quantity_from_key(key), _measure_in_scan(cylinder, part, key)
+    quantity = quantity_from_key(key)
+    try:
+        number = _measure_in_scan(cylinder, part, key)
+    except DegenerateGeometry:  # a form deviation of too few sections
+        return Estimate(quantity, math.nan, math.nan, (math.nan, math.nan), determined=False)
     ends = quantity.in_unit(number.interval(level))
     return Estimate(quantity, number.value * quantity.scale, number.std * quantity.scale, ends)
 

@@ -159,7 +159,7 @@ def _measured_view(section: CylinderSection) -> SensorView:
     noise = float(np.median(problem.stds)) * math.sqrt(section.fit.variance_factor)
     x, y = section.centre
     # The limits of the sensor's field are not known: they are chosen such that it contains all of
-    # the part, also where the part is as near or far as the planner places it.
+    # the part, also where a tilted part moves through the field along a scan.
     farthest = abs(y) + 3 * section.radius
     sensor = ProfileSensor(
         name="as measured",

@@ -27,7 +27,7 @@ MIN_SECTIONS = 3
 GAUSS_NEWTON_ITERATIONS = 6
 """Gauss-Newton steps for the circle of a section; from 1 mm away four are enough."""
 FACETS = 96
-"""Facets around a tube's surface; they deviate from the circle by at most r / 1900."""
+"""Facets around a tube's surface; they deviate from the circle by less than r / 1800."""
 
 
 def measure_shape(tube: ScannedCylinder) -> TubeShape:

@@ -244,7 +244,7 @@ class BentTube:
         """Return where each ray enters the solid, by sphere tracing; none if it starts inside.
 
         Each step is the distance to the surface, so that a ray never passes through it. A ray
-        within a degree of grazing may not converge and then counts as a miss; no sensor measures
+        within 2 deg of grazing may not converge and then counts as a miss; no sensor measures
         there.
         """
         scale = np.linalg.norm(rays.directions, axis=1)

@@ -279,6 +279,17 @@ def test_a_scan_is_judged_with_form_and_place(scan):
     assert verdict.decision == "OK", str(verdict)
 
 
+def test_the_form_of_a_tube_in_two_sections_is_undecided():
+    profiles = lsv.read_profiles(FIXTURES / "scan_welded_pair")[::19]
+    scan = lsv.measure_scan(profiles, [lsv.Pose.along((0, 0, 1), 19.0 * k) for k in range(2)])
+    verdict = lsv.judge(scan, job(("thick", f"bow_mm = {{ max = 1 }}\n{limits(19)}")))
+    assert verdict.decision == "undecided"
+    radius, bow = verdict.part("thick").quantities
+    assert (radius.decision, bow.reason) == ("OK", "not determinable from this measurement")
+    assert verdict.to_dict()["parts"][0]["quantities"][1]["value"] is None
+    assert "not determinable" in str(verdict)
+
+
 @pytest.mark.parametrize(
     ("lines", "message"),
     [
