@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+from collections.abc import Sequence
 
 from lsvision.errors import UnreadableFile
 from lsvision.files.atomic_files import write_atomic
@@ -29,10 +30,18 @@ def read_records(path: str | os.PathLike[str]) -> list[Record]:
         If a line is not a record, or does not have the hash of the line before it, because that
         was changed or removed.
     """
-    if not exists(path):
-        return []
+    return _parse_records(_read_lines(path), path)
+
+
+def _read_lines(path: str | os.PathLike[str]) -> list[str]:
+    """Return the lines of a file; an empty list if there is no file."""
+    return read_text(path).splitlines() if exists(path) else []
+
+
+def _parse_records(lines: Sequence[str], path: str | os.PathLike[str]) -> list[Record]:
+    """Return the records in the lines of a file, after checking their hashes."""
     records, previous = [], FIRST_HASH
-    for number, line in enumerate(read_text(path).splitlines(), 1):
+    for number, line in enumerate(lines, 1):
         try:
             record = parse_json(line)
             stated_hash = record.pop("previous")
@@ -47,8 +56,12 @@ def read_records(path: str | os.PathLike[str]) -> list[Record]:
                 "restore the file from a backup"
             )
         records.append(record)
-        previous = hashlib.sha256(line.encode()).hexdigest()
+        previous = _hash_line(line)
     return records
+
+
+def _hash_line(line: str) -> str:
+    return hashlib.sha256(line.encode()).hexdigest()
 
 
 def append_record(path: str | os.PathLike[str], record: Record) -> None:
@@ -71,9 +84,8 @@ def append_record(path: str | os.PathLike[str], record: Record) -> None:
     >>> read_records(path)
     [{'revision': 1}, {'revision': 2}]
     """
-    read_records(path)
-    text = read_text(path) if exists(path) else ""
-    lines = text.splitlines()
-    previous = hashlib.sha256(lines[-1].encode()).hexdigest() if lines else FIRST_HASH
-    line = json.dumps(record | {"previous": previous}, allow_nan=False)
-    write_atomic(path, text + line + "\n")
+    lines = _read_lines(path)
+    _parse_records(lines, path)
+    previous = _hash_line(lines[-1]) if lines else FIRST_HASH
+    lines.append(json.dumps(record | {"previous": previous}, allow_nan=False))
+    write_atomic(path, "\n".join(lines) + "\n")

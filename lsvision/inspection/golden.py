@@ -9,7 +9,7 @@ from pathlib import Path
 from lsvision.errors import LsvisionError
 from lsvision.inspection.decision import Decision, decide, widen_interval
 from lsvision.inspection.job import Job
-from lsvision.inspection.quantities import CylinderOfJob
+from lsvision.inspection.relate import MeasuredCylinder
 from lsvision.results.quantities import Record
 
 SUFFIX = ".golden.jsonl"
@@ -24,7 +24,7 @@ def golden_path(job: Job, job_path: Path) -> Path:
 
 
 def check_golden(
-    cylinders: Sequence[CylinderOfJob], job: Job, source: str, now: datetime.datetime
+    cylinders: Sequence[MeasuredCylinder], job: Job, source: str, now: datetime.datetime
 ) -> Record:
     """Return the record of a measurement of the golden part, compared with its known radius.
 

@@ -19,8 +19,8 @@ from lsvision.inspection.job import Job
 from lsvision.inspection.job_tables import Part, RelationLimits
 from lsvision.inspection.limits import quantity_from_key
 from lsvision.inspection.matching import Matching, match_parts
-from lsvision.inspection.quantities import CylinderOfJob, measure_quantity
-from lsvision.inspection.relate import relate
+from lsvision.inspection.quantities import measure_quantity
+from lsvision.inspection.relate import MeasuredCylinder, relate
 from lsvision.inspection.verdict import (
     ItemVerdict,
     Provenance,
@@ -138,7 +138,7 @@ def _provenance(job: Job, calibration: Mapping[str, Mapping[str, str | None]]) -
     return Provenance(job.name, job.revision, job.hash, __version__, calibration)
 
 
-def _apply_known_radius(cylinder: CylinderOfJob, part: Part) -> CylinderOfJob:
+def _apply_known_radius(cylinder: MeasuredCylinder, part: Part) -> MeasuredCylinder:
     """Return the cylinder with a part's known radius as a prior, unless the points contradict."""
     prior = Priors.from_values(part.known_radius_mm, None).radius
     if prior is None:
@@ -155,7 +155,7 @@ def _apply_known_radius(cylinder: CylinderOfJob, part: Part) -> CylinderOfJob:
 def _describe_contradicted_radii(
     matching: Matching,
     measurement: Measurement | ScanMeasurement,
-    cylinders: Mapping[str, CylinderOfJob],
+    cylinders: Mapping[str, MeasuredCylinder],
     job: Job,
 ) -> list[str]:
     """Return a note on each part whose known radius is not used."""
@@ -168,7 +168,7 @@ def _describe_contradicted_radii(
     ]
 
 
-def _judge_part(cylinder: CylinderOfJob, part: Part, job: Job, index: int) -> ItemVerdict:
+def _judge_part(cylinder: MeasuredCylinder, part: Part, job: Job, index: int) -> ItemVerdict:
     level = job.decision.level
     quantities = [
         _judge_estimate(measure_quantity(cylinder, part, key, level), key, limits.ends, job)
@@ -212,7 +212,7 @@ def _judge_periodic_angle(
 
 
 def _judge_relation(
-    limits: RelationLimits, cylinders: Mapping[str, CylinderOfJob], job: Job
+    limits: RelationLimits, cylinders: Mapping[str, MeasuredCylinder], job: Job
 ) -> ItemVerdict:
     """Return the verdict on the relation of two parts; undecided if one was not found."""
     name = " - ".join(limits.between)
@@ -286,7 +286,7 @@ def _rejection_reasons_at(part: Part, measurement: Measurement | ScanMeasurement
     return [rejection.reason for rejection in arcs if in_window(rejection)]
 
 
-def _describe_additional(matching: Matching, cylinders: Sequence[CylinderOfJob]) -> list[str]:
+def _describe_additional(matching: Matching, cylinders: Sequence[MeasuredCylinder]) -> list[str]:
     return [
         f"additional: cylinder {index + 1}, radius {cylinders[index].radius:.4g} mm, is not a part"
         for index in matching.additional
@@ -294,7 +294,7 @@ def _describe_additional(matching: Matching, cylinders: Sequence[CylinderOfJob])
 
 
 def _find_exchanged_parts(
-    parts: Sequence[ItemVerdict], cylinders: Mapping[str, CylinderOfJob], job: Job
+    parts: Sequence[ItemVerdict], cylinders: Mapping[str, MeasuredCylinder], job: Job
 ) -> list[str]:
     """Return a note for each pair of NG parts that would not be NG with exchanged cylinders.
 

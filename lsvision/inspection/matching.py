@@ -9,7 +9,7 @@ import numpy as np
 
 from lsvision.ellipse.section import CylinderSection
 from lsvision.inspection.job_tables import Part
-from lsvision.inspection.quantities import CylinderOfJob
+from lsvision.inspection.relate import MeasuredCylinder
 
 RADIUS_TOLERANCE = 0.2
 """Relative deviation from the expected radius beyond which a cylinder is another part."""
@@ -34,7 +34,7 @@ class Matching:
     owners: Mapping[str, str]
 
 
-def match_parts(parts: Sequence[Part], cylinders: Sequence[CylinderOfJob]) -> Matching:
+def match_parts(parts: Sequence[Part], cylinders: Sequence[MeasuredCylinder]) -> Matching:
     """Return the assignment of cylinders to parts.
 
     Parameters
@@ -65,7 +65,7 @@ def match_parts(parts: Sequence[Part], cylinders: Sequence[CylinderOfJob]) -> Ma
     return Matching(matched, additional, owners)
 
 
-def reference_position(cylinder: CylinderOfJob) -> tuple[float, ...]:
+def reference_position(cylinder: MeasuredCylinder) -> tuple[float, ...]:
     """Return the centre in the section, (2,), or ``point`` in the base frame, (3,). Units: mm."""
     position = cylinder.centre if isinstance(cylinder, CylinderSection) else cylinder.point
     return tuple(map(float, position))
@@ -90,7 +90,7 @@ def _coordinates_and_windows(
     ]
 
 
-def _match_by_position_or_order(part: Part, cylinders: Sequence[CylinderOfJob]) -> int | None:
+def _match_by_position_or_order(part: Part, cylinders: Sequence[MeasuredCylinder]) -> int | None:
     """Return the index of the part's cylinder; None without one, or without position and order."""
     if part.order is not None:
         return part.order - 1 if part.order <= len(cylinders) else None
@@ -111,7 +111,7 @@ def _match_by_position_or_order(part: Part, cylinders: Sequence[CylinderOfJob]) 
 
 
 def _match_by_radius(
-    parts: Sequence[Part], cylinders: Sequence[CylinderOfJob], unassigned: Sequence[int]
+    parts: Sequence[Part], cylinders: Sequence[MeasuredCylinder], unassigned: Sequence[int]
 ) -> dict[str, int]:
     """Return the index of each part's cylinder, assigned by the smallest sum of deviations."""
     if not parts or not unassigned:

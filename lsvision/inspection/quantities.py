@@ -12,16 +12,15 @@ from lsvision.geometry import FloatArray
 from lsvision.inspection.axis_relation import angle_between
 from lsvision.inspection.job_tables import Part
 from lsvision.inspection.limits import SCAN_KEYS, SECTION_KEYS, quantity_from_key
+from lsvision.inspection.relate import MeasuredCylinder
 from lsvision.inspection.uncertain import Length, Scalar, Uncertain
 from lsvision.results.quantities import Estimate
 from lsvision.scan.scan_result import ScannedCylinder
 from lsvision.scan.shape import measure_shape
 from lsvision.scan.shape_result import TubeShape
 
-CylinderOfJob = CylinderSection | ScannedCylinder
 
-
-def measure_quantity(cylinder: CylinderOfJob, part: Part, key: str, level: float) -> Estimate:
+def measure_quantity(cylinder: MeasuredCylinder, part: Part, key: str, level: float) -> Estimate:
     """Return a quantity of a cylinder with its interval, in the unit of its key.
 
     Parameters

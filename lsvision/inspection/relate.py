@@ -13,10 +13,13 @@ from lsvision.inspection.relation import Relation
 from lsvision.inspection.section_relation import relate_sections
 from lsvision.scan.scan_result import ScannedCylinder
 
-Relatable = CylinderSection | ScannedCylinder
+MeasuredCylinder = CylinderSection | ScannedCylinder
+"""Cylinder measured in one section, or jointly in several."""
 
 
-def relate(a: Relatable, b: Relatable, *, up: npt.ArrayLike | None = None) -> Relation:
+def relate(
+    a: MeasuredCylinder, b: MeasuredCylinder, *, up: npt.ArrayLike | None = None
+) -> Relation:
     """Return distance, angle, gap and flush of two cylinders, each with its uncertainty.
 
     Gap is the distance between the surfaces, flush the height of b's crest over a's.

@@ -129,7 +129,7 @@ def random_section(
     Raises
     ------
     ValueError
-        If the kind is unknown.
+        If the kind is unknown, or `noise_mm` not positive.
     DegenerateGeometry
         If no scene is found in which all tubes are visible.
 

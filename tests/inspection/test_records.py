@@ -74,6 +74,14 @@ def test_a_file_that_only_grows_notices_what_was_changed(tmp_path):
         read_records(path)
 
 
+def test_a_record_is_appended_to_a_file_whose_last_line_has_no_end(tmp_path):
+    path = tmp_path / "log.jsonl"
+    append_record(path, {"number": 0})
+    path.write_text(path.read_text().rstrip("\n"))
+    append_record(path, {"number": 1})
+    assert [record["number"] for record in read_records(path)] == [0, 1]
+
+
 def test_a_revision_stands_for_one_content(tmp_path):
     path = tmp_path / "job.toml"
     assert describe_unrecorded_change(job(), path) is None
