@@ -21,7 +21,8 @@ from lsvision.inspection.limits import UNITS
 Location = tuple[str | int, ...]
 """Keys and indices from the root of the job to a value, as pydantic reports them."""
 
-# Header of a table or of a table in a list, and "key =", each at the beginning of a line.
+# Header of a table or of a table in a list, and "key =", each at the beginning of a line; position
+# in a message of tomllib.
 _HEADER = re.compile(r"\s*(\[\[?)\s*([^\[\]#]+?)\s*\]")
 _KEY = re.compile(r"\s*([A-Za-z0-9_.\"'-]+(?:\s*\.\s*[A-Za-z0-9_\"'-]+)*)\s*=")
 _POSITION = re.compile(r"\s*\(at line (\d+), column \d+\)")

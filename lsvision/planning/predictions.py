@@ -135,14 +135,14 @@ def summary_of_stds(record: Record) -> str:
     """
     texts = []
     for key, value in record.items():
-        name, *unit = _heading(key).removeprefix("± ").rsplit(" ", 1)
-        if not key.endswith(("_mm", "_deg")):
-            name, unit = _heading(key), []
-        texts.append(" ".join([name, _number(key, value), *unit]))
+        unit = next((unit for unit in ("mm", "deg") if key.endswith(f"_{unit}")), "")
+        name = _heading(key).removeprefix("± ").removesuffix(f" {unit}")
+        texts.append(f"{name} {_number(key, value)} {unit}".rstrip())
     return f"one sigma: {', '.join(texts)}"
 
 
 def _heading(key: str) -> str:
+    """Return the heading of a key, such as ``± radius mm`` for ``radius_std_mm``."""
     name = key.replace("_std_", "_").replace("_", " ")
     return f"± {name}" if "_std_" in key else name
 

@@ -22,6 +22,8 @@ PARAMETERS = 10
 (2)."""
 BOW, TAPER, OVALITY = slice(5, 7), slice(7, 8), slice(8, 10)
 """Indices of the deviations among the parameters; the radius is parameter 4."""
+DERIVATIVE_STEP_RADII = 1e-5
+"""Step of the central differences by the parameters. Units: radii."""
 MIN_SECTIONS = 3
 """Smallest number of sections: two centres always lie on a straight line."""
 GAUSS_NEWTON_ITERATIONS = 6
@@ -138,12 +140,12 @@ def _fit_deviations(axis_points: _AxisFramePoints) -> tuple[FloatArray, FloatArr
         maxfev=400,
     )
     estimate: FloatArray = solution
-    steps = 1e-5 * np.eye(PARAMETERS) * axis_points.radius
+    step = DERIVATIVE_STEP_RADII * axis_points.radius
     jacobian = np.column_stack(
         [
-            (_residuals(axis_points, estimate + step) - _residuals(axis_points, estimate - step))
-            / (2 * step.max())
-            for step in steps
+            (_residuals(axis_points, estimate + row) - _residuals(axis_points, estimate - row))
+            / (2 * step)
+            for row in step * np.eye(PARAMETERS)
         ]
     )
     return estimate, jacobian.T @ jacobian, _residuals(axis_points, estimate)

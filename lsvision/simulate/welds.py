@@ -66,7 +66,10 @@ def nested_centre(left: Ellipse, right: Ellipse, moved: Ellipse) -> tuple[float,
     to_right = math.atan2(right.centre[1] - left.centre[1], right.centre[0] - left.centre[0])
 
     def gap(angle: float) -> float:
-        """Return the gap to `right` while `moved` touches `left`."""
+        """Return the gap to `right` while `moved` touches `left` at an angle from `to_right`.
+
+        It is negative at 0, where `moved` and `right` overlap.
+        """
         x, y = touching_centre(left, moved, to_right + angle)
         dx, dy = x - right.centre[0], y - right.centre[1]
         contact_distance, _ = _find_contact(right, moved, math.atan2(dy, dx))
