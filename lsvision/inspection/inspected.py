@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 from lsvision.inspection.capability import Capability, binomial_interval, estimate_capability
 from lsvision.inspection.decision import Decision
+from lsvision.inspection.quantity_verdict import QuantityVerdict
 from lsvision.inspection.remedies import Remedy
-from lsvision.inspection.verdict import QuantityVerdict, Verdict, verdict_rows
+from lsvision.inspection.verdict import Verdict, verdict_rows
 from lsvision.measure import Measurement
 from lsvision.results.quantities import Quantity, Record
 from lsvision.scan.scan_result import ScanMeasurement

@@ -20,13 +20,12 @@ from lsvision.inspection.job_tables import Part, RelationLimits
 from lsvision.inspection.limits import quantity_from_key
 from lsvision.inspection.matching import Matching, match_parts
 from lsvision.inspection.quantities import measure_quantity
+from lsvision.inspection.quantity_verdict import QuantityVerdict, judge_quantity
 from lsvision.inspection.relate import MeasuredCylinder, relate
 from lsvision.inspection.verdict import (
     ItemVerdict,
     Provenance,
-    QuantityVerdict,
     Verdict,
-    judge_quantity,
 )
 from lsvision.measure import Measurement
 from lsvision.results.quantities import Estimate

@@ -11,8 +11,9 @@ from lsvision.ellipse.section import CylinderSection
 from lsvision.errors import LsvisionError
 from lsvision.inspection.decision import Decision
 from lsvision.inspection.job import Job
+from lsvision.inspection.quantity_verdict import QuantityVerdict
 from lsvision.inspection.uncertain import two_sided_factor
-from lsvision.inspection.verdict import QuantityVerdict, Verdict
+from lsvision.inspection.verdict import Verdict
 from lsvision.measure import Measurement
 from lsvision.planning import Feed, ScanPrediction, SensorView, plan_scan, plan_section
 from lsvision.results.number_format import format_std

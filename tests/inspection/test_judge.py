@@ -12,7 +12,7 @@ import lsvision as lsv
 from lsvision.detection.arcs import Rejection
 from lsvision.inspection.judge import _judge_periodic_angle
 from lsvision.inspection.limits import quantity_from_key
-from lsvision.inspection.verdict import judge_quantity
+from lsvision.inspection.quantity_verdict import judge_quantity
 from lsvision.measure import Measurement, measure_cylinders
 from lsvision.profile import Arc
 from lsvision.results.quantities import Estimate
