@@ -103,12 +103,12 @@ class Measure(JobTable):
 class Part(JobTable):
     """An expected cylinder: how it is identified among those measured, and its limits.
 
-    It is identified by position (`x_mm`, `y_mm`, `z_mm`: its centre, or ``point`` in a scan, lies
-    in all windows that are given), by `order` (from the left, or in the order of the scan), or else
-    by radius. `direction_deg` and `position_mm` are the angle to `nominal_direction` and the
-    distance of the axis from `nominal_point_mm`; `point_x_mm`, `point_y_mm` and `point_z_mm` are
-    the axis point nearest to it; `length_seen_mm` is the length along the axis between the first
-    and the last measured point.
+    It is identified by position (its centre, or in a scan its ``point``, lies in all windows that
+    are given; `z_mm` is for scans only), by `order` (from the left, or in the order of the scan),
+    or else by radius. `direction_deg` and `position_mm` are the angle to `nominal_direction` and
+    the distance of the axis from `nominal_point_mm`; `point_x_mm`, `point_y_mm` and `point_z_mm`
+    are the axis point nearest to it; `length_seen_mm` is the length along the axis between the
+    first and the last measured point.
     """
 
     name: Name

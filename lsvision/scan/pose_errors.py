@@ -88,8 +88,8 @@ def propagate_pose_errors(fit: CylinderFit, cloud: ScanCloud, errors: PoseErrors
     base_normals = normals.T @ frame
     common_jacobian = common_error_jacobian(base_normals, cloud, errors) / stds
     section_jacobian = section_error_jacobian(base_normals, cloud, errors) / stds
+    # (J'J)^-1 of the fit, which maps a change d of the normalised distances to (J'J)^-1 J'd.
     fit_covariance = fit.covariance / fit.variance_factor
-    # Least squares maps a change d of the normalised distances to (J'J)^-1 J'd.
     response = fit_covariance @ (cylinder_jacobian.T @ common_jacobian)
     starts = np.unique(cloud.point_sections, return_index=True)[1]
     section_response = fit_covariance @ np.add.reduceat(
