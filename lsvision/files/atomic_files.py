@@ -27,7 +27,8 @@ def write_atomic(path: str | os.PathLike[str], content: str | bytes | Iterable[b
     Raises
     ------
     UnwritableFile
-        If the folder is missing, not writable or full; nothing is left behind.
+        If the folder is missing, not writable or full, or the path is a directory; no part of
+        the new file is left.
 
     Examples
     --------

@@ -12,8 +12,8 @@ def status_of(path: str | os.PathLike[str]) -> os.stat_result | None:
     Returns
     -------
     os.stat_result, optional
-        None if there is no such file, its name is too long, its links go in a loop, or its folder
-        may not be searched.
+        None if there is no such file, its name is not possible, its links go in a loop, or its
+        folder may not be searched.
     """
     try:
         return Path(path).stat()
@@ -46,11 +46,9 @@ def natural_order(path: Path) -> list[tuple[bool, int, str]]:
     >>> [path.name for path in sorted(map(Path, ["p10.csv", "p2.csv"]), key=natural_order)]
     ['p2.csv', 'p10.csv']
     """
-    parts = re.split(r"([0-9]+)", str(path))
-    # isdecimal alone takes digits of any script, and isdigit also superscripts: int takes none
-    is_number = [part.isascii() and part.isdecimal() for part in parts]
+    parts = re.split(r"([0-9]+)", str(path))  # text and digits in turn
     return [
-        (is_digits, int(part) if is_digits else 0, part)
-        for part, is_digits in zip(parts, is_number, strict=True)
+        (index % 2 == 1, int(part) if index % 2 == 1 else 0, part)
+        for index, part in enumerate(parts)
         if part
     ]

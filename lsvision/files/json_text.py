@@ -1,4 +1,4 @@
-"""Untrusted JSON: limited depth, errors in one line, no NaN or infinity."""
+"""Untrusted JSON: limited depth, errors in one line, NaN and infinity only on request."""
 
 import json
 from typing import Any, NoReturn
@@ -39,7 +39,7 @@ def parse_json(text: str, *, allow_nan: bool = False) -> Any:
         If the text nests deeper than `MAX_DEPTH`.
     ValueError
         If the text is not JSON, or contains a key twice in one object, a number beyond the range
-        of a double, ``NaN`` or ``Infinity``.
+        of a double, or, without `allow_nan`, ``NaN`` or ``Infinity``.
 
     Examples
     --------
@@ -62,17 +62,16 @@ def parse_json(text: str, *, allow_nan: bool = False) -> Any:
 
 def _check_depth(value: Any) -> None:
     """Raise NestedTooDeep if a value has more than `MAX_DEPTH` levels of lists and mappings."""
-    level = [value]
-    for _ in range(MAX_DEPTH + 1):
-        level = [
+    containers = [value] if isinstance(value, dict | list) else []
+    for _ in range(MAX_DEPTH):
+        containers = [
             child
-            for parent in level
-            if isinstance(parent, dict | list)
+            for parent in containers
             for child in (parent.values() if isinstance(parent, dict) else parent)
+            if isinstance(child, dict | list)
         ]
-        if not level:
-            return
-    raise NestedTooDeep
+    if containers:
+        raise NestedTooDeep
 
 
 def _build_mapping(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -85,16 +85,8 @@ def read_bytes(path: str | os.PathLike[str]) -> bytes:
     lsvision.errors.UnreadableFile: no_such_file.csv: no such file: check the name
     """
     name = os.fspath(path)
-    try:
-        if name == STDIN:
-            return _read_all(sys.stdin.buffer.read)
-        return _read(name)
-    except UnreadableFile as error:
-        raise UnreadableFile(f"{name}: {error}") from None
-    except OSError as error:
-        raise UnreadableFile(f"{name}: {_describe_failure(error)}") from None
-    except ValueError:  # a null character, or one that the file system cannot encode
-        raise UnreadableFile(f"{name}: no file can have this name: check it") from None
+    with _errors_of(name):
+        return _read_all(sys.stdin.buffer.read) if name == STDIN else _read(name)
 
 
 def read_text(path: str | os.PathLike[str]) -> str:
@@ -115,23 +107,31 @@ def read_text(path: str | os.PathLike[str]) -> str:
 
 
 def check_readable(path: str | os.PathLike[str]) -> None:
-    """Check a file that another library will open by its name as `read_bytes` would.
+    """Raise the errors of `read_bytes` for a file that another library opens by its name.
 
     Raises
     ------
     UnreadableFile
-        If it is not a regular file, is too large, or this user has no permission to read it.
+        If there is no such file, it is not a regular one, it is larger than `current_size_limit`,
+        or this user has no permission to read it.
     """
     name = os.fspath(path)
-    try:
+    with _errors_of(name):
         _check_regular(Path(name).stat())
         if not os.access(name, os.R_OK):
             raise UnreadableFile(_MESSAGES[errno.EACCES])
+
+
+@contextmanager
+def _errors_of(name: str) -> Iterator[None]:
+    """Raise every error of a file as an UnreadableFile whose message begins with its name."""
+    try:
+        yield
     except UnreadableFile as error:
         raise UnreadableFile(f"{name}: {error}") from None
     except OSError as error:
         raise UnreadableFile(f"{name}: {_describe_failure(error)}") from None
-    except ValueError:  # as in `read_bytes`
+    except ValueError:  # a null character, or one that the file system cannot encode
         raise UnreadableFile(f"{name}: no file can have this name: check it") from None
 
 

@@ -4,8 +4,9 @@ import os
 import re
 import unicodedata
 
-# Unicode categories of characters that are not printable; first characters of a formula.
+# Unicode categories of characters that are not printable.
 _HIDDEN = frozenset(["Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"])
+# First characters of a spreadsheet's formula.
 _FORMULA_MARKS = ("=", "+", "-", "@")
 _NUMBER = re.compile(r"[-+]?[0-9]*[.,]?[0-9]*(?:[eE][-+]?[0-9]+)?")
 

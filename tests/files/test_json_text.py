@@ -16,7 +16,8 @@ def test_plain_json_is_read():
     [
         ("[" * 200_000, "levels of nesting, got more"),
         ('{"a":' * 200_000, "levels of nesting, got more"),
-        ("[" * (MAX_DEPTH + 2) + "]" * (MAX_DEPTH + 2), "levels of nesting, got more"),
+        ("[" * (MAX_DEPTH + 1) + "]" * (MAX_DEPTH + 1), "levels of nesting, got more"),
+        ('{"a":' * MAX_DEPTH + "[]" + "}" * MAX_DEPTH, "levels of nesting, got more"),
         ("[NaN]", "expected finite numbers, got NaN"),
         ("[-Infinity]", "expected finite numbers, got -Infinity"),
         ("[1e999]", "expected numbers below 1.8e308, got 1e999"),
@@ -32,6 +33,7 @@ def test_other_text_is_a_value_error(text, message):
 
 def test_nesting_up_to_the_limit_is_read():
     parse_json("[" * MAX_DEPTH + "]" * MAX_DEPTH)
+    parse_json("[" * MAX_DEPTH + "1" + "]" * MAX_DEPTH)
 
 
 def test_measured_points_may_be_lost():
