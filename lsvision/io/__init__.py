@@ -1,1 +1,1 @@
-"""The only modules that read and write files."""
+"""Formats of files: profiles, images, robot poses, calibrations, and results."""

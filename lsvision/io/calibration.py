@@ -1,4 +1,4 @@
-"""Calibration files: JSON with schema, units, residuals and provenance."""
+"""Write calibration files: JSON with schema, units, residuals and provenance."""
 
 import datetime
 import hashlib
@@ -111,14 +111,15 @@ def _laser_plane_values(calibration: LaserPlaneCalibration) -> dict[str, Any]:
 
 
 def build_provenance(method: str, inputs: Iterable[str | os.PathLike[str]]) -> dict[str, str]:
-    """Return method, date, version, and names and hash of the inputs of a calibration.
+    """Return method, date, version, and the names and one hash of the inputs of a calibration.
 
     Parameters
     ----------
     method : str
         Description of the method.
     inputs : iterable of paths
-        Input files; their names and SHA-256 are recorded.
+        Input files. Their names are recorded in the order of the sorted paths, and the SHA-256 of
+        their joined SHA-256 digests in this order.
 
     Returns
     -------
@@ -128,7 +129,7 @@ def build_provenance(method: str, inputs: Iterable[str | os.PathLike[str]]) -> d
     Raises
     ------
     UnreadableFile
-        If an input is missing.
+        If an input cannot be read.
     """
     digest, names = hashlib.sha256(), []
     for path in sorted(map(Path, inputs)):

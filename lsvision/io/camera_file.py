@@ -30,7 +30,7 @@ MAX_SIZE = 64 * 10**6
 _SCHEMAS = (CAMERA_SCHEMA, LASER_PLANE_SCHEMA, rig_file.SCHEMA)
 
 MODELS = ("plumb_bob", "rational_polynomial", "")
-"""ROS's names of models that OpenCV's coefficients express."""
+"""ROS's names of the lens models whose coefficients are those of OpenCV; empty if not stated."""
 
 
 def read_camera(path: str | os.PathLike[str], *, size: tuple[int, int] | None = None) -> Camera:
@@ -42,7 +42,7 @@ def read_camera(path: str | os.PathLike[str], *, size: tuple[int, int] | None = 
         A camera or laser-plane calibration or a rig file of lsvision; a YAML file of OpenCV's
         FileStorage; a camera_info file, or the printout of such a message of ROS 1 or 2.
     size : tuple of int, optional
-        ``(width, height)``, for files that do not state it. Units: px.
+        ``(width, height)``, for YAML files that do not state it; JSON files always do. Units: px.
 
     Returns
     -------
@@ -52,12 +52,21 @@ def read_camera(path: str | os.PathLike[str], *, size: tuple[int, int] | None = 
     Raises
     ------
     UnreadableFile
-        If the file is missing, holds no camera, or one of a lens model that is not OpenCV's
-        (fisheye); names the file and the remedy.
+        If the file is missing, holds no camera, one of a lens model that is not OpenCV's (fisheye),
+        or one for images of another size than `size`; names the file and the remedy.
     """
     source = Path(path)
+    return _parse_camera(_read_text(source), source, size)
+
+
+def _read_text(source: Path) -> str:
     with size_limit(min(current_size_limit(), MAX_SIZE)):
-        text = read_bytes(source).decode("utf-8", "replace")
+        # An image is not UTF-8; it is then reported as a file without a camera.
+        return read_bytes(source).decode("utf-8-sig", "replace")
+
+
+def _parse_camera(text: str, source: Path, size: tuple[int, int] | None = None) -> Camera:
+    """Return the camera of a file's text; see `read_camera`."""
     try:
         if text.lstrip().startswith("{"):
             return camera_from_json(parse_document(text, source, _SCHEMAS)["camera"])
@@ -78,11 +87,12 @@ def read_camera_covariance(path: str | os.PathLike[str]) -> FloatArray | None:
     Raises
     ------
     UnreadableFile
-        If the file is missing, or the covariance is not a symmetric matrix of that size.
+        If the file is missing or holds no camera, or the covariance is not a symmetric matrix of
+        that size.
     """
-    source, camera = Path(path), read_camera(path)
-    with size_limit(min(current_size_limit(), MAX_SIZE)):
-        text = read_bytes(source).decode("utf-8", "replace")
+    source = Path(path)
+    text = _read_text(source)
+    camera = _parse_camera(text, source)
     document = parse_document(text, source, _SCHEMAS) if text.lstrip().startswith("{") else {}
     if document.get("camera_covariance") is None:
         return None
@@ -97,7 +107,7 @@ def read_camera_covariance(path: str | os.PathLike[str]) -> FloatArray | None:
 
 
 def write_camera_yaml(path: str | os.PathLike[str], camera: Camera) -> None:
-    """Write a camera as OpenCV's YAML, which OpenCV 4 and 5 and ROS's tools read.
+    """Write a camera as YAML that `cv2.FileStorage` of OpenCV 4 and 5 reads.
 
     Raises
     ------
@@ -110,7 +120,7 @@ def write_camera_yaml(path: str | os.PathLike[str], camera: Camera) -> None:
         ("camera_matrix", camera.matrix),
         ("distortion_coefficients", camera.distortion.reshape(1, -1)),
     ):
-        numbers = ", ".join(
+        numbers = ", ".join(  # 1.0 rather than 1, which YAML takes for an integer
             f"{value:.17g}" if value % 1 else f"{value:.1f}" for value in values.flat
         )
         rows, columns = values.shape
@@ -131,10 +141,10 @@ def _camera_from_yaml(text: str, size: tuple[int, int] | None) -> Camera:
     if len(matrix) != 9:
         raise ValueError(f"expected a camera matrix of 9 numbers, got {len(matrix)}")
     distortion = _find_numbers(text, DISTORTION_KEYS, "distortion coefficients")
-    stated_size = _read_size(text, WIDTH_KEYS), _read_size(text, HEIGHT_KEYS)
-    if None not in stated_size and size not in (None, stated_size):
+    stated_size = _find_size(text)
+    if stated_size is not None and size not in (None, stated_size):
         raise ValueError(f"it is for images of {stated_size} px, not {size}")
-    size = size or (None if None in stated_size else stated_size)  # type: ignore[assignment]
+    size = size or stated_size
     if size is None:
         raise ValueError("it does not state the size of the images: give size=(width, height)")
     return camera_from_json(
@@ -147,8 +157,10 @@ def _find_numbers(text: str, keys: Iterable[str], quantity: str) -> list[float]:
     number_pattern = r"[-+.\deE]+"
     for key in keys:
         match = re.search(
-            rf"^[ \t]*{key}:[^\[\n]*(?:\n[ \t]+(?!data)\w+:.*)*(?:\n[ \t]*data:)?\s*"
-            rf"(\[[^\]]*\]|(?:-[ \t]+{number_pattern}\s+)+)",
+            rf"^[ \t]*{key}:[^\[\n]*"  # the key, and a tag such as !!opencv-matrix
+            r"(?:\n[ \t]+(?!data)\w+:.*)*"  # rows, cols and dt of a matrix
+            r"(?:\n[ \t]*data:)?\s*"
+            rf"(\[[^\]]*\]|(?:-[ \t]+{number_pattern}\s+)+)",  # [1, 2], or lines of "- 1"
             text,
             re.MULTILINE,
         )
@@ -161,8 +173,14 @@ def _find_numbers(text: str, keys: Iterable[str], quantity: str) -> list[float]:
     raise ValueError(f"expected {quantity} under one of {', '.join(keys)}; got none")
 
 
-def _read_size(text: str, keys: Iterable[str]) -> int | None:
-    """Return the width or height under the first of some keys; None if there is none."""
+def _find_size(text: str) -> tuple[int, int] | None:
+    """Return width and height of the images; None if the file does not state both. Units: px."""
+    width, height = _find_length(text, WIDTH_KEYS), _find_length(text, HEIGHT_KEYS)
+    return None if width is None or height is None else (width, height)
+
+
+def _find_length(text: str, keys: Iterable[str]) -> int | None:
+    """Return the whole number under the first of some keys; None if there is none."""
     for key in keys:
         match = re.search(rf"^[ \t]*{key}:[ \t]*(\d{{1,9}})\b", text, re.MULTILINE)
         if match:

@@ -18,7 +18,7 @@ DISCOVERY_MS, FRAME_MS = 1000, 3000
 
 
 def open_camera(name: str) -> Iterator[Frame]:
-    """Yield the frames of a camera until it stops sending or the caller stops reading.
+    """Return the frames of a camera, without end, or those of a video file.
 
     Parameters
     ----------
@@ -28,24 +28,20 @@ def open_camera(name: str) -> Iterator[Frame]:
 
     Returns
     -------
-    iterator of ndarray
-        Frames (height, width) or (height, width, 3) in the order blue, green, red; 8 or 16 bit.
+    iterator of Frame
+        The camera is opened when the first frame is requested.
 
     Raises
     ------
     LsvisionError
-        While frames are read: if there is no such camera or file, its package is not installed, or
-        it stops sending.
+        While frames are read: if there is no such camera or file, viva-genicam is not installed, or
+        the camera stops sending.
     """
     if name.startswith(GENICAM):
         return _read_genicam_frames(name.removeprefix(GENICAM))
     if name.isdecimal() and not Path(name).exists():
-        return _read_camera_frames(int(name))
+        return capture_frames(int(name))
     return read_frames(name)
-
-
-def _read_camera_frames(index: int) -> Iterator[Frame]:
-    yield from capture_frames(index, np.iinfo(np.int64).max)
 
 
 def _read_genicam_frames(address: str) -> Iterator[Frame]:
@@ -72,7 +68,7 @@ def _read_genicam_frames(address: str) -> Iterator[Frame]:
                         f"camera {device.ip} sends no images that can be decoded: set its "
                         "PixelFormat to Mono8 or RGB8"
                     )
-                yield array[..., ::-1] if array.ndim == 3 else array
+                yield array[..., ::-1] if array.ndim == 3 else array  # RGB to BGR
     except library.GenicamError as error:
         raise LsvisionError(
             f"camera {device.ip}: {error}: check that no other program uses it"
@@ -81,7 +77,8 @@ def _read_genicam_frames(address: str) -> Iterator[Frame]:
 
 def _find_device(library: Any, address: str) -> Any:
     """Return the one GenICam camera at an address, or the only one if the address is empty."""
-    cameras = library.discover(DISCOVERY_MS, None, address.startswith("127."))
+    include_loopback = address.startswith("127.")  # of a simulated camera
+    cameras = library.discover(DISCOVERY_MS, None, include_loopback)  # None: on all interfaces
     matching = [device for device in cameras if address in ("", device.ip)]
     if len(matching) != 1:
         known = ", ".join(f"{device.ip} ({device.model})" for device in cameras) or "none"

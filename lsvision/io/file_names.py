@@ -14,6 +14,7 @@ PROFILE_SUFFIXES = frozenset(
 )
 """Files that count as profiles when a folder is named; any file can be named explicitly."""
 
+# Files of a ROS 2 bag: its messages, and their description, which holds no profile.
 _ROS2_STORAGE, _ROS2_METADATA = (".db3", ".mcap"), "metadata.yaml"
 
 

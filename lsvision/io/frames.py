@@ -1,7 +1,6 @@
 """Frames of a video file or of a connected camera."""
 
 import os
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import islice
@@ -16,6 +15,7 @@ from lsvision.errors import LsvisionError, UnreadableFile
 from lsvision.files.limited_reading import check_readable
 
 Frame = npt.NDArray[Any]
+"""Image (height, width), or (height, width, 3) in the order blue, green, red; 8 or 16 bit."""
 
 SILENT = 0
 """LOG_LEVEL_SILENT of OpenCV 4 and 5."""
@@ -46,7 +46,8 @@ def read_frames(path: str | os.PathLike[str]) -> Iterator[Frame]:
     check_readable(source)
     with _open_capture(str(source)) as capture:
         capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
-        first_frame = next(frames := _decode_frames(capture), None)
+        frames = _decode_frames(capture)
+        first_frame = next(frames, None)
         if first_frame is None:
             raise UnreadableFile(
                 f"{source} holds no frame that can be decoded: play it to see whether it is "
@@ -56,15 +57,15 @@ def read_frames(path: str | os.PathLike[str]) -> Iterator[Frame]:
         yield from frames
 
 
-def capture_frames(index: int, count: int) -> Iterator[Frame]:
+def capture_frames(index: int, count: int | None = None) -> Iterator[Frame]:
     """Read frames of a connected camera.
 
     Parameters
     ----------
     index : int
         Index of ``cv2.VideoCapture``: 0 is the first camera of the computer.
-    count : int
-        Number of frames.
+    count : int, optional
+        Number of frames; None reads without end.
 
     Yields
     ------
@@ -81,8 +82,8 @@ def capture_frames(index: int, count: int) -> Iterator[Frame]:
         for frame in islice(_decode_frames(capture), count):
             received += 1
             yield frame
-    if received < count:
-        requested = "" if count == sys.maxsize else f" of {count}"
+    if count is None or received < count:
+        requested = "" if count is None else f" of {count}"
         raise LsvisionError(
             f"camera {index} sent {received}{requested} frames: check its cable, "
             "that no other program uses it, and its index (0 is the first)"
@@ -91,7 +92,10 @@ def capture_frames(index: int, count: int) -> Iterator[Frame]:
 
 @contextmanager
 def _open_capture(source: str | int) -> Iterator[Any]:
-    """Open a video file or a camera; messages of OpenCV and ffmpeg are suppressed meanwhile."""
+    """Open a video file or a camera; suppress the messages of OpenCV and ffmpeg until it is closed.
+
+    The log level of OpenCV is that of the whole process; the one of ffmpeg stays set.
+    """
     # OpenCV 4 has getLogLevel and setLogLevel in cv2, OpenCV 5 in cv2.utils.logging.
     logging: Any = cv2 if hasattr(cv2, "setLogLevel") else cv2.utils.logging
     level = logging.getLogLevel()
@@ -99,8 +103,10 @@ def _open_capture(source: str | int) -> Iterator[Any]:
     logging.setLogLevel(SILENT)
     try:
         capture = cv2.VideoCapture(source)
-        yield capture
-        capture.release()
+        try:
+            yield capture
+        finally:
+            capture.release()
     finally:
         logging.setLogLevel(level)
 

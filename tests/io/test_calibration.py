@@ -175,6 +175,13 @@ def test_camera_of_a_rig_file_is_read(tmp_path):
     assert_same_camera(read_camera(tmp_path / "rig.json"), CAMERA)
 
 
+def test_byte_order_mark_before_a_camera_is_skipped(tmp_path):
+    path = tmp_path / "rig.json"
+    LightSection(CAMERA, Plane((0, 0.8, 0.6), 100.0)).save(path)
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    assert_same_camera(read_camera(path), CAMERA)
+
+
 def test_provenance_tells_the_inputs_apart(tmp_path):
     file = tmp_path / "a.png"
     file.write_bytes(b"one")
