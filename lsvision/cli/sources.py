@@ -62,8 +62,8 @@ def find_sources(
             files = find_files(name, suffixes)
             if not files:
                 failures.append(_no_file_error(name, suffixes))
-        except OSError as error:  # a folder that may not be listed
-            failures.append(UnreadableFile(f"{name}: cannot be listed ({error.strerror})"))
+        except UnreadableFile as error:  # a folder that may not be listed
+            failures.append(error)
             continue
         for file in files:
             files_by_path.setdefault(true_path(file), file)

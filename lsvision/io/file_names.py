@@ -3,6 +3,7 @@
 import glob
 from pathlib import Path
 
+from lsvision.errors import UnreadableFile
 from lsvision.files.file_kinds import exists, is_directory, is_regular, natural_order
 from lsvision.files.limited_reading import STDIN
 
@@ -34,12 +35,17 @@ def find_files(name: str, suffixes: frozenset[str] = PROFILE_SUFFIXES) -> list[P
     list of Path
         Empty if a folder or a pattern matches no file. Any other name is returned as it is, also
         if there is no such file: reading it fails then.
+
+    Raises
+    ------
+    UnreadableFile
+        If a folder cannot be listed.
     """
     path = Path(name)
     if name == STDIN:
         return [path]
     if is_directory(path):
-        visible = (file for file in path.iterdir() if not file.name.startswith("."))
+        visible = [file for file in _list_folder(path) if not file.name.startswith(".")]
         files = [file for file in visible if not suffixes or file.suffix.lower() in suffixes]
         if any(file.suffix.lower() in _ROS2_STORAGE for file in files):
             files = [file for file in files if file.name != _ROS2_METADATA]
@@ -48,3 +54,12 @@ def find_files(name: str, suffixes: frozenset[str] = PROFILE_SUFFIXES) -> list[P
     else:
         files = [Path(match) for match in glob.glob(name, recursive=True)]  # noqa: PTH207 - Path.glob takes no absolute pattern
     return sorted(filter(is_regular, files), key=natural_order)
+
+
+def _list_folder(path: Path) -> list[Path]:
+    try:
+        return list(path.iterdir())
+    except OSError as error:
+        raise UnreadableFile(
+            f"{path}: cannot be listed ({error.strerror}): check its owner and mode"
+        ) from None

@@ -1,4 +1,4 @@
-"""Hand-eye calibrations in files: the functions of the public names, and ROS easy_handeye."""
+"""Save and load hand-eye calibrations, and export them to ROS easy_handeye."""
 
 import json
 from collections.abc import Mapping
@@ -33,10 +33,11 @@ def save_hand_eye(
     >>> import lsvision as lsv
     >>> folder = "calibration/example"
     >>> poses = lsv.read_robot_poses(f"{folder}/sphere_poses.csv", "kuka")
-    >>> found = lsv.calibrate_hand_eye_sphere(lsv.read_profiles(f"{folder}/sphere"), poses, 20.0)
+    >>> profiles = lsv.read_profiles(f"{folder}/sphere")
+    >>> hand_eye = lsv.calibrate_hand_eye_sphere(profiles, poses, 20.0)
     >>> path = pathlib.Path(tempfile.mkdtemp()) / "hand_eye.json"
-    >>> lsv.save_hand_eye(found, path)
-    >>> lsv.load_hand_eye(path) == found
+    >>> lsv.save_hand_eye(hand_eye, path)
+    >>> lsv.load_hand_eye(path) == hand_eye
     True
     """
     hand_eye.save(path, provenance)
@@ -74,7 +75,7 @@ def load_hand_eye(path: str | Path) -> HandEye:
 def export_easy_handeye(
     hand_eye: HandEye, path: str | Path, *, robot_frame: str, sensor_frame: str
 ) -> None:
-    """Write the pose as ROS easy_handeye's YAML: metres, quaternion x y z w.
+    """Write the pose of the sensor as ROS easy_handeye's YAML: metres, quaternion x y z w.
 
     Parameters
     ----------

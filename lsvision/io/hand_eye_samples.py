@@ -1,9 +1,10 @@
 """Samples of a hand-eye calibration as ROS tools store them: pairs of flange and target poses.
 
-Lengths are in metres. MoveIt: a list of ``effector_wrt_world`` and ``object_wrt_sensor``, 4x4 row
-by row. easy_handeye2: ``samples`` of ``robot`` and ``tracking`` (or ``optical``). easy_handeye:
-``hand_world_samples`` and ``camera_marker_samples``, each a list of ``transforms``. The latter two
-as ``translation`` and ``rotation``, quaternion x y z w.
+Lengths are in metres. MoveIt: a list of mappings with ``effector_wrt_world`` and
+``object_wrt_sensor``, 4x4 matrices row by row. easy_handeye2: ``samples``, a list of mappings with
+``robot`` and ``tracking`` (or ``optical``). easy_handeye: ``hand_world_samples`` and
+``camera_marker_samples``, each with a list of ``transforms``. In the latter two a pose is a
+``translation`` and a ``rotation``, quaternion x y z w.
 """
 
 from collections.abc import Mapping
@@ -28,12 +29,12 @@ def read_hand_eye_samples(
     path : path
         ``.json`` is JSON, anything else YAML.
     mounting : {"eye_in_hand", "eye_to_hand"}
-        easy_handeye stores the inverse pose of the flange for a fixed camera.
+        easy_handeye and easy_handeye2 store the inverse pose of the flange for a fixed camera.
 
     Returns
     -------
     base_from_flanges, camera_from_targets : list of Pose
-        Poses of each sample.
+        Poses of each sample. Units: mm.
 
     Raises
     ------
@@ -43,7 +44,7 @@ def read_hand_eye_samples(
     file = Path(path)
     parse = parse_json if file.suffix.lower() == ".json" else parse_yaml
     try:
-        pairs, inverse = _find_pairs(parse(read_text(file)))
+        pairs, by_easy_handeye = _find_pairs(parse(read_text(file)))
         flanges = [_parse_pose(flange) for flange, _ in pairs]
         targets = [_parse_pose(target) for _, target in pairs]
     except (ValueError, TypeError, KeyError, OverflowError) as error:
@@ -52,13 +53,13 @@ def read_hand_eye_samples(
             f"{path}: expected samples of MoveIt, easy_handeye or easy_handeye2, got: {problem}; "
             "poses of the target alone are read with --poses and --target-convention"
         ) from error
-    if inverse and mounting == "eye_to_hand":
+    if by_easy_handeye and mounting == "eye_to_hand":
         flanges = [pose.inverse() for pose in flanges]
     return flanges, targets
 
 
 def _find_pairs(document: Any) -> tuple[list[tuple[Any, Any]], bool]:
-    """Return the pairs of flange and target, and whether easy_handeye wrote them."""
+    """Return the pairs of flange and target, and whether easy_handeye (or 2) wrote them."""
     if isinstance(document, list):
         return [(row["effector_wrt_world"], row["object_wrt_sensor"]) for row in document], False
     if not isinstance(document, Mapping):
@@ -77,9 +78,11 @@ def _find_pairs(document: Any) -> tuple[list[tuple[Any, Any]], bool]:
 def _parse_pose(value: Any) -> Pose:
     """Return a pose (mm) from a 4x4 matrix (m), or from a translation (m) and a quaternion."""
     if isinstance(value, list):
-        rows = [number for row in value for number in (row if isinstance(row, list) else [row])]
-        numbers = [float(number) for number in rows]
+        rows = [row if isinstance(row, list) else [row] for row in value]
+        numbers = [float(number) for row in rows for number in row]
         return pose_from_numbers(numbers, "matrix", length_unit="m")
+    if not isinstance(value, Mapping):
+        raise TypeError(f"a {type(value).__name__} instead of a pose")
     value = value.get("transform", value)
     numbers = [float(value["translation"][axis]) for axis in "xyz"]
     numbers += [float(value["rotation"][axis]) for axis in "xyzw"]

@@ -19,7 +19,7 @@ _WEBP_SIDE_MASK = (1 << 14) - 1  # width and height have 14 bits
 
 
 def image_size(content: bytes) -> tuple[int, int] | None:
-    r"""Return the size of a PNG, JPEG, TIFF, BMP, PNM or WebP image; None for anything else.
+    r"""Return the size of a PNG, JPEG, TIFF, BMP, PNM or WebP image.
 
     Parameters
     ----------
@@ -29,7 +29,8 @@ def image_size(content: bytes) -> tuple[int, int] | None:
     Returns
     -------
     tuple of int, optional
-        ``(width, height)``. Units: px.
+        ``(width, height)``; None for anything else, an animated PNG, and a header or a PNG that is
+        truncated. Units: px.
 
     Examples
     --------
@@ -37,16 +38,16 @@ def image_size(content: bytes) -> tuple[int, int] | None:
     (640, 480)
     """
     try:
-        for magic, size_of in _FORMATS:
+        for magic, read_size in _FORMATS:
             if content.startswith(magic):
-                return size_of(content)
+                return read_size(content)
     except struct.error:  # truncated
         pass
     return None
 
 
 def _png_size(content: bytes) -> tuple[int, int] | None:
-    """Return the size of a PNG whose chunks are complete; OpenCV may hang at a truncated file."""
+    """Return the size of a PNG whose chunks are complete: OpenCV may hang at a truncated one."""
     if content[12:16] != b"IHDR":
         return None
     offset, kind = len(_PNG_MAGIC), b""
@@ -74,7 +75,7 @@ def _bmp_size(content: bytes) -> tuple[int, int]:
 def _webp_size(content: bytes) -> tuple[int, int] | None:
     """Return the size of a WebP: extended (VP8X), lossless (VP8L) or lossy (VP8)."""
     kind = content[12:16] if content[8:12] == b"WEBP" else b""
-    if kind == b"VP8X":
+    if kind == b"VP8X":  # width - 1 and height - 1 of 24 bits each
         low, middle, high = struct.unpack_from("<HHH", content, 24)
         return 1 + low + ((middle & 0xFF) << 16), 1 + (middle >> 8) + (high << 8)
     if kind == b"VP8L":
@@ -101,7 +102,7 @@ def _jpeg_size(content: bytes) -> tuple[int, int] | None:
             return None
         if marker == 0xFF:
             offset += 1
-        elif marker in _JPEG_WITHOUT_LENGTH or marker == 0:
+        elif marker in _JPEG_WITHOUT_LENGTH or marker == 0:  # FF 00 is a byte of data, FF
             offset += 2
         else:
             (length,) = struct.unpack_from(">H", content, offset + 2)

@@ -48,23 +48,26 @@ def write_ply(
         raise ValueError("expected finite points and colours from 0 to 1")
     faces = np.zeros((0, 3), dtype=np.int64) if triangles is None else triangles
     if faces.size and not (faces.min() >= 0 and faces.max() < len(points)):
-        raise ValueError(f"expected triangles of rows below {len(points)}, got {faces.max()}")
+        raise ValueError(
+            f"expected triangles of rows from 0 to below {len(points)}, got {faces.min()} to "
+            f"{faces.max()}"
+        )
     header = _encode_header(len(points), None if triangles is None else len(faces))
     write_atomic(path, header + _encode_vertices(points, colours) + _encode_faces(faces))
 
 
-def _encode_header(points: int, triangles: int | None) -> bytes:
-    """Return the header of a binary PLY file; without `triangles` one of points only."""
+def _encode_header(point_count: int, triangle_count: int | None) -> bytes:
+    """Return the header of a binary PLY file; of points only if `triangle_count` is None."""
     lines = [
         "ply",
         "format binary_little_endian 1.0",
         "comment lsvision, base frame, mm",
-        f"element vertex {points}",
+        f"element vertex {point_count}",
         *(f"property float {axis}" for axis in "xyz"),
         *(f"property uchar {colour}" for colour in ("red", "green", "blue")),
     ]
-    if triangles is not None:
-        lines += [f"element face {triangles}", "property list uchar int vertex_indices"]
+    if triangle_count is not None:
+        lines += [f"element face {triangle_count}", "property list uchar int vertex_indices"]
     return "\n".join([*lines, "end_header", ""]).encode("ascii")
 
 

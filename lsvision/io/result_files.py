@@ -151,11 +151,15 @@ class _RewrittenFile:
         start = time.monotonic()
         if start >= self._next_rewrite:
             with suppress(UnwritableFile):  # a full disk may have free space again at the end
-                self.finish()
+                self._rewrite()
             stop = time.monotonic()
             self._next_rewrite = stop + max(CHECKPOINT_S, (stop - start) / MAX_WRITING_FRACTION)
 
     def finish(self) -> None:
+        self._rewrite()
+
+    def _rewrite(self) -> None:
+        """Write the file completely, if a record came since the last time."""
         if self._unwritten:
             write_atomic(self._path, self._chunks())
             self._unwritten = False

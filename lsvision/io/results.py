@@ -55,7 +55,7 @@ def measurement_record(
     Returns
     -------
     dict
-        Lengths in ``*_mm``, angles in ``*_deg``; ``interval_95`` are ``[low, high]``; a number
+        Lengths in ``*_mm``, angles in ``*_deg``; ``*_interval_95_*`` is ``[low, high]``; a number
         that does not exist (the sigma of an angle that is not determined) is None.
     """
     values = measurement.to_dict()
@@ -104,7 +104,10 @@ def input_record(file: "ProfileFile", profile: int) -> Record:
 
 
 class JsonFormat:
-    """Format of a JSON document of records, each record on a line."""
+    """Format of a JSON document of records, each record on a line.
+
+    An instance writes one document: the separator before a record depends on the previous ones.
+    """
 
     head = f'{{\n  "schema": {json.dumps(FILE_SCHEMA)},\n  "measurements": ['
     tail = "\n  ]\n}\n"
@@ -165,7 +168,9 @@ class CsvFormat:
         for record in records:
             for name in _attributes(record):
                 column = printable_name(name)
-                self._attributes.setdefault(name, column + "_in_file" * (column in reserved))
+                if column in reserved:
+                    column = f"{column}_in_file"
+                self._attributes.setdefault(name, column)
         return len(self._attributes) > previous_count
 
     def item(self, record: Record) -> str:

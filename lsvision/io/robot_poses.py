@@ -126,12 +126,9 @@ def find_pose_files(path: str | Path) -> list[Path]:
     Raises
     ------
     UnreadableFile
-        If a folder or a pattern names none.
+        If a folder or a pattern names none, or a folder cannot be listed.
     """
-    try:
-        files = find_files(str(path), frozenset())
-    except OSError as error:
-        raise UnreadableFile(f"{path}: cannot be listed ({error.strerror})") from None
+    files = find_files(str(path), frozenset())
     if not files:
         raise UnreadableFile(f"{path}: no file of poses there: check it with ls")
     return files

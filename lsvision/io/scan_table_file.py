@@ -1,4 +1,4 @@
-"""Cylinders of a scan as CSV: one cylinder per row, each quantity with its 95 % interval."""
+"""Cylinders of a scan as CSV: one per row, with standard uncertainties and 95 % intervals."""
 
 import csv
 import io
@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lsvision.geometry import Pose
+from lsvision.geometry import FloatArray, Pose
+from lsvision.results.quantities import Quantity, Unit, coordinate_columns
 
 if TYPE_CHECKING:
     from lsvision.cylinder.axis_table import AxisQuantity
     from lsvision.scan import ScanMeasurement, ScannedCylinder
 
-_AXES = "xyz"
 _POINT: "tuple[AxisQuantity, ...]" = ("point_x", "point_y", "point_z")
 
 
@@ -61,13 +61,14 @@ def scan_row(number: int, tube: "ScannedCylinder", base_from_section: Pose) -> d
         **_quantity_columns("radius", "mm", tube.radius, tube.radius_std, tube.interval("radius")),
         **_tilt_columns(tube, base_from_section),
     }
+    # The covariance is that of the point's shift along the two tangents, base frame.
     point_stds = np.sqrt(np.diag(basis.T @ covariance[:2, :2] @ basis))
     for k, quantity in enumerate(_POINT):
         interval = tube.interval(quantity)
         row |= _quantity_columns(
             quantity, "mm", float(tube.point[k]), float(point_stds[k]), interval
         )
-    row |= {f"direction_{axis}": float(v) for axis, v in zip(_AXES, tube.direction, strict=True)}
+    row |= coordinate_columns("direction", tube.direction.tolist())
     row["direction_std_deg"] = math.degrees(tube.direction_std)
     row["start_mm"], row["end_mm"] = tube.axial_range
     row["includes_calibration"] = tube.includes_calibration
@@ -75,35 +76,46 @@ def scan_row(number: int, tube: "ScannedCylinder", base_from_section: Pose) -> d
 
 
 def _tilt_columns(tube: "ScannedCylinder", base_from_section: Pose) -> dict[str, Any]:
-    """Return phi and theta of the axis in a section, with intervals.
+    """Return phi and theta of the axis in a section, with stds and intervals, in degrees.
 
     Definition: phi is the angle between the axis and the section's normal Z, theta the direction of
     the axis in the section's plane, from X towards Y, in [0, pi). If the joint confidence
-    region of the two direction errors contains Z, phi may be 0 and theta is not determined.
+    region of the two direction errors contains Z, phi may be 0 and theta is not determined. The
+    interval of theta is centred on theta and may extend beyond 0 or pi.
     """
-    x, y, z = base_from_section.rotation.T @ tube.direction
-    phi = math.atan2(math.hypot(x, y), abs(z))
-    theta = math.atan2(y, x) % math.pi
-    sign = math.copysign(1.0, z)
-    azimuth = math.atan2(y * sign, x * sign)
-    cos, sin = math.cos(azimuth), math.sin(azimuth)
-    tilt_axes = np.array(
-        [[math.cos(phi) * cos, math.cos(phi) * sin, -math.sin(phi)], [-sin, cos, 0.0]]
-    )
-    tangents = tube.fit.tangent_basis @ base_from_section.rotation * sign
-    jacobian = tilt_axes @ tangents.T
-    variances = np.diag(jacobian @ tube.covariance[2:4, 2:4] @ jacobian.T)
-    phi_std, tangential_std = (math.sqrt(max(0.0, float(v))) for v in variances)
+    direction = base_from_section.rotation.T @ tube.direction
+    x, y, z = direction * math.copysign(1.0, direction[2])  # towards the section's Z
+    phi, azimuth = math.atan2(math.hypot(x, y), z), math.atan2(y, x)
+    theta = azimuth % math.pi
+    phi_std, azimuthal_std = _direction_stds(tube, base_from_section, phi, azimuth)
     factor = tube.fit.coverage_factor()
-    determined = phi > tube.fit.coverage_factor(quantities=2) * max(phi_std, tangential_std)
+    determined = phi > tube.fit.coverage_factor(quantities=2) * max(phi_std, azimuthal_std)
     low = max(0.0, phi - factor * phi_std) if determined else 0.0
     row = _angle_columns("phi", phi, phi_std, (low, min(math.pi / 2, phi + factor * phi_std)))
     if not determined:
         row |= _quantity_columns("theta", "deg", "", "", (0.0, 180.0))
         return row | {"theta_determined": False}
-    std = tangential_std / math.sin(phi)
+    std = azimuthal_std / math.sin(phi)
     row |= _angle_columns("theta", theta, std, (theta - factor * std, theta + factor * std))
     return row | {"theta_determined": True}
+
+
+def _direction_stds(
+    tube: "ScannedCylinder", base_from_section: Pose, phi: float, azimuth: float
+) -> tuple[float, float]:
+    """Return the stds (rad) of the axis direction along increasing phi and increasing azimuth.
+
+    Definition: the axis is (sin phi cos azimuth, sin phi sin azimuth, cos phi), section frame.
+    """
+    cos, sin = math.cos(azimuth), math.sin(azimuth)
+    directions: FloatArray = np.array(
+        [[math.cos(phi) * cos, math.cos(phi) * sin, -math.sin(phi)], [-sin, cos, 0.0]]
+    )
+    tangents = tube.fit.tangent_basis @ base_from_section.rotation  # in the section frame
+    jacobian = directions @ tangents.T
+    variances = np.diag(jacobian @ tube.covariance[2:4, 2:4] @ jacobian.T)
+    phi_std, azimuthal_std = np.sqrt(np.maximum(variances, 0.0)).tolist()
+    return phi_std, azimuthal_std
 
 
 def _angle_columns(
@@ -114,13 +126,7 @@ def _angle_columns(
 
 
 def _quantity_columns(
-    name: str, unit: str, value: float | str, std: float | str, interval: Sequence[float]
+    name: str, unit: Unit, value: float | str, std: float | str, interval: Sequence[float]
 ) -> dict[str, Any]:
     """Return the columns of a quantity: value, std and ends of the 95 % interval."""
-    low, high = interval
-    return {
-        f"{name}_{unit}": value,
-        f"{name}_std_{unit}": std,
-        f"{name}_low_95_{unit}": low,
-        f"{name}_high_95_{unit}": high,
-    }
+    return dict(zip(Quantity(name, unit).columns, (value, std, *interval), strict=True))

@@ -19,7 +19,8 @@ def verdicts_json(records: Sequence[Record]) -> str:
     Parameters
     ----------
     records : sequence of dict
-        ``source``, ``profile`` and the items of ``Verdict.to_dict``.
+        Name of the file, index of the profile, and the items of ``Verdict.to_dict``: keys
+        ``source``, ``profile``, ...
     """
     document = {"schema": FILE_SCHEMA, "verdicts": list(records)}
     return json.dumps(document, indent=2, allow_nan=False) + "\n"
@@ -35,7 +36,7 @@ def verdicts_csv(rows: Sequence[Record]) -> str:
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(rows[0] if rows else [])
+    writer.writerow(list(rows[0]) if rows else [])
     for row in rows:
         writer.writerow(
             [printable_cell(cell) if isinstance(cell, str) else cell for cell in row.values()]

@@ -53,7 +53,8 @@ def test_a_surface_without_triangles_is_a_whole_file(tmp_path: Path) -> None:
         (POINTS, COLOURS[:2], None, r"got \(3, 3\), \(2, 3\)"),
         (POINTS, 255 * COLOURS, None, "colours from 0 to 1"),
         (np.nan * POINTS, COLOURS, None, "finite points"),
-        (POINTS, COLOURS, np.array([[0, 1, 3]]), "rows below 3, got 3"),
+        (POINTS, COLOURS, np.array([[0, 1, 3]]), "rows from 0 to below 3, got 0 to 3"),
+        (POINTS, COLOURS, np.array([[0, 1, -1]]), "got -1 to 1"),
     ],
 )
 def test_what_is_no_cloud_is_rejected(

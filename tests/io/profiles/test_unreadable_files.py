@@ -2,6 +2,7 @@
 
 import io
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -217,3 +218,12 @@ def test_a_word_over_two_lines_is_reported_in_one(write):
     with pytest.raises(UnreadableFile) as failure:
         read_profile(write("%YAML:1.0\n---\nscan_line: [!\n!]", "a.yml"))
     assert "\n" not in str(failure.value)
+
+
+def test_a_folder_that_may_not_be_listed_is_reported_by_name(tmp_path, monkeypatch):
+    def iterdir(path):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "iterdir", iterdir)
+    with pytest.raises(UnreadableFile, match=r"cannot be listed \(Permission denied\): check its"):
+        read_profiles(tmp_path)
