@@ -1,1 +1,1 @@
-"""Formats of files: profiles, images, robot poses, calibrations, and results."""
+"""Read and write profiles, images, robot poses, calibrations and results."""

@@ -7,17 +7,22 @@ from dataclasses import dataclass
 from lsvision.io.profiles.units import split_label
 from lsvision.io.robot_conventions import CONVENTIONS, AngleUnit, LengthUnit, PoseConvention
 
-# Names of fields in all conventions; other spellings of them; names of ABB's quaternion; spellings
-# of the units of angles ("grad" is German for degree).
 _FIELDS = {field for pose_convention in CONVENTIONS.values() for field in pose_convention.fields}
+"""Names of fields in all conventions."""
 _ALIASES = {
     **{prefix + axis: axis for prefix in ("p", "t", "pos", "tcp", "trans") for axis in "xyz"},
     **{axis + "pos": axis for axis in "xyz"},
     **{f"rot{axis}": f"r{axis}" for axis in "xyz"},
 }
-_QUATERNION = {"abb": {"qw": "q1", "qx": "q2", "qy": "q3", "qz": "q4"}}
-_ANGLES = {"deg": "deg", "degree": "deg", "degrees": "deg", "°": "deg", "grad": "deg"}
-_ANGLES |= {"rad": "rad", "radian": "rad", "radians": "rad"}
+"""Other spellings of fields."""
+_ABB_QUATERNION = {"qw": "q1", "qx": "q2", "qy": "q3", "qz": "q4"}
+"""ABB's names of the components of a quaternion."""
+_ANGLE_UNITS: dict[str, AngleUnit] = {
+    **dict.fromkeys(["deg", "degree", "degrees", "°"], "deg"),
+    "grad": "deg",  # German for degree
+    **dict.fromkeys(["rad", "radian", "radians"], "rad"),
+}
+"""Spellings of the units of angles."""
 
 
 @dataclass(frozen=True)
@@ -27,9 +32,10 @@ class PoseHeader:
     Parameters
     ----------
     columns : tuple of int
-        Column of each field; empty if the columns are in the order of the convention.
+        Column of each field; empty if the header does not name all fields: the numbers are then in
+        the order of the convention.
     length_unit, angle_unit : str or None
-        Units as the header states them.
+        Units as the header states them; None where it states none or does not name all fields.
     """
 
     columns: tuple[int, ...] = ()
@@ -49,12 +55,14 @@ def read_pose_header(
     pose_convention : PoseConvention
         Convention with the names of the fields.
     skip : int
-        Number of columns before the pose; used if the header names no fields.
+        Number of columns before the pose, where a header that names only some fields must have
+        them in the order of the convention.
 
     Raises
     ------
     ValueError
-        If it names fields of another convention, a field twice, or an unknown unit.
+        If it names fields of another convention or at another position, a field twice, or an
+        unknown unit.
 
     Examples
     --------
@@ -70,9 +78,9 @@ def read_pose_header(
             f"the header names {repeated[0]} {names.count(repeated[0])} times: rename one"
         )
     if missing:
-        named = [(k, name) for k, name in enumerate(names) if name in _FIELDS]
+        named = [(column, name) for column, name in enumerate(names) if name in _FIELDS]
         expected = dict(enumerate(pose_convention.fields, start=skip))
-        if any(expected.get(k) != name for k, name in named):
+        if any(expected.get(column) != name for column, name in named):
             raise ValueError(
                 f"the header names {' '.join(name for _, name in named)} and not "
                 f"{' '.join(missing)} of convention {pose_convention.name!r}: check the convention"
@@ -80,22 +88,32 @@ def read_pose_header(
         return PoseHeader()
     columns = tuple(names.index(field) for field in pose_convention.fields)
     units = ["" if stated is None else stated.text.lower() for _, stated in labels]
-    lengths = {units[columns[k]] for k in range(3)} - {""}
-    angles = {units[c] for c in columns[3:]} - {"", "-", "1"}
+    by_field = [units[column] for column in columns]
+    lengths, angles = by_field[:3], by_field[3:]
     if pose_convention.rotation == "matrix":
-        lengths, angles = {units[columns[k]] for k in (3, 7, 11)} - {""}, set()
-    return PoseHeader(columns, common_length_unit(lengths), _common_angle_unit(angles))
+        lengths, angles = by_field[3:12:4], []  # the last column of the first three rows
+    return PoseHeader(
+        columns,
+        common_length_unit(set(lengths) - {""}),
+        _common_angle_unit(set(angles) - {"", "-", "1"}),
+    )
 
 
 def _field_name(name: str, pose_convention: PoseConvention) -> str:
-    """Return the name of the convention's field for a name in a header."""
+    """Return the convention's field for a name in a header; the letters of any other name."""
     letters = re.sub(r"[\W_]", "", name)
     letters = _ALIASES.get(letters, letters)
-    return _QUATERNION.get(pose_convention.name, {}).get(letters, letters)
+    return _ABB_QUATERNION.get(letters, letters) if pose_convention.name == "abb" else letters
 
 
 def common_length_unit(units: set[str]) -> LengthUnit | None:
-    """Return the unit of all lengths of a file from those stated; None if none is stated."""
+    """Return the unit of all lengths of a file from those stated; None if none is stated.
+
+    Raises
+    ------
+    ValueError
+        If they are neither all mm nor all m.
+    """
     if not units:
         return None
     if units == {"mm"}:
@@ -109,7 +127,7 @@ def _common_angle_unit(units: set[str]) -> AngleUnit | None:
     """Return the unit of all angles of a header; None if it states none."""
     if not units:
         return None
-    known = {_ANGLES.get(unit) for unit in units}
+    known = {_ANGLE_UNITS.get(unit) for unit in units}
     if known == {"deg"}:
         return "deg"
     if known == {"rad"}:

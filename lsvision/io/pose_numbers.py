@@ -18,12 +18,13 @@ from lsvision.io.robot_conventions import (
 from lsvision.results.number_format import format_std, format_value
 
 DERIVATIVE_STEP = 1e-5
-"""Step of the numerical derivative. Units: mm, rad."""
+"""Step of the central difference; at positions of metres its relative error is below 1e-6, less
+than the digits of a printed standard uncertainty. Units: mm, rad."""
 MIN_COSINE_OF_MIDDLE = 1e-3
-"""Smallest cosine (for proper Euler angles sine) of the middle angle at which the two other angles
-have a standard uncertainty; it is 0 in gimbal lock."""
+"""Smallest cosine (sine for proper Euler angles, whose first and last axes are the same) of the
+middle angle at which the two other angles have a standard uncertainty; it is 0 in gimbal lock."""
 DECIMALS = {"mm": 3, "m": 6, "deg": 4, "rad": 6, "": 8}
-"""Decimals that are printed: 0.001 mm, 0.0001 deg."""
+"""Decimals that are printed, by unit: 0.001 mm, 0.0001 deg; quaternions have no unit."""
 # Text of a pose as it is typed in at a robot, by convention.
 _ROBOT_FORMATS = {
     "kuka": "{{X {}, Y {}, Z {}, A {}, B {}, C {}}}",
@@ -46,8 +47,8 @@ def numbers_from_pose(pose: Pose, convention: str) -> FloatArray:
     Returns
     -------
     (n,) ndarray
-        In the order and the units of the convention. In gimbal lock the last of three angles is 0.
-        A quaternion has w >= 0.
+        In the order and the units of the convention. In gimbal lock the last of three Euler angles
+        is 0. A quaternion has w >= 0.
 
     Raises
     ------
@@ -79,19 +80,20 @@ def propagate_to_numbers(pose: Pose, covariance: npt.ArrayLike, convention: str)
     pose : Pose
         Pose to be written.
     covariance : (6, 6) array_like
-        Covariance of translation (mm) and left-hand rotation (rad), as in `HandEye`.
+        Covariance of translation (mm) and rotation (rad) along the axes of the frame in which the
+        pose is given, R -> exp([w]x) R, as in `HandEye`.
     convention : str
         Name of a convention, one of `CONVENTIONS`.
 
     Returns
     -------
     (n,) ndarray
-        To first order; NaN for the outer angles in gimbal lock, where the pose determines only
-        their sum or difference.
+        To first order, in the order and the units of the convention; NaN for the first and the last
+        Euler angle in gimbal lock, where the pose determines only their sum or difference.
     """
     from scipy.spatial.transform import Rotation
 
-    pose_convention = find_convention(convention)
+    pose_convention, reference = find_convention(convention), numbers_from_pose(pose, convention)
     columns = []
     for step in np.eye(6) * DERIVATIVE_STEP:
         perturbed_poses = [
@@ -102,15 +104,15 @@ def propagate_to_numbers(pose: Pose, covariance: npt.ArrayLike, convention: str)
             for sign in (1.0, -1.0)
         ]
         after, before = (
-            _unwrap(numbers_from_pose(perturbed_pose, convention), pose, pose_convention)
+            _unwrap(numbers_from_pose(perturbed_pose, convention), reference, pose_convention)
             for perturbed_pose in perturbed_poses
         )
         columns.append((after - before) / (2 * DERIVATIVE_STEP))
     jacobian = np.column_stack(columns)
     variances = np.einsum("ij,jk,ik->i", jacobian, np.asarray(covariance), jacobian)
     std: FloatArray = np.sqrt(np.maximum(variances, 0.0))
-    if len(pose_convention.rotation) == 3 and _is_singular(pose, pose_convention):
-        std[[3, 5]] = np.nan
+    if pose_convention.is_euler and _is_singular(pose, pose_convention):
+        std[[3, 5]] = np.nan  # the first and the last angle
     return std
 
 
@@ -124,30 +126,31 @@ def frame_rows(hand_eye: HandEye, convention: str) -> list[Row]:
     convention : str
         Name of a convention, one of `CONVENTIONS`.
     """
+    pose_convention = find_convention(convention)
     mount = "flange" if hand_eye.mounting == "eye_in_hand" else "base"
-    name, pose_convention = f"{mount}_from_{hand_eye.sensor}", find_convention(convention)
+    name = f"{mount}_from_{hand_eye.sensor}"
     pose = hand_eye.mount_from_sensor
     values = numbers_from_pose(pose, convention)
     if pose_convention.rotation == "matrix":
         return _matrix_rows(name, values.reshape(4, 4), hand_eye.covariance)
     std = propagate_to_numbers(pose, hand_eye.covariance, convention)
     units = [pose_convention.length_unit] * 3 + [_angle_unit(pose_convention)] * (len(values) - 3)
-    fields = [
-        field.upper() if len(pose_convention.rotation) == 3 else field
-        for field in pose_convention.fields
+    fields = [  # X, Y, Z, A, B, C as robots show them, but q1, qx, rx
+        field.upper() if pose_convention.is_euler else field for field in pose_convention.fields
     ]
     rows = [
         (f"{name} {field}", format_value(float(value), float(sigma)), unit)
         for field, value, sigma, unit in zip(fields, values, std, units, strict=True)
     ]
-    cells = [f"{value:.{DECIMALS[unit]}f}" for value, unit in zip(values + 0.0, units, strict=True)]
+    values = values + 0.0  # 0 instead of -0
+    cells = [f"{value:.{DECIMALS[unit]}f}" for value, unit in zip(values, units, strict=True)]
     text = _ROBOT_FORMATS.get(pose_convention.name, ", ".join(["{}"] * len(cells))).format(*cells)
     unit_text = ", ".join(dict.fromkeys(unit for unit in units if unit))
     return [*rows, (f"to type in, {pose_convention.name}", text, unit_text)]
 
 
 def _matrix_rows(name: str, matrix: FloatArray, covariance: FloatArray) -> list[Row]:
-    """Return the rows of a printed 4x4 matrix, and the stds of position and rotation."""
+    """Return the table rows of a 4x4 matrix, and those of the stds of its position and rotation."""
     decimals = [DECIMALS[""]] * 3 + [DECIMALS["mm"]]
     rows: list[Row] = [
         (
@@ -155,7 +158,7 @@ def _matrix_rows(name: str, matrix: FloatArray, covariance: FloatArray) -> list[
             ", ".join(f"{value:.{count}f}" for value, count in zip(row, decimals, strict=True)),
             "mm" if number < 4 else "",
         )
-        for number, row in enumerate(matrix + 0.0, start=1)
+        for number, row in enumerate(matrix + 0.0, start=1)  # 0 instead of -0
     ]
     std = np.sqrt(np.diag(covariance))
     position = ", ".join(format_std(value) for value in std[:3].tolist())
@@ -168,23 +171,24 @@ def _matrix_rows(name: str, matrix: FloatArray, covariance: FloatArray) -> list[
 
 
 def _angle_unit(pose_convention: PoseConvention) -> str:
-    return "" if pose_convention.rotation.startswith("quaternion") else pose_convention.angle_unit
+    """Return the unit of the numbers of a rotation; empty for a quaternion."""
+    return "" if pose_convention.is_quaternion else pose_convention.angle_unit
 
 
 def _angles(matrix: FloatArray, pose_convention: PoseConvention) -> FloatArray:
-    """Return angles, rotation vector or quaternion of a rotation in the convention's unit."""
+    """Return Euler angles, rotation vector or quaternion of a rotation in the convention's unit."""
     from scipy.spatial.transform import Rotation
 
     rotation = Rotation.from_matrix(matrix)
     angles: FloatArray
-    if pose_convention.rotation.startswith("quaternion"):
+    if pose_convention.is_quaternion:
         xyzw = rotation.as_quat(canonical=True)
         angles = np.roll(xyzw, 1) if pose_convention.rotation.endswith("wxyz") else xyzw
     elif pose_convention.rotation == "rotvec":
         angles = rotation.as_rotvec() / RAD_PER_UNIT[pose_convention.angle_unit]
     else:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # gimbal lock: the outer angles have no sigmas
+            warnings.simplefilter("ignore")  # gimbal lock: the other two angles then have no sigmas
             angles = (
                 rotation.as_euler(pose_convention.rotation)
                 / RAD_PER_UNIT[pose_convention.angle_unit]
@@ -192,20 +196,22 @@ def _angles(matrix: FloatArray, pose_convention: PoseConvention) -> FloatArray:
     return angles
 
 
-def _unwrap(values: FloatArray, pose: Pose, pose_convention: PoseConvention) -> FloatArray:
-    """Return numbers of the same pose that are nearest to those of another.
+def _unwrap(
+    values: FloatArray, reference: FloatArray, pose_convention: PoseConvention
+) -> FloatArray:
+    """Return the numbers of a pose in the form that is nearest to the numbers of another pose.
 
     Angles and rotation vectors are changed by whole revolutions, quaternions by their sign.
     """
-    reference = numbers_from_pose(pose, pose_convention.name)
     nearest: FloatArray = values.copy()
     if pose_convention.rotation == "matrix":
         return nearest
     angles, reference_angles = nearest[3:], reference[3:]
     revolution = 2 * math.pi / RAD_PER_UNIT[pose_convention.angle_unit]
-    if pose_convention.rotation.startswith("quaternion"):
+    if pose_convention.is_quaternion:
         nearest[3:] = angles * np.sign(angles @ reference_angles)
     elif pose_convention.rotation == "rotvec":
+        # Beyond half a revolution the vector has the opposite direction; short ones only turn.
         if angles @ reference_angles < 0 and np.linalg.norm(reference_angles) > revolution / 4:
             nearest[3:] = angles - revolution * angles / np.linalg.norm(angles)
     else:

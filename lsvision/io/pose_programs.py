@@ -7,11 +7,13 @@ from lsvision.errors import UnreadableFile
 from lsvision.io.robot_conventions import PoseConvention
 
 _NUMBER = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+# A position such as {X 100, Y 0, ...} or {E6POS: X 100, ...}, and one of joint angles, {A1 0, ...}.
 _KUKA = re.compile(
     r"\{\s*(?:(?:E6POS|POS|FRAME|E3POS)\s*)?(?::\s*)?(X\s+[-+.0-9][^{}]*)\}", re.IGNORECASE
 )
 _KUKA_AXES = re.compile(r"\{\s*(?:(?:E6AXIS|AXIS)\s*)?(?::\s*)?A1\s[^{}]*\}", re.IGNORECASE)
 _KUKA_FIELD = re.compile(rf"(?<![A-Z0-9])([A-Z][A-Z0-9]*)\s+({_NUMBER})", re.IGNORECASE)
+# A position such as P[1:"weld"] { ... X = 100 mm, ... }, and its user frame, UF : 1.
 _FANUC = re.compile(r"\bP\[\s*([0-9]{1,9})[^\]]{0,200}\]\s*\{([^{}]*)\}", re.IGNORECASE)
 _FANUC_FIELD = re.compile(r"\b([XYZWPR])\s*=\s*([^\s,;}]+)[ \t]*([A-Z]*)", re.IGNORECASE)
 _FANUC_FRAME = re.compile(r"\bUF\s*:\s*(\S{1,40}?)\s*,", re.IGNORECASE)
@@ -40,7 +42,7 @@ def read_program_rows(
     ------
     UnreadableFile
         For joint angles, positions that were never taught, several user frames, or a convention
-        that does not name the program's fields.
+        other than the maker's.
     """
     for pattern, maker, read_rows in (
         (_KUKA, "kuka", _kuka_rows),
@@ -70,18 +72,13 @@ def _kuka_rows(path: Path, text: str, pose_convention: PoseConvention) -> list[l
 
 
 def _without_kuka_comments(text: str) -> str:
-    """Return the text without comments: from a semicolon to the end, after the last aggregate."""
-    return "\n".join(map(_without_kuka_comment, text.split("\n")))
-
-
-def _without_kuka_comment(line: str) -> str:
-    head, brace, tail = line.rpartition("{")
-    return head + brace + tail.partition(";")[0]
+    """Return the text without comments: from a semicolon to the end of its line."""
+    return "\n".join(line.partition(";")[0] for line in text.split("\n"))
 
 
 def _fanuc_rows(path: Path, text: str, pose_convention: PoseConvention) -> list[list[float]]:
     """Return the positions of a FANUC program (LS), one row each, in the order of the file."""
-    rows, frames = [], {}
+    rows, frames = [], []
     for name, body in _FANUC.findall(text):
         position = f"P[{name}]"
         values: dict[str, float] = {}
@@ -98,11 +95,12 @@ def _fanuc_rows(path: Path, text: str, pose_convention: PoseConvention) -> list[
                     f"{path}: {position}: {field} is {cell[:20]!r}: the position was never taught"
                 ) from None
         frame = _FANUC_FRAME.search(body)
-        frames[frame[1] if frame else ""] = position
+        frames.append(frame[1] if frame else "none")
         rows.append(_order_fields(path, position, values, pose_convention))
-    if len(frames) > 1:
+    if len(set(frames)) > 1:
+        listed = ", ".join(dict.fromkeys(frames))
         raise UnreadableFile(
-            f"{path}: positions in several user frames (UF {', '.join(frames)}): teach all in one"
+            f"{path}: positions in several user frames (UF {listed}): teach all in one"
         )
     return rows
 

@@ -1,4 +1,4 @@
-"""Poses as rows of numbers, from text, JSON and YAML files."""
+"""Poses as rows of numbers, from robot programs, text, JSON and YAML files."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -138,7 +138,10 @@ def _text_rows(path: Path, text: str, pose_convention: PoseConvention, skip: int
 
 
 def _commented_header(lines: Sequence[str], cells: Sequence[str]) -> list[str] | None:
-    """Return the column names in the last comment above the numbers, if their count matches."""
+    """Return the column names in the last comment above the numbers.
+
+    None unless there is one name for each cell, and x, y and z are among them.
+    """
     comments = [line.strip().lstrip("#%/ ") for line in lines if line.strip()]
     names = _split_cells(comments[-1]) if comments else []
     fields = [name for name in names if split_label(name)[0] in ("x", "y", "z")]
@@ -146,7 +149,7 @@ def _commented_header(lines: Sequence[str], cells: Sequence[str]) -> list[str] |
 
 
 def _stated_length_unit(lines: Sequence[str]) -> LengthUnit | None:
-    """Return the unit of length that the comments state."""
+    """Return the unit of length that the comments state; None without a statement."""
     comments = [line for line in lines if line.lstrip().startswith(("#", "%", "//"))]
     stated = {
         statement.unit.unit or statement.unit.text
@@ -172,6 +175,7 @@ def _parse_row(cells: list[str], pose_convention: PoseConvention, location: str)
 
 
 def _split_cells(line: str) -> list[str]:
+    """Return the cells of a line without its comment and brackets; empty if nothing remains."""
     line = line.split("#", maxsplit=1)[0].strip()
     if ";" in line:  # European spreadsheets: decimal comma
         return [cell.strip().replace(",", ".") for cell in line.rstrip("; ").split(";")]

@@ -27,7 +27,8 @@ MAX_NUMBER = 1e9
 """Largest number of a pose, far above any position or angle; its square does not overflow."""
 
 MAX_ORTHONORMALITY_ERROR = 1e-3
-"""Largest entry of R'R - I of a matrix in a file, which is then made orthonormal."""
+"""Largest entry of R'R - I of a matrix in a file, which is then made orthonormal; also the largest
+deviation of its last row from 0 0 0 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,10 +40,12 @@ class PoseConvention:
     name : str
         Name of the convention.
     fields : tuple of str
-        Names of the numbers in their order.
+        Names of the numbers in their order: position x, y, z, then the rotation; or the 16 of a 4x4
+        matrix, row by row.
     rotation : str
-        ``"rotvec"``, ``"quaternion"``, ``"matrix"`` or scipy's Euler sequence (upper case =
-        moving axes, lower case = fixed axes), in the order of `fields`.
+        ``"rotvec"``, ``"quaternion wxyz"``, ``"quaternion xyzw"``, ``"matrix"``, or three Euler
+        angles as scipy's sequence (upper case = moving axes, lower case = fixed axes), in the
+        order of `fields`.
     length_unit, angle_unit : str
         Units of the maker's files.
     """
@@ -52,6 +55,16 @@ class PoseConvention:
     rotation: str
     length_unit: LengthUnit = "mm"
     angle_unit: AngleUnit = "deg"
+
+    @property
+    def is_euler(self) -> bool:
+        """Whether the rotation is written as three Euler angles."""
+        return len(self.rotation) == 3
+
+    @property
+    def is_quaternion(self) -> bool:
+        """Whether the rotation is written as a quaternion."""
+        return self.rotation.startswith("quaternion")
 
 
 _XYZ = ("x", "y", "z")
@@ -123,8 +136,9 @@ def pose_from_numbers(
     Raises
     ------
     ValueError
-        If the convention is unknown, the count is wrong, a number is not finite, a quaternion is
-        not of length 1, or a matrix is not a rotation.
+        If the convention is unknown, the count is wrong, a number is not finite or above
+        `MAX_NUMBER`, a quaternion is not of length 1, or a matrix is not that of a rotation and a
+        translation.
 
     Examples
     --------
@@ -147,27 +161,28 @@ def pose_from_numbers(
     if pose_convention.rotation == "matrix":
         return _pose_from_matrix(values.reshape(4, 4), mm_per_unit)
     rad_per_unit = RAD_PER_UNIT[angle_unit or pose_convention.angle_unit]
-    return Pose(
-        _rotation(values[3:], pose_convention.rotation, rad_per_unit), values[:3] * mm_per_unit
-    )
+    rotation = _rotation_matrix(values[3:], pose_convention, rad_per_unit)
+    return Pose(rotation, values[:3] * mm_per_unit)
 
 
-def _rotation(values: FloatArray, convention: str, rad_per_unit: float) -> FloatArray:
-    """Return the rotation matrix (3, 3) of numbers in a convention."""
+def _rotation_matrix(
+    values: FloatArray, pose_convention: PoseConvention, rad_per_unit: float
+) -> FloatArray:
+    """Return the rotation matrix (3, 3) of a quaternion, a rotation vector or Euler angles."""
     from scipy.spatial.transform import Rotation
 
-    if convention.startswith("quaternion"):
+    if pose_convention.is_quaternion:
         norm = float(np.linalg.norm(values))
         if abs(norm - 1) > MAX_QUATERNION_NORM_ERROR:
             raise ValueError(
                 f"expected a quaternion of length 1, got length {norm:.4f}: {_format_value(values)}"
             )
-        xyzw = np.roll(values, -1) if convention.endswith("wxyz") else values
+        xyzw = np.roll(values, -1) if pose_convention.rotation.endswith("wxyz") else values
         matrix: FloatArray = Rotation.from_quat(xyzw / norm).as_matrix()
-    elif convention == "rotvec":
+    elif pose_convention.rotation == "rotvec":
         matrix = Rotation.from_rotvec(values * rad_per_unit).as_matrix()
     else:
-        matrix = Rotation.from_euler(convention, values * rad_per_unit).as_matrix()
+        matrix = Rotation.from_euler(pose_convention.rotation, values * rad_per_unit).as_matrix()
     return matrix
 
 

@@ -28,11 +28,16 @@ MAX_REACH_MM = 20_000.0
 MAX_SPREAD_MM = 5_000.0
 """Largest extent of the flange positions in a calibration or scan. Units: mm."""
 MIN_POSITION_MM = 5.0
-"""Smallest distance of a flange from its base's origin; below it, m were probably read as mm."""
+"""Smallest distance of the farthest flange from the origin of its base; below it, m were probably
+read as mm. Units: mm."""
 SAME_POSE_MM, SAME_POSE_RAD = 0.01, 1e-5
-"""Differences below which two poses are the same."""
+"""Extent of the positions (mm), and difference of the entries of the rotation matrices (rad), below
+which all poses are the same."""
 MAX_ANGLE_RAD = 2 * np.pi * 1.001
-"""Largest length of a rotation vector in rad, with room for rounding; a longer one is in deg."""
+"""Largest angle or length of a rotation vector in rad, one revolution with room for rounding; a
+larger number is in deg."""
+MIN_ANGLE_RAD = np.radians(1)
+"""Angles that are all below it, as numbers, are nearly 0 both in rad and in deg."""
 
 
 def read_robot_poses(
@@ -135,6 +140,7 @@ def find_pose_files(path: str | Path) -> list[Path]:
 
 
 def _common_unit(path: str | Path, units: Sequence[_Unit | None]) -> _Unit | None:
+    """Return the unit that all files state; None if none of them states one."""
     distinct = set(units)
     if len(distinct) > 1:
         raise UnreadableFile(f"{path}: its files state different units: expected the same in all")
@@ -164,6 +170,11 @@ def encoder_poses(
     list of Pose
         ``base_from_section``, one per profile. Units: mm.
 
+    Raises
+    ------
+    ValueError
+        If there is no profile, or the step or the direction is zero or not finite.
+
     Examples
     --------
     >>> encoder_poses(3, (0, 0, 1), step=0.5)[2].translation
@@ -180,8 +191,8 @@ def encoder_poses(
 def _find_angle_problem(
     rows: npt.NDArray[np.float64], pose_convention: PoseConvention, stated: AngleUnit | None
 ) -> str | None:
-    """Return why the unit of the angles is implausible; None if it is not."""
-    if pose_convention.rotation.startswith(("quaternion", "matrix")) or stated is not None:
+    """Return why the unit of the angles is implausible; None if it is plausible or stated."""
+    if stated is not None or not (pose_convention.is_euler or pose_convention.rotation == "rotvec"):
         return None
     largest = float(np.abs(rows[:, 3:]).max())
     if pose_convention.rotation == "rotvec":
@@ -189,7 +200,7 @@ def _find_angle_problem(
         if angle > MAX_ANGLE_RAD:
             remedy = _angle_unit_remedy(pose_convention, "deg")
             return f"rotation vector of length {angle:.4g} rad, more than a revolution: {remedy}"
-    elif np.radians(1) < largest <= MAX_ANGLE_RAD and len(rows) > 1:
+    elif MIN_ANGLE_RAD < largest <= MAX_ANGLE_RAD and len(rows) > 1:
         return (
             f"no angle above {largest:.4g}: these look like radians where {pose_convention.name} "
             f"has degrees: {_angle_unit_remedy(pose_convention, 'rad')}, or deg if they are so "
@@ -211,7 +222,7 @@ def _length_unit_remedy(unit: LengthUnit) -> str:
 
 
 def _find_motion_problem(poses: Iterable[Pose], stated: LengthUnit | None) -> str | None:
-    """Return why the unit of the positions is implausible; None if it is not."""
+    """Return why the positions are implausible: their unit, or no motion; None if they are not."""
     origins = np.array([pose.translation for pose in poses])
     rotations = np.array([pose.rotation for pose in poses])
     max_distance = float(np.linalg.norm(origins, axis=1).max())

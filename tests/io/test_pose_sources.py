@@ -42,6 +42,7 @@ KUKA = [
     "FRAME F{n}={{FRAME: X {0}, Y {1}, Z {2}, A {3}, B {4}, C {5}}}",
     "{{C {5},B {4}}} ;no position\nxp{n}={{x {0},y {1},z {2},c {5},b {4},a {3}}}",
     "PTP {{E6POS: X {0}, Y {1}, Z {2}, A {3}, B {4}, C {5}}} ; point {n}",
+    "; LIN {{X 1,Y 2,Z 3,A 4,B 5,C 6}}\nPTP {{X {0},Y {1},Z {2},A {3},B {4},C {5}}} ; was {{X 7}}",
 ]
 
 
