@@ -113,39 +113,35 @@ def _text_rows(path: Path, text: str, pose_convention: PoseConvention, skip: int
     """Return the rows of a text table with the units that its header or comments state."""
     lines = text.splitlines()
     numbered = [(n, cells) for n, line in enumerate(lines, 1) if (cells := _split_cells(line))]
-    first = numbered[0][0] if numbered else 1
-    header = PoseHeader()
+    has_names = bool(numbered) and not any(map(_is_number, numbered[0][1]))
+    names = numbered[0][1] if has_names else _commented_header(lines, numbered)
     try:
-        if numbered and not any(_is_number(cell) for cell in numbered[0][1]):
-            header = read_pose_header(numbered[0][1], pose_convention, skip)
-            numbered = numbered[1:]
-        elif numbered and (commented := _commented_header(lines[: first - 1], numbered[0][1])):
-            header = read_pose_header(commented, pose_convention, skip)
+        header = read_pose_header(names, pose_convention, skip) if names else PoseHeader()
         length_unit = header.length_unit or _stated_length_unit(lines)
     except ValueError as error:
         raise UnreadableFile(f"{path}: {error}") from error
     rows = []
-    for number, cells in numbered:
+    for number, cells in numbered[has_names:]:
         location = f"{path}: line {number}"
         if len(cells) <= max(header.columns, default=0):
             raise UnreadableFile(f"{location}: expected a number under each name, got {len(cells)}")
-        rows.append(
-            _parse_row(
-                [cells[c] for c in header.columns] or cells[skip:], pose_convention, location
-            )
-        )
+        pose_cells = [cells[column] for column in header.columns] or cells[skip:]
+        rows.append(_parse_row(pose_cells, pose_convention, location))
     return PoseRows(rows, length_unit, header.angle_unit)
 
 
-def _commented_header(lines: Sequence[str], cells: Sequence[str]) -> list[str] | None:
-    """Return the column names in the last comment above the numbers.
+def _commented_header(lines: Sequence[str], numbered: Sequence[tuple[int, list[str]]]) -> list[str]:
+    """Return the column names in the last comment above the first row of cells.
 
-    None unless there is one name for each cell, and x, y and z are among them.
+    Empty unless there is one name for each cell, and x, y and z are among them.
     """
-    comments = [line.strip().lstrip("#%/ ") for line in lines if line.strip()]
+    if not numbered:
+        return []
+    number, cells = numbered[0]
+    comments = [line.strip().lstrip("#%/ ") for line in lines[: number - 1] if line.strip()]
     names = _split_cells(comments[-1]) if comments else []
     fields = [name for name in names if split_label(name)[0] in ("x", "y", "z")]
-    return names if len(names) == len(cells) and len(fields) == 3 else None
+    return names if len(names) == len(cells) and len(fields) == 3 else []
 
 
 def _stated_length_unit(lines: Sequence[str]) -> LengthUnit | None:

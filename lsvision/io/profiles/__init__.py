@@ -1,4 +1,4 @@
-"""Profile files of many makers, each transformed to the section frame by its own reader."""
+"""Read profile files of many makers and formats as profiles in the section frame."""
 
 from lsvision.io.profiles.reading import (
     ProfileFile,

@@ -11,12 +11,13 @@ _ROLES = {
         ["range", "ranges", "distance", "distances", "dist", "abstand", "depth", "tiefe"], "range"
     ),
     **dict.fromkeys(["angle", "angles", "azimuth", "alpha", "theta", "phi"], "angle"),
-    **dict.fromkeys(["scan", "profile", "frame", "scan_number", "profile_number"], "scan"),
 }
+# A name such as "x_pos" or "position y" is one of these words and an axis.
 _AXIS_WORDS = r"(?:pos|position|coord|coordinate|koordinate|value|wert|axis|achse)"
 _AXIS_NAME = re.compile(rf"([xyz])[ _-]?{_AXIS_WORDS}|{_AXIS_WORDS}[ _-]?([xyz])")
-# A name such as "profile_no" is one of these words and one of `_SCAN_ENDINGS`.
+# A name such as "scan" or "profile_no" is one of these words, alone or with one of `_SCAN_ENDINGS`.
 _SCAN_WORDS = ("scan", "profile", "profil", "frame", "section", "shot")
+# A name such as "part" or "sensor_id" is one of these words, alone or with one of `_SCAN_ENDINGS`.
 _PART_WORDS = frozenset(
     "part piece workpiece sensor camera head run pass batch lot station serial file job "  # noqa: SIM905
     "measurement layer".split()
@@ -25,7 +26,7 @@ _SCAN_ENDINGS = ("id", "no", "nr", "num", "number", "index", "idx", "count", "co
 
 
 def column_role(name: str) -> str:
-    """Return the role of a name: x, y, height, range, scan, angle, or the name itself.
+    """Return the role of a lower-case name: x, y, height, range, scan, angle, or the name itself.
 
     Examples
     --------
@@ -36,20 +37,20 @@ def column_role(name: str) -> str:
         return _ROLES[name]
     if axis := _AXIS_NAME.fullmatch(name):
         return _ROLES[axis[1] or axis[2]]
-    bare = name.replace("_", "").replace(" ", "").replace("-", "").replace(".", "")
+    bare = re.sub(r"[_ .-]", "", name)
     for word in _SCAN_WORDS:
         if bare.startswith(word) and bare.removeprefix(word) in ("", *_SCAN_ENDINGS):
             return "scan"
     return name
 
 
-def is_known_role(name: str) -> bool:
-    """Return whether the content of a column is known from its name."""
+def has_known_role(name: str) -> bool:
+    """Return whether a lower-case name is that of a coordinate, an angle or a profile's number."""
     return column_role(name) in {"x", "y", "height", "range", "scan", "angle"}
 
 
 def is_part_name(name: str) -> bool:
-    """Return whether a column of this name identifies parts, sensors or runs.
+    """Return whether a column of this lower-case name identifies parts, sensors or runs.
 
     Examples
     --------

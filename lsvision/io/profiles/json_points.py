@@ -11,7 +11,7 @@ import numpy as np
 from lsvision.errors import UnreadableFile
 from lsvision.files.json_text import NestedTooDeep, parse_json
 from lsvision.geometry import FloatArray
-from lsvision.io.profiles.column_roles import column_role, is_known_role
+from lsvision.io.profiles.column_roles import column_role, has_known_role
 from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.laser_scan import is_laser_scan, profiles_from_scans
 from lsvision.io.profiles.matrix import is_monotonic, profiles_from_matrix
@@ -134,7 +134,7 @@ def _from_object(
     columns = {key: values for key, value in document.items() if (values := _column(value))}
     roles = {column_role(split_label(key)[0]) for key in columns}
     if "x" in roles and roles & {"height", "range", "y"}:
-        named = {k: v for k, v in columns.items() if is_known_role(split_label(k)[0])}
+        named = {k: v for k, v in columns.items() if has_known_role(split_label(k)[0])}
         arrays = {key: _arrays(value) for key, value in named.items()}
         return profiles_from_named(arrays, settings, statements)
     if settings.dx is not None and len(columns) == 1 and roles & {"height", "range"}:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from lsvision.errors import UnreadableFile
 from lsvision.files.limited_reading import current_size_limit
-from lsvision.io.profiles.column_roles import is_known_role
+from lsvision.io.profiles.column_roles import has_known_role
 from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.matrix import MIN_COLUMNS, profiles_from_matrix
 from lsvision.io.profiles.named_columns import profiles_from_named
@@ -59,7 +59,7 @@ def read_npz(content: bytes, settings: ReadSettings) -> RawProfiles:
     scalars = {
         name: str(array.item())
         for name, array in loaded.items()
-        if _is_text(array) or (_is_number(array) and not is_known_role(name))
+        if _is_text(array) or (_is_number(array) and not has_known_role(name))
     }
     statements = find_unit_statements(f"{name}: {text}" for name, text in scalars.items())
     arrays = {name: array for name, array in loaded.items() if name not in scalars}

@@ -15,7 +15,7 @@ import numpy as np
 from lsvision.errors import UnreadableFile
 from lsvision.files.json_text import parse_json
 from lsvision.geometry import FloatArray
-from lsvision.io.profiles.column_roles import is_known_role
+from lsvision.io.profiles.column_roles import has_known_role
 from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.json_points import flat_width
 from lsvision.io.profiles.named_columns import profiles_from_named
@@ -52,7 +52,7 @@ def read_opencv_storage(content: bytes, settings: ReadSettings) -> RawProfiles:
     columns = {
         key: numbers_from_cells(body.split(","))
         for key, body in _FLAT_LIST.findall(text)
-        if is_known_role(key.lower())
+        if has_known_role(key.lower())
     }
     if len(columns) > 1:
         return profiles_from_named(columns, settings, find_unit_statements(_lines_of_words(text)))

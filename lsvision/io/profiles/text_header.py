@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from lsvision.io.profiles.column_roles import is_known_role
+from lsvision.io.profiles.column_roles import has_known_role
 from lsvision.io.profiles.number_rows import COMMENT_MARKS
 from lsvision.io.profiles.text_layout import drop_blank_cells, is_number_or_lost, split_cells
 from lsvision.io.profiles.unit_statements import states_unit
@@ -82,7 +82,7 @@ def read_header(preamble: Sequence[str], separator: str | None, width: int) -> H
 
 
 def _has_known_roles(parsed: Sequence[tuple[str, StatedUnit | None]]) -> bool:
-    return sum(is_known_role(name) for name, _ in parsed) >= 2
+    return sum(has_known_role(name) for name, _ in parsed) >= 2
 
 
 def _is_not_header(line: str, text: str, labels: Sequence[str], separator: str | None) -> bool:
@@ -136,7 +136,7 @@ def _unit_row(labels: Sequence[str]) -> list[StatedUnit | None] | None:
         else:
             return None
     # 'x m' names two columns rather than giving the unit of one
-    return row if lengths and not any(is_known_role(label.lower()) for label in labels) else None
+    return row if lengths and not any(has_known_role(label.lower()) for label in labels) else None
 
 
 def _names_above(
@@ -148,7 +148,7 @@ def _names_above(
         return None
     labels = _split_labels(_COMMENT.sub("", above[-1]).strip(" \r\n"), separator, width)
     parsed = [split_label(label) for label in labels or ()]
-    if sum(is_known_role(name) for name, _ in parsed) < 2:
+    if sum(has_known_role(name) for name, _ in parsed) < 2:
         return None
     return [name for name, _ in parsed], [unit for _, unit in parsed]
 
@@ -163,12 +163,12 @@ def _units_from_unknown_words(labels: Sequence[str]) -> list[StatedUnit | None]:
 
 def _is_key_value(text: str, labels: Sequence[str] | None) -> bool:
     return bool(_KEY_VALUE.match(text)) and not any(
-        is_known_role(split_label(label)[0]) for label in labels or ()
+        has_known_role(split_label(label)[0]) for label in labels or ()
     )
 
 
 def _count_names(text: str) -> int:
     """Return the number of words of a line if all are names of coordinates; else 0."""
     labels = [w for w in re.split(r"[,;\s|]+", re.sub(r"(?<!\s)\s+(?=[\[(])", "", text)) if w]
-    roles = [is_known_role(split_label(label.strip('"'))[0]) for label in labels]
+    roles = [has_known_role(split_label(label.strip('"'))[0]) for label in labels]
     return len(labels) if all(roles) and len(labels) >= 2 else 0

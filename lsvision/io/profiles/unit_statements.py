@@ -37,24 +37,30 @@ _OTHER_KEYS = frozenset(
 _LOST_KEYS = frozenset(
     "nodata invalid lost missing fill dropout novalue lostvalue fillvalue".split()  # noqa: SIM905
 )
+"""Words of a key whose value marks lost points, alone or two joined (no data, fill value)."""
 _LOST_OTHER = frozenset(
     "points count number of rate share percent pixels total".split()  # noqa: SIM905
 )
-_FILLERS = frozenset(
-    "and und et all for values axes axis each both length lengths coordinates si of in "  # noqa: SIM905
-    "the distances dimension dimensions".split()
-)
+"""Words of a key whose value is a number of lost points, and no marker."""
 _SMALL_WORDS = frozenset("and und et all for each both si of in the".split())  # noqa: SIM905
+_LENGTH_WORDS = frozenset(
+    "values axes axis length lengths coordinates distances dimension dimensions".split()  # noqa: SIM905
+)
+_FILLERS = _SMALL_WORDS | _LENGTH_WORDS
+"""Words beside a unit that do not change what it is the unit of."""
 _AXES = {
     **dict.fromkeys(["x", "lateral", "width"], "x"),
     **dict.fromkeys(["z", "height", "heights", "range", "ranges", "distance", "depth"], "height"),
     **dict.fromkeys(["höhe", "abstand"], "height"),
     "y": "y",
 }
+"""Axis of a word."""
+# Marks before and behind a comment; "key: value"; "units mm"; the words of a key such as "xUnit".
 _COMMENT = re.compile(r"^[\s#%!;*/\"'<-]+|[\s\"'*>-]+$")
 _KEY_VALUE = re.compile(r"^([^:=,;\t]{1,60}?)\s*(?:[:=,;\t]+|\bis\b|\bare\b)\s*(\S.*)$")
 _KEY_BLANK_VALUE = re.compile(r"^(\S*unit\S*|Einheit\S*)\s+(\S.*)$", re.IGNORECASE)
 _KEY_WORDS = re.compile(r"[A-Z]?[^\W\d_A-Z]+|[A-Z]+(?![^\W\d_A-Z])")
+# "z in um", "um (z)", "heights are stated in um", "/digit".
 _AXIS_UNIT = re.compile(
     r"\b(x|y|z|heights?|ranges?|distance|lateral|depth)(?:[ _]?units?)?\b"
     r"\s*(?:[:=]|\bin\b)?\s*[\[(]?\s*"
@@ -80,6 +86,7 @@ _BARE_UNIT = re.compile(
     r"|(?:mi[ck]ro|nano|[cz]enti|d[eé][cz]i)m[eè]t(?:er|re)s?)(?![^\W_])"
 )
 """A unit other than mm without a number before it: most likely that of the file's numbers."""
+# "tenths of a mm" or "1/10 mm"; "multiply by 0.01", "converted to mm" or "counts per mm".
 _FRACTION = re.compile(
     rf"(?<![^\W_])(?:{'|'.join(FRACTION_WORDS)})\s+(?:of\s+an?\s+|d\w*\s*)?(?:mm|m[ei]\w+)"
     r"|1/10+\s?mm"
@@ -144,8 +151,9 @@ def find_unit_mentions(lines: Iterable[str]) -> tuple[str, ...]:
 
 
 def _mentions_unit(line: str) -> bool:
+    """Return whether a line in lower case mentions a unit or a conversion, and is about lengths."""
     words = set(_KEY_WORDS.findall(line))
-    if words & _OTHER_KEYS and not words & _FILLERS - _SMALL_WORDS:
+    if words & _OTHER_KEYS and not words & _LENGTH_WORDS:
         return False
     return any(pattern.search(line) for pattern in (_BARE_UNIT, _FRACTION, _CONVERSION))
 
@@ -184,7 +192,7 @@ def _parse_statements(line: str) -> Iterator[UnitStatement]:
         return
     key_value = _KEY_VALUE.match(text) or _KEY_BLANK_VALUE.match(text)
     if key_value:
-        words = _words_of_key(key_value[1])
+        words = _split_key(key_value[1])
         if words & _UNIT_KEYS and not words & _OTHER_KEYS:
             yield from _parse_unit_value(key_value[2], text, _axis(words))
             return
@@ -202,7 +210,8 @@ def _parse_statements(line: str) -> Iterator[UnitStatement]:
                 yield UnitStatement(state_unit(unit), _AXES.get(subject))
 
 
-def _words_of_key(key: str) -> set[str]:
+def _split_key(key: str) -> set[str]:
+    """Return the words of a key in lower case; of ``heightunit`` also height and unit."""
     words = {word.lower() for word in _KEY_WORDS.findall(key)}
     for word in list(words):
         for ending in ("units", "unit"):
@@ -213,6 +222,7 @@ def _words_of_key(key: str) -> set[str]:
 
 
 def _axis(words: set[str]) -> str | None:
+    """Return the axis that the words of a key name; None if they name none, or several."""
     axes = {_AXES[word] for word in words if word in _AXES}
     return axes.pop() if len(axes) == 1 else None
 
@@ -243,6 +253,7 @@ def _parse_unit_value(value: str, line: str, axis: str | None) -> Iterator[UnitS
 
 
 def _parse_scale(value: str, line: str, axis: str | None) -> Iterator[UnitStatement]:
+    """Yield the statement of a scale: a length is the unit; 1 states nothing; else unknown."""
     text = value.strip().strip("\"'[](){} ")
     unit = parse_unit(text)
     if unit is None and _NUMBER.fullmatch(text) and float(text.replace(",", ".")) == 1:

@@ -47,16 +47,19 @@ _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺", "0123456789-+
 COUNT_WORD = r"(?:counts?|digits?|lsb|incr?|increments?|steps?|ticks?|bits?|units?|inkremente?)"
 """Pattern of the names of a sensor's integer steps."""
 _SCALED = re.compile(
-    r"(?:(?P<numerator>[0-9]+)\s*/\s*(?P<denominator>[0-9]+)"
-    r"|(?:[0-9]+\s*[x*·×]\s*)?10\s*(?:\^|\*\*)\s*\(?(?P<power>[-+]?[0-9]+)\)?"
-    r"|(?P<scale>(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:e[-+]?[0-9]+)?)"
-    rf"|(?P<fraction>{'|'.join(sorted(FRACTION_WORDS, key=len, reverse=True))}))?"
+    r"(?:(?P<numerator>[0-9]+)\s*/\s*(?P<denominator>[0-9]+)"  # 1/10 mm
+    # 5x10^-3 mm
+    r"|(?:(?P<mantissa>[0-9]+)\s*[x*·×]\s*)?10\s*(?:\^|\*\*)\s*\(?(?P<power>[-+]?[0-9]+)\)?"
+    r"|(?P<scale>(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:e[-+]?[0-9]+)?)"  # 0.1 mm
+    rf"|(?P<fraction>{'|'.join(sorted(FRACTION_WORDS, key=len, reverse=True))}))?"  # tenth of a mm
     r"\s*(?:of\s+an?|of|[x*·×])?\s*"
     r"(?P<word>[^\W\d_]+|\"|'')\.?"
-    r"(?:\s*/\s*(?P<divisor>[0-9]+))?"
-    rf"(?:\s*(?:/|per|pro)\s*{COUNT_WORD})?"
+    r"(?:\s*/\s*(?P<divisor>[0-9]+))?"  # mm/100
+    rf"(?:\s*(?:/|per|pro)\s*{COUNT_WORD})?"  # um per digit
 )
+"""Unit of length with a scale before or after it."""
 _POWER_OF_TEN = re.compile(r"10[-+][0-9]+")
+"""Power of ten whose sign for the power was lost, 10-3."""
 
 NOT_LENGTHS = frozenset(
     "px pix pixel pixels count counts digit digits lsb inc incr increment increments "  # noqa: SIM905
@@ -71,6 +74,7 @@ _REMARKS = frozenset(
     "int integer".split()
 )
 """Text in round brackets after a name that is not a unit."""
+# Labels such as "x [mm]"; "x_mm", "x in mm" or "x/mm"; "xmm".
 _BRACKETED = re.compile(r"^(.*?)\s*([\[({<])\s*([^\])}>]*?)\s*[\])}>]\s*(.*)$")
 _SUFFIXED = re.compile(r"^(.+?)(\s+in\s+|[\s_/:-]+)([^\s_/:]+)$")
 _SHORT = re.compile(r"^([xyzhrd])(mm|um|µm|μm|nm|cm)$")
@@ -145,7 +149,7 @@ def state_unit(text: str) -> StatedUnit:
 
 
 def split_label(label: str) -> tuple[str, StatedUnit | None]:
-    """Return the lower-case name and stated unit of a column's label.
+    """Return the lower-case name of a column's label, and the unit it states; None without one.
 
     Examples
     --------
@@ -170,6 +174,7 @@ def split_label(label: str) -> tuple[str, StatedUnit | None]:
         name, mark, suffix = suffixed.groups()
         if parse_unit(suffix) is not None or suffix in NOT_LENGTHS or "/" in mark:
             return name.strip(" _:-/"), state_unit(suffix)
+        # "z_0.1_mm" or "z 1/10 mm": the unit begins with a scale
         scaled = re.match(r"^([^\W\d]+)[\s_:/-]+(\S*\d\S*[\s_]*\S+)$", word)
         if scaled and parse_unit(scaled[2].replace("_", " ")) is not None:
             return scaled[1], state_unit(scaled[2].replace("_", " "))
@@ -179,7 +184,10 @@ def split_label(label: str) -> tuple[str, StatedUnit | None]:
 def _from_brackets(
     before: str, bracket: str, inside: str, after: str
 ) -> tuple[str, StatedUnit | None]:
-    """Return the name and the unit of a label such as ``x [mm]``; None for a remark in brackets."""
+    """Return the name and the unit of a label such as ``x [mm]``.
+
+    The unit is None for empty brackets, ``-`` or ``1``, and a remark such as ``(left)``.
+    """
     name = before.strip(" _:-/,") or after.strip(" _:-/,")
     if not inside or inside in ("-", "1"):
         return name, None
@@ -195,13 +203,13 @@ def _from_brackets(
 
 
 def _parse_scale(match: re.Match[str]) -> float:
-    """Return the factor before a unit, such as 0.1 of ``1/10 mm``; 0 if it is not possible."""
+    """Return the factor of a unit, 0.1 of ``1/10 mm`` or ``mm/10``; 0 for a division by 0."""
     scale = 1.0
     if match["numerator"]:
         denominator = float(match["denominator"])
         scale = float(match["numerator"]) / denominator if denominator else 0.0
     elif match["power"]:
-        scale = 10.0 ** max(-99, min(99, int(match["power"])))
+        scale = float(match["mantissa"] or 1) * 10.0 ** max(-99, min(99, int(match["power"])))
     elif match["scale"]:
         scale = float(match["scale"].replace(",", "."))
     elif match["fraction"]:

@@ -32,6 +32,7 @@ from lsvision.io.profiles.units import mm_per_unit, parse_unit, split_label
         ("mm/10", 0.1),
         ("1e-6 m", 1e-3),
         ("10^-6 m", 1e-3),
+        ("5 x 10^-2 mm", 0.05),
         ("10⁻⁶ m", 1e-3),
         ("1/1000 inch", 0.0254),
         ("hundredths of a millimetre", 0.01),
