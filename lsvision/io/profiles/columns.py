@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import NoReturn
 
 import numpy as np
@@ -17,7 +17,7 @@ from lsvision.io.profiles.text_table import TextTable
 from lsvision.io.profiles.units import split_label
 
 _MIN_POINTS_PER_PROFILE = 5  # fewer points do not determine an ellipse: not a key of profiles
-_CONSTANT = 1e-6  # spread of a column that does not vary, relative to that of the widest
+_MAX_CONSTANT_RATIO = 1e-6  # extent of a column that does not vary, relative to the largest extent
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class _Columns:
     away: bool = False  # heights grow away from the sensor
     travel: bool = True  # the key is a position along the travel, not a number of the profile
     notes: tuple[str, ...] = ()
-    considered: tuple[int, ...] = field(default=())  # as coordinates: not attributes
+    considered: tuple[int, ...] = ()  # as coordinates: not attributes
     y: int | None = None  # of points in space
 
     @property
@@ -42,11 +42,12 @@ class _Columns:
 def profiles_from_table(table: TextTable, settings: ReadSettings) -> RawProfiles:
     """Return the profiles in a table of points, one point per row.
 
-    Named columns are chosen by their names, unnamed ones by position. Two unnamed columns are x and
-    height. Of three or more, the second is ignored if it is constant, and separates the profiles if
-    each of its values occurs in one run of points; otherwise the third must be whole numbers (a
-    label). Columns that do not vary within a profile become its attributes. If a plane is to be
-    fitted, the points are x, y and z.
+    Columns are those that the user requests, else those with known names, else chosen by position.
+    By position, two columns are x and height. Of three or more, the first is x and the third the
+    height; the second is ignored if it is constant, and separates the profiles if each of its
+    values occurs in one run of points. The second is the height instead if the third is constant or
+    consists of whole numbers (a label). Columns that do not vary within a profile become its
+    attributes. If a plane is to be fitted, the points are x, y and z.
 
     Raises
     ------
@@ -54,29 +55,13 @@ def profiles_from_table(table: TextTable, settings: ReadSettings) -> RawProfiles
         If the columns of x and height are ambiguous, requested ones are missing, or a unit is not
         understood.
     """
-    if table.values.shape[1] - len(table.texts) < 2 and settings.columns is None:
-        _raise_one_column(table)
-    if settings.plane is not None:
-        choice = _choose_spatial_columns(table, settings)
-    else:
-        named = _requested_columns(table, settings) or _choose_by_name(table)
-        choice = named or _choose_by_position(table)
+    choice = _choose_columns(table, settings)
     _check_numbers(table, choice)
     points = table.values
-    if choice.coordinates != tuple(range(points.shape[1])):
+    if choice.coordinates != tuple(range(points.shape[1])):  # a copy takes time for 10^6 points
         points = points[:, choice.coordinates]
-    sections: Sequence[FloatArray] = [points]
-    positions = None
-    rows = [np.arange(len(points))]
-    if choice.key is not None:
-        key = _without_gaps(_codes(table, choice.key))
-        if not choice.travel:
-            key = _composite_key(table, choice, key)
-        rows = _split_by(key)
-        sections = [points[r] for r in rows]
-        if choice.travel and choice.key not in table.texts:
-            numbers = _without_gaps(table.values[:, choice.key])
-            positions = tuple(float(numbers[r][0]) for r in rows)
+    rows, positions = _separate_profiles(table, choice)
+    sections = [points] if len(rows) == 1 else [points[r] for r in rows]
     attributes, ignored = find_profile_attributes(
         table, rows, points=choice.coordinates, key=choice.key, excluded=choice.considered
     )
@@ -91,6 +76,32 @@ def profiles_from_table(table: TextTable, settings: ReadSettings) -> RawProfiles
         attributes=attributes,
         ignored=ignored,
     )
+
+
+def _choose_columns(table: TextTable, settings: ReadSettings) -> _Columns:
+    """Return the columns that the user requests, or that names or positions suggest."""
+    if table.values.shape[1] - len(table.texts) < 2 and settings.columns is None:
+        _raise_one_column(table)
+    if settings.plane is not None:
+        return _choose_spatial_columns(table, settings)
+    if settings.columns is not None:
+        return _requested_columns(table, settings.columns)
+    return _choose_by_name(table) or _choose_by_position(table)
+
+
+def _separate_profiles(
+    table: TextTable, choice: _Columns
+) -> tuple[list[IntArray], tuple[float, ...] | None]:
+    """Return the rows of each profile, and the positions of the profiles if the key holds them."""
+    if choice.key is None:
+        return [np.arange(len(table.values))], None
+    key = _without_gaps(_codes(table, choice.key))
+    if not choice.travel:
+        return _split_by(_composite_key(table, choice, key)), None
+    rows = _split_by(key)
+    if choice.key in table.texts:
+        return rows, None
+    return rows, tuple(float(key[r[0]]) for r in rows)
 
 
 def _note_restarts(sections: Sequence[FloatArray]) -> tuple[str, ...]:
@@ -116,14 +127,15 @@ def _note_restarts(sections: Sequence[FloatArray]) -> tuple[str, ...]:
 
 
 def _choose_spatial_columns(table: TextTable, settings: ReadSettings) -> _Columns:
-    """Return the columns of x, y and z: the requested or so named ones, or the first three numeric.
+    """Return the columns of x, y and z: requested, so named, or the first three of numbers.
 
     Raises
     ------
     UnreadableFile
         If they are not there.
     """
-    by_role, notes = _columns_by_role(table), tuple[str, ...]()
+    notes: tuple[str, ...] = ()
+    by_role = _columns_by_role(table)
     depth = "height" if "height" in by_role else "range"
     columns = [by_role[role] for role in ("x", "y", depth) if role in by_role]
     if settings.columns is not None:
@@ -142,7 +154,7 @@ def _choose_spatial_columns(table: TextTable, settings: ReadSettings) -> _Column
     if key is None or key in columns or not _separates_profiles(table, key):
         key = _find_part_key(table)
     x, y, z = columns
-    return _Columns(x, z, key, travel=False, notes=notes, y=y)
+    return _Columns(x, z, key=key, travel=False, notes=notes, y=y)
 
 
 def _resolve_all_units(
@@ -162,19 +174,19 @@ def _resolve_all_units(
     return units
 
 
-def _requested_columns(table: TextTable, settings: ReadSettings) -> _Columns | None:
-    if settings.columns is None:
-        return None
-    indices = [_column_index(table, column) for column in settings.columns]
-    away = bool(table.names) and column_role(table.names[indices[-1]]) == "range"
-    if len(indices) == 3:
-        return _Columns(indices[0], indices[-1], indices[1], away)
+def _requested_columns(table: TextTable, columns: Sequence[int | str]) -> _Columns:
+    """Return the columns that the user requests: x and height, or x, travel and height."""
+    x, *travel, height = [_column_index(table, column) for column in columns]
+    away = bool(table.names) and column_role(table.names[height]) == "range"
+    if travel:
+        return _Columns(x, height, key=travel[0], away=away)
     scan = _columns_by_role(table).get("scan")
-    separates = scan is not None and scan not in indices and _separates_profiles(table, scan)
-    return _Columns(indices[0], indices[-1], scan if separates else None, away, travel=False)
+    separates = scan not in (None, x, height) and _separates_profiles(table, scan)
+    return _Columns(x, height, key=scan if separates else None, away=away, travel=False)
 
 
 def _column_index(table: TextTable, column: int | str) -> int:
+    """Return the index of a column from its index or its name."""
     width = table.values.shape[1]
     if isinstance(column, int):
         if column < width:
@@ -198,6 +210,7 @@ def _columns_by_role(table: TextTable) -> dict[str, int]:
 
 
 def _choose_by_name(table: TextTable) -> _Columns | None:
+    """Return the columns with known names, with a note if a name occurs twice; else None."""
     choice = _choose_by_role(table)
     if choice is None:
         return None
@@ -214,6 +227,10 @@ def _choose_by_name(table: TextTable) -> _Columns | None:
 
 
 def _choose_by_role(table: TextTable) -> _Columns | None:
+    """Return the columns of x and height and the key by their roles; None if one is missing.
+
+    Without a column of heights or ranges, y is the height. With x, y and height, y is the travel.
+    """
     by_role = _columns_by_role(table)
     away = "range" in by_role and "height" not in by_role
     in_order = [
@@ -229,25 +246,22 @@ def _choose_by_role(table: TextTable) -> _Columns | None:
     if scan is None:
         scan = _find_part_key(table)
     if len(in_order) == 2 or scan is not None:
-        return _Columns(in_order[0], in_order[-1], scan, away, travel=False)
-    x, y, height = in_order
-    values = table.values[:, in_order]
-    in_plane = _choose_in_plane(values)
+        return _Columns(in_order[0], in_order[-1], key=scan, away=away, travel=False)
+    in_plane = _choose_in_plane(table, in_order)
     if in_plane:
-        height = in_order[in_plane.height]
-        return _Columns(x, height, away=away, notes=in_plane.notes, considered=tuple(in_order))
+        return replace(in_plane, away=away)
+    x, y, height = in_order
     if not _is_profile_key(table.values[:, y]):
         _raise_no_key(table, y)
-    return _Columns(x, height, y, away)
+    return _Columns(x, height, key=y, away=away)
 
 
 def _choose_by_position(table: TextTable) -> _Columns:
+    """Return the columns by their order; see `profiles_from_table`."""
     columns = _number_columns(table)
-    if len(columns) < 2:
+    if len(columns) < 2:  # the rest is empty or text, which a message then names
         columns = list(range(table.values.shape[1]))
-    values = table.values[:, columns]
-    width = len(columns)
-    if width == 2:
+    if len(columns) == 2:
         labels = " and ".join(table.names[c] if table.names else f"column {c}" for c in columns)
         noted = bool(table.names or table.texts)
         x, height = columns
@@ -257,22 +271,15 @@ def _choose_by_position(table: TextTable) -> _Columns:
         f"no column is named: columns {first}, {second} and {third} of "
         f"{table.values.shape[1]} considered",
     )
-    considered = (first, second, third)
-    in_plane = _choose_in_plane(values[:, :3])
+    in_plane = _choose_in_plane(table, columns[:3])
     if in_plane:
-        return _Columns(
-            first, columns[in_plane.height], notes=notes + in_plane.notes, considered=considered
-        )
-    if (
-        _is_whole(values[:, 2])
-        and not _is_whole(values[:, 1])
-        and not _is_profile_key(values[:, 1])
-    ):
-        note = f"column {third} has whole numbers: read as a label"
-        return _Columns(first, second, notes=(*notes, note), considered=considered)
-    if not _is_profile_key(values[:, 1]):
+        return replace(in_plane, notes=notes + in_plane.notes)
+    if _is_profile_key(table.values[:, second]):
+        return _Columns(first, third, key=second, notes=notes)
+    if not _is_whole(table.values[:, third]) or _is_whole(table.values[:, second]):
         _raise_no_key(table, second)
-    return _Columns(first, third, second, notes=notes)
+    note = f"column {third} has whole numbers: read as a label"
+    return _Columns(first, second, notes=(*notes, note), considered=(first, second, third))
 
 
 def _number_columns(table: TextTable) -> list[int]:
@@ -281,17 +288,20 @@ def _number_columns(table: TextTable) -> list[int]:
     return [c for c in range(table.values.shape[1]) if c in filled and c not in table.texts]
 
 
-def _choose_in_plane(xyz: FloatArray) -> _Columns | None:
-    """Return the choice if y, or else z, is the same for all points."""
-    extents = [_extent(column) for column in xyz.T]
-    if extents[1] <= _CONSTANT * max(extents):
-        return _Columns(0, 2)
-    if extents[2] <= _CONSTANT * max(extents):
-        return _Columns(0, 1, notes=("z does not vary: x and y read as the profile",))
+def _choose_in_plane(table: TextTable, xyz: Sequence[int]) -> _Columns | None:
+    """Return the choice among three columns if the second, or else the third, does not vary."""
+    x, y, z = xyz
+    extents = [_extent(table.values[:, column]) for column in xyz]
+    if extents[1] <= _MAX_CONSTANT_RATIO * max(extents):
+        return _Columns(x, z, considered=(x, y, z))
+    if extents[2] <= _MAX_CONSTANT_RATIO * max(extents):
+        note = "z does not vary: x and y read as the profile"
+        return _Columns(x, y, notes=(note,), considered=(x, y, z))
     return None
 
 
 def _check_numbers(table: TextTable, choice: _Columns) -> None:
+    """Raise an error that names the first cell of a coordinate that is not a number."""
     for column in choice.coordinates:
         if column in table.invalid_cells:
             cell = table.invalid_cells[column]
@@ -300,6 +310,7 @@ def _check_numbers(table: TextTable, choice: _Columns) -> None:
 
 
 def _raise_one_column(table: TextTable) -> NoReturn:
+    """Raise the error of a table with less than two columns of numbers, with what prevents more."""
     cell = next(iter(table.invalid_cells.values()), None)
     if cell is not None and not table.texts:
         raise UnreadableFile(f"line {cell.row}: {cell.text[:40]!r} {cell.reason}")
@@ -370,15 +381,16 @@ def _codes(table: TextTable, column: int) -> FloatArray:
 
 
 def _composite_key(table: TextTable, choice: _Columns, key: FloatArray) -> FloatArray:
-    """Return the key refined by columns of parts, sensors or runs in which it restarts."""
+    """Return the key combined with other columns of profiles, parts, sensors or runs.
+
+    The number of a profile may start again for each part.
+    """
     for column, name in enumerate(table.names):
         if column == choice.key or column in choice.coordinates:
             continue
-        if is_part_name(name) or (column_role(name) == "scan"):
-            codes = _without_gaps(_codes(table, column))
-            if column_role(name) == "scan" and not _separates_profiles(table, column):
-                continue
-            pairs = np.column_stack([key, codes])
+        is_scan = column_role(name) == "scan" and _separates_profiles(table, column)
+        if is_scan or is_part_name(name):
+            pairs = np.column_stack([key, _without_gaps(_codes(table, column))])
             _, combined = np.unique(pairs, axis=0, return_inverse=True)
             key = combined.ravel().astype(np.float64)
     return key
@@ -393,7 +405,10 @@ def _split_by(key: FloatArray) -> list[IntArray]:
 
 
 def _without_gaps(key: FloatArray) -> FloatArray:
-    """Return the key in which a lost point without a key gets that of the previous point."""
+    """Return the key in which a row without one gets that of the row before it.
+
+    The first rows get the first key; all rows get 0 if there is none.
+    """
     known = np.isfinite(key)
     rows = np.where(known, np.arange(len(key)), np.argmax(known))
     return np.where(known.any(), key[np.maximum.accumulate(rows)], 0.0)

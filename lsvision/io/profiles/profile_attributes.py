@@ -16,7 +16,9 @@ def find_profile_attributes(
     key: int | None,
     excluded: Sequence[int],
 ) -> tuple[tuple[Mapping[str, float | str], ...], tuple[str, ...]]:
-    """Return the attributes of each profile, and the columns that are not used.
+    """Return the attributes of each profile, and the labels of the columns that are not used.
+
+    An attribute is a column, also the key, that has one value in each profile.
 
     Parameters
     ----------
@@ -29,7 +31,7 @@ def find_profile_attributes(
     key : int or None
         Column that identifies profiles.
     excluded : sequence of int
-        Columns that are not attributes.
+        Columns that are never attributes.
     """
     other_columns = [c for c in range(table.values.shape[1]) if c not in points]
     by_profile: list[dict[str, float | str]] = [{} for _ in rows]
@@ -47,7 +49,7 @@ def find_profile_attributes(
 
 
 def _common_value(table: TextTable, column: int, rows: IntArray) -> float | str | None:
-    """Return the common value of all points of a profile; None if they differ."""
+    """Return the common value of all points of a profile; None if they differ or are all NaN."""
     if column in table.texts:
         texts = {table.texts[column][r] for r in rows.tolist()}
         return texts.pop() if len(texts) == 1 else None
