@@ -150,11 +150,8 @@ def _choose_spatial_columns(table: TextTable, settings: ReadSettings) -> _Column
             f"--plane fit needs x, y and z of each point, got {labels}: name three columns with "
             "--columns, or leave --plane out where the points are x and height"
         )
-    key = by_role.get("scan")
-    if key is None or key in columns or not _separates_profiles(table, key):
-        key = _find_part_key(table)
     x, y, z = columns
-    return _Columns(x, z, key=key, travel=False, notes=notes, y=y)
+    return _Columns(x, z, key=_find_key(table, columns), travel=False, notes=notes, y=y)
 
 
 def _resolve_all_units(
@@ -180,9 +177,8 @@ def _requested_columns(table: TextTable, columns: Sequence[int | str]) -> _Colum
     away = bool(table.names) and column_role(table.names[height]) == "range"
     if travel:
         return _Columns(x, height, key=travel[0], away=away)
-    scan = _columns_by_role(table).get("scan")
-    separates = scan not in (None, x, height) and _separates_profiles(table, scan)
-    return _Columns(x, height, key=scan if separates else None, away=away, travel=False)
+    key = _find_scan_key(table, (x, height))
+    return _Columns(x, height, key=key, away=away, travel=False)
 
 
 def _column_index(table: TextTable, column: int | str) -> int:
@@ -240,13 +236,9 @@ def _choose_by_role(table: TextTable) -> _Columns | None:
         raise UnreadableFile("an angle and no x in its columns: convert it to x and height")
     if len(in_order) < 2:
         return None
-    scan = by_role.get("scan")
-    if scan is not None and not _separates_profiles(table, scan):
-        scan = None
-    if scan is None:
-        scan = _find_part_key(table)
-    if len(in_order) == 2 or scan is not None:
-        return _Columns(in_order[0], in_order[-1], key=scan, away=away, travel=False)
+    key = _find_key(table, in_order)
+    if len(in_order) == 2 or key is not None:
+        return _Columns(in_order[0], in_order[-1], key=key, away=away, travel=False)
     in_plane = _choose_in_plane(table, in_order)
     if in_plane:
         return replace(in_plane, away=away)
@@ -354,8 +346,22 @@ def _separates_profiles(table: TextTable, column: int) -> bool:
     return len(finite) < 2 or len(np.unique(finite)) < len(finite)
 
 
-def _find_part_key(table: TextTable) -> int | None:
-    """Return the first column of parts, sensors or runs that has a run of points for each value."""
+def _find_scan_key(table: TextTable, coordinates: Sequence[int]) -> int | None:
+    """Return the column of the profile's number if it separates profiles; else None."""
+    scan = _columns_by_role(table).get("scan")
+    if scan is None or scan in coordinates or not _separates_profiles(table, scan):
+        return None
+    return scan
+
+
+def _find_key(table: TextTable, coordinates: Sequence[int]) -> int | None:
+    """Return the column of the profile's number, or else that of parts, sensors or runs.
+
+    The latter must have one run of points for each value.
+    """
+    scan = _find_scan_key(table, coordinates)
+    if scan is not None:
+        return scan
     for column, name in enumerate(table.names):
         if is_part_name(name):
             codes = _codes(table, column)

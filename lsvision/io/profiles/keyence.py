@@ -16,7 +16,7 @@ _LOST_COUNT = 0
 def read_keyence_raw(content: bytes, settings: ReadSettings) -> RawProfiles:
     """Return the profiles of 16-bit counts, one per row; the count 0 is a lost point.
 
-    The height is (count - 32768) z_unit.
+    Definition: x = XStart + k XPitch for column k, height = (count - 32768) ZUnit.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Matrices of heights: one profile per row, x from the first column and the spacing."""
+"""Matrices of heights: one profile per row; x from the user's options or from the first row."""
 
 import numpy as np
 
@@ -26,7 +26,7 @@ def read_matrix(content: bytes, settings: ReadSettings) -> RawProfiles:
 
 
 def profiles_from_matrix(table: TextTable, settings: ReadSettings) -> RawProfiles:
-    """Return the profiles of a matrix of heights, or of one row of x over one row of heights.
+    """Return the profiles of a matrix of heights, or of one row of x over rows of heights.
 
     Raises
     ------
@@ -34,7 +34,7 @@ def profiles_from_matrix(table: TextTable, settings: ReadSettings) -> RawProfile
         If the spacing of the columns is not given (``dx``, ``--dx``) and no row states x.
     """
     heights = table.values.T if settings.transpose else table.values
-    if heights.shape[1] == 1:
+    if heights.shape[1] == 1:  # one column is one profile
         heights = heights.T
     if settings.dx is None and len(heights) > 2 and _is_x_row(heights):
         return RawProfiles(
@@ -83,10 +83,12 @@ def column_positions(
 
 
 def height_unit(table: TextTable, settings: ReadSettings) -> str | None:
-    """Return the unit of the heights that the file states; None if the user states one."""
-    if settings.z_unit is not None:
-        # z_unit is in 0.01 um.
-        return f"{float(settings.z_unit) / 100:.12g} um"
+    """Return the unit of the heights: `z_unit` of the user, or the one that the file states.
+
+    None if the user states another with `units`, or nobody states one.
+    """
+    if settings.count_unit is not None:
+        return settings.count_unit
     if settings.units is not None:
         return None
     statements = [s for s in table.statements if s.axis in (None, "height")]
@@ -101,7 +103,7 @@ def _transpose_hint(rows: int, columns: int) -> str:
 
 
 def _is_x_row(heights: FloatArray) -> bool:
-    """Return whether the first row increases in equal steps, and most of the others do not."""
+    """Return whether the first row changes in equal steps, and most others are not monotonic."""
     with np.errstate(over="ignore", invalid="ignore"):
         steps = np.diff(heights[0])
     is_even = bool(np.all(np.abs(steps - steps.mean()) < MAX_UNEVENNESS * abs(steps.mean())))

@@ -50,13 +50,14 @@ def profiles_from_named(
             f"{', '.join(unusable)} is neither"
         )
     labels = {label: split_label(label) for label in columns}
+    # Reversed, so that the first column in a role is kept.
     by_role = {column_role(name): label for label, (name, _) in reversed(labels.items())}
     height = by_role.get("height", by_role.get("range", by_role.get("y")))
     if height is None:
         raise UnreadableFile(
             f"no column of heights among {', '.join(columns) or 'none'}: expected x and z"
         )
-    if np.ndim(columns[height][0] if len(columns[height]) else 0.0) == 0:
+    if _is_1d(columns[height]):
         return _from_points(columns, texts or {}, settings, statements)
     if settings.columns is not None:
         raise UnreadableFile("--columns is for files with one point per row: leave it out")
@@ -70,43 +71,43 @@ def profiles_from_named(
         by_axis = [[s for s in statements if s.axis in (None, axis)] for axis in ("x", "height")]
         x_unit = "mm" if x is None else common_unit(labels[x][1], by_axis[0])
         units = x_unit, common_unit(labels[height][1], by_axis[1])
-    if x is None and settings.z_unit is not None:  # in 0.01 um
-        units = "mm", f"{float(settings.z_unit) / 100:.12g} um"
+    if x is None and settings.count_unit is not None:
+        units = "mm", settings.count_unit
+    attributes = _row_attributes(columns, texts or {}, {x, height}, len(rows))
+    used = {x, height, *(attributes[0] if attributes else ())}
     return RawProfiles(
         sections=[np.column_stack(pair) for pair in zip(row_positions, rows, strict=True)],
         units=units,
         away="height" not in by_role and "range" in by_role,
         x_in_mm=x is None,
-        attributes=_row_attributes(columns, texts or {}, {x, height}, len(rows)),
-        ignored=tuple(
-            label for label in columns if label not in (x, height) and not _is_1d(columns[label])
-        ),
+        attributes=attributes,
+        ignored=tuple(label for label in (*columns, *(texts or ())) if label not in used),
     )
 
 
 def _row_attributes(
     columns: Mapping[str, _Column],
     texts: Mapping[str, Sequence[str]],
-    used: set[str | None],
-    rows: int,
+    coordinates: set[str | None],
+    count: int,
 ) -> tuple[dict[str, float | str], ...]:
-    """Return the other columns with one value per profile as attributes of the profiles."""
+    """Return the columns with one value for each of `count` profiles as their attributes."""
     values_by_label: dict[str, Sequence[float | str]] = {
         label: np.asarray(values).tolist()
         for label, values in columns.items()
-        if label not in used and _is_1d(values) and len(values) == rows
+        if label not in coordinates and _is_1d(values) and len(values) == count
     }
-    values_by_label |= {label: cells for label, cells in texts.items() if len(cells) == rows}
+    values_by_label |= {label: cells for label, cells in texts.items() if len(cells) == count}
     if not values_by_label:
         return ()
     return tuple(
-        {label: cells[row] for label, cells in values_by_label.items()} for row in range(rows)
+        {label: cells[row] for label, cells in values_by_label.items()} for row in range(count)
     )
 
 
 def _is_1d(values: _Column) -> bool:
-    """Return whether a column has one number per row, and not a profile."""
-    return len(values) > 0 and np.ndim(values[0]) == 0
+    """Return whether a column has one number per row, and not a profile; True if it is empty."""
+    return len(values) == 0 or np.ndim(values[0]) == 0
 
 
 def _is_column(column: _Column) -> bool:
@@ -124,12 +125,11 @@ def _from_points(
 ) -> RawProfiles:
     """Return the profiles of columns with one point per row."""
     number_labels = [label for label in columns if np.ndim(columns[label]) == 1]
-    lengths = {len(columns[label]) for label in number_labels}
-    if len(lengths) != 1 or not lengths.pop():
-        raise UnreadableFile(
-            f"expected columns of equal length, got other lengths of {', '.join(number_labels)}"
-        )
-    count = len(columns[number_labels[0]])
+    lengths = {label: len(columns[label]) for label in number_labels}
+    count = max(lengths.values(), default=0)
+    if not count or set(lengths.values()) != {count}:
+        listed = ", ".join(f"{label} ({length})" for label, length in lengths.items())
+        raise UnreadableFile(f"expected columns of equal length, not empty, got {listed}")
     text_labels = [label for label in texts if len(texts[label]) == count]
     labels = [split_label(label) for label in (*number_labels, *text_labels)]
     arrays = [np.asarray(columns[label]) for label in number_labels] + [
@@ -151,7 +151,7 @@ def _resolve_row_positions(
     """Return the x of each profile: its own, the x of all, or the positions of the columns."""
     if x is None:
         return [column_positions(len(row), len(rows), settings)[0] for row in rows]
-    if np.ndim(x[0] if len(x) else 0.0) == 0:
+    if _is_1d(x):
         return [np.asarray(x)] * len(rows)
     if len(x) != len(rows):
         raise UnreadableFile(

@@ -90,7 +90,8 @@ class ReadSettings:
     Raises
     ------
     ValueError
-        For an unknown format, unit or plane, a spacing of 0, or columns that are not two or three.
+        For an unknown format, unit or plane, a spacing or count of 0, a number that is not finite,
+        or columns that are not two or three, or below 0.
 
     Examples
     --------
@@ -147,6 +148,11 @@ class ReadSettings:
     def height_scale(self) -> float | None:
         """Height of one count; None if it is not given. Units: mm."""
         return None if self.z_unit is None else float(self.z_unit) * MM_PER_KEYENCE_STEP
+
+    @property
+    def count_unit(self) -> str | None:
+        """Height of one count as a unit of length, ``"0.5 um"``; None if it is not given."""
+        return None if self.z_unit is None else f"{float(self.z_unit) / 100:.12g} um"
 
     @property
     def _markers(self) -> tuple[float | str, ...]:
@@ -222,22 +228,28 @@ def _parse_count_size(z_unit: float | str) -> float:
 
 
 def _parse_markers(lost: float | str | Sequence[float | str]) -> tuple[float | str, ...]:
-    """Return the marks of lost points as numbers and words; hexadecimal numbers are converted."""
+    """Return the markers of lost points as numbers and words; NaN and infinity always are lost.
+
+    A hexadecimal number is both: a text may contain the word itself, or its value as a decimal.
+    """
     if isinstance(lost, str):
         cells: Sequence[float | str] = lost.split(",")
     else:
         cells = lost if isinstance(lost, Sequence) else (lost,)
     markers: list[float | str] = []
     for cell in cells:
-        word = cell.strip() if isinstance(cell, str) else cell
+        word = str(cell).strip()
+        is_hexadecimal = word.lower().startswith("0x")
         try:
-            number = float(int(word, 16) if str(word).lower().startswith("0x") else word)  # type: ignore[arg-type] # a str then
+            number = float(int(word, 16)) if is_hexadecimal else float(word)
         except ValueError:
-            if str(word).lower() != "none":
-                markers.append(str(word))
-        else:
-            markers += [number] if math.isfinite(number) else []
-            markers += [str(word)] if str(word).lower().startswith("0x") else []
+            if word.lower() != "none":
+                markers.append(word)
+            continue
+        if math.isfinite(number):
+            markers.append(number)
+        if is_hexadecimal:
+            markers.append(word)
     return tuple(markers)
 
 

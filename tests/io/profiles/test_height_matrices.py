@@ -147,3 +147,12 @@ def test_units_in_the_metadata_of_parquet_count(write, arc):
         file = inspect_profiles(write(parquet(stated)))
         npt.assert_allclose(file.profiles[0].points, arc)
         assert not file.units_assumed
+
+
+def test_a_column_of_another_length_than_the_profiles_is_reported_as_ignored(tmp_path):
+    path = tmp_path / "profiles.npz"
+    heights = np.arange(18.0).reshape(3, 6) % 5 - 100
+    np.savez(path, x=np.arange(6.0), z=heights, exposure=np.arange(3.0), scale=np.arange(4.0))
+    file = inspect_profiles(path)
+    assert [attributes["exposure"] for attributes in file.attributes] == [0.0, 1.0, 2.0]
+    assert file.ignored == ("scale",)
