@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,13 @@ from lsvision.io.profiles.laser_scan import is_laser_scan, profiles_from_scans
 from lsvision.io.profiles.matrix import is_monotonic, profiles_from_matrix
 from lsvision.io.profiles.named_columns import profiles_from_named
 from lsvision.io.profiles.number_rows import POINT_NUMBER, is_missing
-from lsvision.io.profiles.opencv_matrix import TRIPLES, matrix_of_node, table_of_points
+from lsvision.io.profiles.opencv_matrix import (
+    TRIPLES,
+    is_constant,
+    matrix_from_node,
+    parse_opencv_json,
+    table_from_points,
+)
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.stated_units import common_unit, require_known_unit
 from lsvision.io.profiles.text_table import TextTable, decode_text
@@ -29,17 +36,17 @@ from lsvision.io.profiles.unit_statements import (
 from lsvision.io.profiles.units import split_label
 
 MAX_DEPTH = 4
-"""Number of levels of objects and lists that are searched for points."""
+"""Deepest level of objects and lists that is searched for points; the root is level 0."""
 MIN_PAIRS, MIN_TRIPLES = 3, 5
 """Smallest number of rows of a list of points; a shorter list is a matrix or a size."""
-# Keys of flat lists of points; keys of the columns' names; keys that may hold points, best first.
 _FLAT_KEYS = ("points", "profile", TRIPLES, "line")
+"""Keys whose flat list of numbers is a list of points."""
+_POINT_KEYS = (*_FLAT_KEYS, "data", "profiles", "scans")
+"""Keys that are searched first for points, best first."""
 _NAME_KEYS = ("columns", "names", "header", "fields", "labels")
-_POINT_KEYS = ("points", "profile", TRIPLES, "line", "data", "profiles", "scans")
-_OPENCV_NUMBER = re.compile(
-    r"(?<![\w.\"])([-+]?)\.(nan|inf)\b|(?<=[0-9])\.(?=[\s,\]}e])", re.IGNORECASE
-)
+"""Keys of the columns' names."""
 _LINES_OF_OBJECTS = re.compile(r"\}[^\S\n]*\n\s*\{")
+"""End of an object and start of the next: JSON with one object per line."""
 _EXPECTED_KEYS = 'expected {"x": [...], "z": [...]} or {"points": [[x, z], ...]}'
 
 
@@ -60,7 +67,7 @@ def profiles_from_document(document: Any, settings: ReadSettings, kind: str) -> 
     Parameters
     ----------
     document : mapping or list
-        Result of `parse_json`.
+        Parsed content of the file, as from `parse_json`.
     settings : ReadSettings
         Reading options.
     kind : str
@@ -86,6 +93,7 @@ def profiles_from_document(document: Any, settings: ReadSettings, kind: str) -> 
 
 
 def _parse(text: str) -> Any:
+    """Return the content of a text: JSON, one object per line, or JSON as OpenCV writes it."""
     text = text.strip()
     if _LINES_OF_OBJECTS.search(text) and text.startswith("{"):
         lines = [line for line in text.splitlines() if line.strip()]
@@ -99,19 +107,12 @@ def _parse(text: str) -> Any:
         ) from None
     except ValueError as error:
         reason = str(error)
-    try:  # cv2.FileStorage writes .Nan and 1. into its JSON
-        return parse_json(_OPENCV_NUMBER.sub(_plain_number, text), allow_nan=True)
+    try:
+        return parse_opencv_json(text)
     except ValueError:
         raise UnreadableFile(
             f"JSON that cannot be parsed ({reason[:80]}): write it again"
         ) from None
-
-
-def _plain_number(match: re.Match[str]) -> str:
-    """Return a number of OpenCV's JSON as JSON has it."""
-    if match[2] is None:
-        return ".0"
-    return "NaN" if match[2].lower() == "nan" else f"{match[1].replace('+', '')}Infinity"
 
 
 def _find_profiles(document: Any, settings: ReadSettings, depth: int) -> RawProfiles | None:
@@ -128,6 +129,12 @@ def _find_profiles(document: Any, settings: ReadSettings, depth: int) -> RawProf
 def _from_object(
     document: Mapping[str, Any], settings: ReadSettings, depth: int
 ) -> RawProfiles | None:
+    """Return the profiles of an object; None if it has none.
+
+    An object is a LaserScan, columns with known names, heights for ``dx``, rows with a list of the
+    columns' names, or a matrix of OpenCV; otherwise its entries are searched, those with
+    `_POINT_KEYS` first.
+    """
     if is_laser_scan(document):
         return profiles_from_scans([document])
     statements = find_unit_statements(_statement_lines(document))
@@ -171,10 +178,15 @@ def _from_named_list(
 
 
 def _from_list(document: list[Any], settings: ReadSettings, depth: int) -> RawProfiles | None:
+    """Return the profiles of a list; None if it has none.
+
+    A list holds objects, points of two or three numbers, one list of x and one of heights, or
+    profiles.
+    """
     if all(isinstance(item, Mapping) for item in document):
         return _from_objects(document, settings, depth)
-    widths = {len(item) for item in document if _is_pair(item)}
-    if len(widths) == 1 and all(map(_is_pair, document)):
+    widths = {len(item) for item in document if _is_point(item)}
+    if len(widths) == 1 and all(map(_is_point, document)):
         if len(document) < (MIN_TRIPLES if widths == {3} else MIN_PAIRS):
             return None
         return _from_rows(_floats(document), settings, ())
@@ -189,9 +201,7 @@ def _from_list(document: list[Any], settings: ReadSettings, depth: int) -> RawPr
 def _are_x_and_height(document: list[Any]) -> bool:
     """Return whether two lists of numbers have equal length, and the first is monotonic."""
     first, second = document
-    if not isinstance(first, list) or len(first) != len(second) or len(first) <= MIN_PAIRS:
-        return False
-    return is_monotonic(_floats(first))
+    return isinstance(first, list) and len(first) == len(second) and is_monotonic(_floats(first))
 
 
 def _from_objects(
@@ -201,13 +211,14 @@ def _from_objects(
     if all(map(is_laser_scan, document)):
         return profiles_from_scans(document)
     keys = list(document[0])
-    scalar = [
-        key for key in keys if not any(isinstance(i.get(key), list | Mapping) for i in document)
+    scalar_keys = [
+        key
+        for key in keys
+        if not any(isinstance(item.get(key), list | Mapping) for item in document)
     ]
-    roles = {column_role(split_label(key)[0]) for key in scalar}
+    roles = {column_role(split_label(key)[0]) for key in scalar_keys}
     if "x" in roles and roles & {"height", "range", "y"}:
-        table = _table_of_objects(document, scalar)
-        return profiles_from_table(table, settings)
+        return profiles_from_table(_table_from_objects(document, scalar_keys), settings)
     item_profiles = [_find_profiles(item, settings, depth + 1) for item in document]
     profiles = _join_profiles(item_profiles)
     if profiles is None:
@@ -216,11 +227,12 @@ def _from_objects(
         {key: item[key] for key in keys if isinstance(item.get(key), str | int | float)}
         for item in document
     ]
-    one_profile_per_object = len(profiles.sections) == len(document) and any(attributes)
-    return replace(profiles, attributes=tuple(attributes)) if one_profile_per_object else profiles
+    if len(profiles.sections) == len(document) and any(attributes):  # one profile per object
+        return replace(profiles, attributes=tuple(attributes))
+    return profiles
 
 
-def _table_of_objects(document: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> TextTable:
+def _table_from_objects(document: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> TextTable:
     labels = [split_label(key) for key in keys]
     texts: dict[int, list[str]] = {}
     values = np.full((len(document), len(keys)), np.nan)
@@ -237,16 +249,26 @@ def _table_of_objects(document: Sequence[Mapping[str, Any]], keys: Sequence[str]
 
 def _join_profiles(items: Sequence[RawProfiles | None]) -> RawProfiles | None:
     """Return all profiles in one; None if one is missing, or units or directions differ."""
-    profiles = [item for item in items if item is not None]
-    if len(profiles) < len(items) or len({(item.units, item.away) for item in profiles}) != 1:
+    parts = [item for item in items if item is not None]
+    if len(parts) < len(items) or len({(part.units, part.away) for part in parts}) != 1:
         return None
-    return replace(profiles[0], sections=[xz for item in profiles for xz in item.sections])
+    attributes = [row for part in parts for row in part.attributes or [{}] * len(part.sections)]
+    positions = [part.positions for part in parts if part.positions is not None]
+    return replace(
+        parts[0],
+        sections=[section for part in parts for section in part.sections],
+        attributes=tuple(attributes) if any(attributes) else (),
+        positions=tuple(chain(*positions)) if len(positions) == len(parts) else None,
+        notes=tuple(dict.fromkeys(note for part in parts for note in part.notes)),
+        lost=tuple(dict.fromkeys(value for part in parts for value in part.lost)),
+        ignored=tuple(dict.fromkeys(column for part in parts for column in part.ignored)),
+    )
 
 
 def _from_flat(
     key: str, values: FloatArray, settings: ReadSettings, statements: tuple[UnitStatement, ...]
 ) -> RawProfiles:
-    """Return the points of a flat list; with ``dx`` it has only heights."""
+    """Return the profile of a flat list of points, or of heights alone if ``dx`` is given."""
     table = TextTable(values.reshape(1, -1), statements=statements)
     if settings.dx is not None:
         return profiles_from_matrix(table, settings)
@@ -272,10 +294,10 @@ def flat_width(key: str, values: FloatArray) -> int | None:
     if key == TRIPLES and values.size % 3 == 0:
         return 3
     for width in (3, 2):
-        if values.size % width == 0 and values.size >= 3 * width:
+        if values.size % width == 0 and values.size >= MIN_PAIRS * width:
             rows = values.reshape(-1, width)
-            flat = width == 2 or len(np.unique(rows[np.isfinite(rows[:, 1]), 1])) <= 1
-            if flat and is_monotonic(rows[:, 0]):
+            in_plane = width == 2 or is_constant(rows[:, 1])
+            if in_plane and is_monotonic(rows[:, 0]):
                 return width
     return None
 
@@ -283,21 +305,18 @@ def flat_width(key: str, values: FloatArray) -> int | None:
 def _from_rows(
     rows: FloatArray, settings: ReadSettings, statements: tuple[UnitStatement, ...]
 ) -> RawProfiles:
-    return profiles_from_table(_table_of_rows(rows, statements), settings)
-
-
-def _table_of_rows(rows: FloatArray, statements: tuple[UnitStatement, ...]) -> TextTable:
-    """Return rows of two or three numbers, or two or three rows, under their usual names."""
+    """Return the profiles of rows x, z or x, y, z, or of two or three rows of them."""
     if rows.shape[1] > rows.shape[0] and rows.shape[0] in (2, 3):
         rows = rows.T
     names = {2: ("x", "z"), 3: ("x", "y", "z")}.get(rows.shape[1], ())
-    return TextTable(rows, names, (None,) * rows.shape[1], statements)
+    table = TextTable(rows, names, (None,) * rows.shape[1], statements)
+    return profiles_from_table(table, settings)
 
 
 def _named_rows(
     document: Mapping[str, Any], statements: tuple[UnitStatement, ...]
 ) -> TextTable | None:
-    """Return rows of numbers with a list of their columns' names."""
+    """Return the table of a list of rows of numbers and a list of their names; else None."""
     for key, labels in document.items():
         if key.lower() not in _NAME_KEYS or not isinstance(labels, list) or len(labels) < 2:
             continue
@@ -317,11 +336,12 @@ def _opencv_matrix(
     if document.get("type_id") not in ("opencv-matrix", "opencv-nd-matrix"):
         return None
     return replace(
-        table_of_points("", np.squeeze(matrix_of_node("", document))), statements=statements
+        table_from_points("", np.squeeze(matrix_from_node("", document))), statements=statements
     )
 
 
 def _statement_lines(document: Mapping[str, Any]) -> Iterator[str]:
+    """Yield lines ``key: value`` that may state a unit, from the entries and their sub-entries."""
     for key, value in document.items():
         if isinstance(value, str):
             yield f"{key}: {value}"
@@ -357,10 +377,12 @@ def _column(value: Any) -> Any:
 
 
 def _arrays(value: Any) -> Any:
+    """Return the array of a list of numbers, or the arrays of a list of lists."""
     return [_floats(row) for row in value] if isinstance(value[0], list) else _floats(value)
 
 
 def _floats(value: Any) -> FloatArray:
+    """Return the array of a list of numbers or of lists of equal length; NaN where one is lost."""
     try:
         array = np.array(_with_nan(value), dtype=np.float64)
     except (ValueError, TypeError, OverflowError):
@@ -383,11 +405,13 @@ def _is_scalar(value: Any) -> bool:
     return value is None or (isinstance(value, int | float) and not isinstance(value, bool))
 
 
-def _is_pair(value: Any) -> bool:
+def _is_point(value: Any) -> bool:
+    """Return whether a value is a list of two or three numbers."""
     return isinstance(value, list) and len(value) in (2, 3) and all(map(_is_scalar, value))
 
 
 def _key_rank(key: str) -> int:
+    """Return the rank of a key in the search for points; `_POINT_KEYS` come first."""
     word = key.lower()
     return _POINT_KEYS.index(word) if word in _POINT_KEYS else len(_POINT_KEYS)
 

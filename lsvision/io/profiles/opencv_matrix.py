@@ -1,4 +1,4 @@
-"""Matrices of OpenCV's FileStorage, from any parser."""
+"""JSON and matrices of OpenCV's FileStorage; the matrices of its YAML and XML, too."""
 
 import math
 import re
@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from lsvision.errors import UnreadableFile
+from lsvision.files.json_text import parse_json
 from lsvision.geometry import FloatArray
 from lsvision.io.profiles.number_rows import numbers_from_cells
 from lsvision.io.profiles.text_table import TextTable
@@ -15,10 +16,33 @@ from lsvision.io.profiles.text_table import TextTable
 TRIPLES = "scan_line"
 """Name of a list that holds x, y, z after one another."""
 _MATRIX_TYPE = re.compile(r"(\d{1,3})?[ucwsifdh]")
+"""Entry ``dt`` of a matrix: the number of channels, if not 1, and the type of a number."""
+_OPENCV_NUMBER = re.compile(
+    r"(?<![\w.\"])([-+]?)\.(nan|inf)\b|(?<=[0-9])\.(?=[\s,\]}e])", re.IGNORECASE
+)
+"""Numbers of OpenCV's JSON that JSON does not have: .Nan, -.Inf and 1."""
 _MAX_DIMENSIONS = 32  # of numpy's and OpenCV's arrays
 
 
-def matrix_of_node(key: str, node: Mapping[str, Any]) -> FloatArray:
+def parse_opencv_json(text: str) -> Any:
+    """Return the value of a JSON text, which may contain the numbers .Nan, -.Inf and 1. of OpenCV.
+
+    Raises
+    ------
+    ValueError
+        As `parse_json`.
+    """
+    return parse_json(_OPENCV_NUMBER.sub(_plain_number, text), allow_nan=True)
+
+
+def _plain_number(match: re.Match[str]) -> str:
+    """Return a number of OpenCV's JSON as JSON has it."""
+    if match[2] is None:
+        return ".0"
+    return "NaN" if match[2].lower() == "nan" else f"{match[1].replace('+', '')}Infinity"
+
+
+def matrix_from_node(key: str, node: Mapping[str, Any]) -> FloatArray:
     """Return the array of an ``opencv-matrix`` or ``opencv-nd-matrix``, its size checked.
 
     Parameters
@@ -28,10 +52,15 @@ def matrix_of_node(key: str, node: Mapping[str, Any]) -> FloatArray:
     node : mapping
         Entries of the matrix's node.
 
+    Returns
+    -------
+    (rows, columns, channels) ndarray
+        With all sizes before the channels if there are more than two.
+
     Raises
     ------
     UnreadableFile
-        If rows x columns differs from the number of its data.
+        If an entry is missing or not understood, or the sizes do not match the number of its data.
     """
     try:
         sizes = (
@@ -68,20 +97,20 @@ def _scalar_text(value: Any) -> str:
     raise ValueError(f"{value!r:.40}")
 
 
-def table_of_points(key: str, values: FloatArray) -> TextTable:
+def table_from_points(key: str, values: FloatArray) -> TextTable:
     """Return the table of a list or an array of points, under their usual names.
 
     Parameters
     ----------
     key : str
         Key of the matrix; ``scan_line`` holds triples.
-    values : ndarray
-        Numbers of the matrix.
+    values : (n,) or (n, k) ndarray
+        Numbers in turn, or rows of points; (k, n) if n is larger.
 
     Raises
     ------
     UnreadableFile
-        If they are neither pairs nor triples.
+        If a list is neither one of pairs nor one of triples, or an array has more dimensions.
     """
     if values.ndim == 2:
         rows = values if values.shape[1] <= values.shape[0] else values.T
@@ -90,7 +119,7 @@ def table_of_points(key: str, values: FloatArray) -> TextTable:
             f"{_prefix(key)}expected points of n x 2 or n x 3 numbers, got "
             f"{' x '.join(map(str, values.shape))}"
         )
-    elif values.size % 3 == 0 and (key == TRIPLES or values.size % 2 or _is_constant(values[1::3])):
+    elif values.size % 3 == 0 and (key == TRIPLES or values.size % 2 or is_constant(values[1::3])):
         rows = values.reshape(-1, 3)
     elif values.size % 2 == 0:
         rows = values.reshape(-1, 2)
@@ -102,7 +131,8 @@ def table_of_points(key: str, values: FloatArray) -> TextTable:
     return TextTable(rows, names, (None,) * rows.shape[1])
 
 
-def _is_constant(values: FloatArray) -> bool:
+def is_constant(values: FloatArray) -> bool:
+    """Return whether all numbers that are not lost are the same."""
     return len(np.unique(values[np.isfinite(values)])) <= 1
 
 

@@ -13,14 +13,18 @@ from xml.etree import ElementTree
 import numpy as np
 
 from lsvision.errors import UnreadableFile
-from lsvision.files.json_text import parse_json
 from lsvision.geometry import FloatArray
 from lsvision.io.profiles.column_roles import has_known_role
 from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.json_points import flat_width
 from lsvision.io.profiles.named_columns import profiles_from_named
 from lsvision.io.profiles.number_rows import numbers_from_cells
-from lsvision.io.profiles.opencv_matrix import TRIPLES, matrix_of_node, table_of_points
+from lsvision.io.profiles.opencv_matrix import (
+    TRIPLES,
+    matrix_from_node,
+    parse_opencv_json,
+    table_from_points,
+)
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.text_table import decode_text
 from lsvision.io.profiles.unit_statements import find_lost_values, find_unit_statements
@@ -33,15 +37,14 @@ _KEY_WORD = re.compile(r"^[A-Za-z_]\w*:\s*[^\[\s!]")
 _FLAT_LIST = re.compile(r"^[ \t{]*\"?([A-Za-z_]\w*)\"?[ \t]*:\s*\[([^\[\]]*)\]", re.MULTILINE)
 # A list of numbers that would take the YAML parser too long.
 _LONG_LIST = re.compile(r"\[([^\[\]{}\"'#&*]{2000,})\]")
-# OpenCV's NaN and infinity, which are not JSON.
-_OPENCV_CONSTANT = re.compile(r"(?<=[\[,\s])[-+]?\.(?:Nan|Inf)(?=[\s,\]])", re.IGNORECASE)
 _MAX_XML_DEPTH = 16
 
 
 def read_opencv_storage(content: bytes, settings: ReadSettings) -> RawProfiles:
-    """Return the profile under the key ``scan_line`` (x, y, z in turn), or that of the first list.
+    """Return the profile of lists with known names (x, z), or of one list of points.
 
-    Heights are assumed to increase towards the sensor.
+    That list is ``scan_line`` (x, y, z in turn), or else the first under another name of points, or
+    the first long one. Heights are assumed to increase towards the sensor.
 
     Raises
     ------
@@ -49,15 +52,16 @@ def read_opencv_storage(content: bytes, settings: ReadSettings) -> RawProfiles:
         If the file cannot be parsed or contains no list of points.
     """
     text = decode_text(content)
+    lines = _lines_of_words(text)
+    # Long lists are split here: a YAML parser needs microseconds per number.
+    lists = {key: body.split(",") for key, body in _FLAT_LIST.findall(text) if key != "data"}
     columns = {
-        key: numbers_from_cells(body.split(","))
-        for key, body in _FLAT_LIST.findall(text)
+        key: numbers_from_cells(cells)
+        for key, cells in lists.items()
         if has_known_role(key.lower())
     }
     if len(columns) > 1:
-        return profiles_from_named(columns, settings, find_unit_statements(_lines_of_words(text)))
-    # Long lists are split here: a YAML parser needs microseconds per number.
-    lists = {key: body.split(",") for key, body in _FLAT_LIST.findall(text) if key != "data"}
+        return profiles_from_named(columns, settings, find_unit_statements(lines))
     key = min(lists, key=_rank, default=None)
     if key is not None and (key in _POINT_KEYS or len(lists[key]) >= _MIN_NUMBERS):
         values = numbers_from_cells(lists[key])
@@ -68,8 +72,7 @@ def read_opencv_storage(content: bytes, settings: ReadSettings) -> RawProfiles:
             )
     else:
         key, values = _first_node(text)
-    table = table_of_points(key, np.squeeze(values))
-    lines = _lines_of_words(text)
+    table = table_from_points(key, np.squeeze(values))
     table = replace(table, statements=find_unit_statements(lines), lost=find_lost_values(lines))
     return profiles_from_table(table, settings)
 
@@ -115,7 +118,7 @@ def _parse(text: str) -> dict[str, Any]:
     if start == "<":
         return _from_xml(text)
     if start == "{":
-        root = parse_json(_OPENCV_CONSTANT.sub("NaN", text), allow_nan=True)
+        root = parse_opencv_json(text)
     else:
         from lsvision.io.yaml_text import parse_yaml
 
@@ -189,7 +192,7 @@ def _xml_node(element: ElementTree.Element) -> Any:
 def _numbers(key: str, node: Any) -> FloatArray:
     """Return the numbers of a node; empty if it is neither a matrix nor a list."""
     if isinstance(node, Mapping):
-        return matrix_of_node(key, node) if {"rows", "sizes"} & set(node) else np.empty(0)
+        return matrix_from_node(key, node) if {"rows", "sizes"} & set(node) else np.empty(0)
     if not isinstance(node, list):
         return np.empty(0)
     if node and all(isinstance(item, list) for item in node):

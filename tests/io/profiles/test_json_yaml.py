@@ -212,3 +212,18 @@ def test_bytes_of_a_point_cloud_message_are_no_points(write):
     message = {"height": 1, "width": 2, "fields": [{"name": "x"}], "data": list(range(64))}
     with pytest.raises(UnreadableFile, match="its keys are height, width, fields, data"):
         read_profile(write(json.dumps(message)))
+
+
+def test_profiles_in_nested_lists_keep_the_attributes_of_each(write):
+    parts = [[{"x": x, "z": x * x % 7, "part": part} for x in range(8)] for part in "ab"]
+    file = inspect_profiles(write(json.dumps(parts)))
+    assert [attributes["part"] for attributes in file.attributes] == ["a", "b"]
+
+
+@pytest.mark.parametrize("options", [{}, {"format": "opencv"}])
+def test_numbers_that_only_opencv_writes_into_json_are_read(write, options):
+    data = ", ".join(f"{x}., {x * x % 7}.5" for x in range(19)) + ", 19., .Nan"
+    matrix = f'"type_id": "opencv-matrix", "rows": 20, "cols": 2, "dt": "d", "data": [ {data} ]'
+    profile = read_profile(write(f'{{"m": {{ {matrix} }}}}'), **options)
+    npt.assert_array_equal(profile.points[:2], [[0.0, 0.5], [1.0, 1.5]])
+    assert profile.lost == 1
