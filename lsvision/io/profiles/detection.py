@@ -1,4 +1,4 @@
-"""Detection of a file's format: by its magic bytes, then its first lines, then its suffix."""
+"""Detection of a file's format by its first bytes and lines; a suffix only names unread formats."""
 
 import io
 import re
@@ -78,6 +78,7 @@ _FIRST_LINES = (
     (re.compile(r"\s*\{"), "json"),
     (re.compile(r"\s*\[\s*[\[{]"), "json"),
     (re.compile(r"[^\n]*\bfield\.(angle_min|ranges)|[^\n]*\bangle_increment\s*,"), "laserscan"),
+    # YAML: a ROS message, a key with a list on its line, or a key of points with a list below it
     (re.compile(r"(?:\s*#[^\n]*\n|\s*---[ \t]*\n)*\s*header:\s*\n\s+\w+:"), "yaml"),
     (re.compile(r"(?:\s*#[^\n]*\n|\s*---[ \t]*\n)*\s*[A-Za-z_]\w*:[ \t]*\[[^\]\n]*,"), "yaml"),
     (
@@ -101,7 +102,7 @@ def detect_format(content: bytes, suffix: str) -> str:
     content : bytes
         The whole file.
     suffix : str
-        Ending of the file's name, such as ``".csv"``; used only if the content is ambiguous.
+        Ending of the file's name, such as ``".csv"``; names formats that are not read.
 
     Raises
     ------
@@ -128,7 +129,8 @@ def detect_format(content: bytes, suffix: str) -> str:
     if content.startswith((b"II*\0", b"MM\0*", b"\x89PNG")):
         return "height-map"
     for magic, advice in _UNSUPPORTED_MAGIC:
-        if content.startswith(magic) and not (magic == b"BM" and content[:400].isascii()):
+        is_text = magic == b"BM" and content[:400].isascii()  # a text may begin with BM
+        if content.startswith(magic) and not is_text:
             raise UnreadableFile(advice)
     if suffix.lower() in _UNSUPPORTED_SUFFIX:
         raise UnreadableFile(_UNSUPPORTED_SUFFIX[suffix.lower()])
@@ -136,6 +138,7 @@ def detect_format(content: bytes, suffix: str) -> str:
 
 
 def _is_ros2_database(content: bytes) -> bool:
+    """Return whether a file is an SQLite database with a table of topics."""
     if not content.startswith(b"SQLite format 3"):
         return False
     return bool(_BAG_TABLE.search(content[:_SCHEMA_BYTES]))
@@ -161,6 +164,7 @@ def _zip_format(content: bytes, suffix: str) -> str:
 
 def _text_format(content: bytes) -> str:
     """Return the name of the reader for a text; raises an error for a text without points."""
+    # Only an ASCII text can be cut at any byte.
     head = content[:_HEAD_BYTES] if content.isascii() else content
     start = "\n".join(decode_text(head)[:4000].splitlines())
     for pattern, name in _FIRST_LINES:
@@ -174,10 +178,12 @@ def _text_format(content: bytes) -> str:
         )
     if content.startswith((b"\xff\xfe", b"\xfe\xff")) and _KEYENCE_ROW.match(start):
         return "keyence"
-    return _table_format(start if len(start.splitlines()) > 1 else decode_text(content))
+    has_first_line = len(start.splitlines()) > 1  # else it is longer than `start`
+    return _table_format(start if has_first_line else decode_text(content))
 
 
 def _table_format(text: str) -> str:
+    """Return the name of the reader for a table, by the number of cells in its first line."""
     line = next((line for line in text.splitlines() if line.strip()), "").strip()
     cells = re.split(r"[,;\t]|\s+", line)
     if len(cells) in _KEYENCE_WIDTHS and all(cell.isdecimal() for cell in cells):

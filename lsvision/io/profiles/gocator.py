@@ -11,7 +11,7 @@ import numpy as np
 
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
-from lsvision.io.profiles.number_rows import numbers_from_cells
+from lsvision.io.profiles.number_cells import numbers_from_cells
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.text_table import decode_text
 
@@ -46,7 +46,13 @@ def read_gocator(content: bytes, _: ReadSettings) -> RawProfiles:
 
 
 def read_gocator_points(content: bytes, _: ReadSettings) -> RawProfiles:
-    """Return the profiles of a list with columns x0, z0, x1, z1, ..., one profile per row."""
+    """Return the profiles of a list with columns x0, z0, x1, z1, ..., one profile per row.
+
+    Raises
+    ------
+    UnreadableFile
+        If the first line does not name x0, or no row follows it.
+    """
     lines = [line for line in decode_text(content).splitlines() if line.strip()]
     names = [name.strip().lower() for name in lines[0].split(",")] if lines else []
     if "x0" not in names:
@@ -55,9 +61,8 @@ def read_gocator_points(content: bytes, _: ReadSettings) -> RawProfiles:
     rows = [numbers_from_cells(line.split(",")[first_column:]) for line in lines[1:]]
     if not rows:
         raise UnreadableFile("a header without a profile: export the recording again")
-    return RawProfiles(
-        sections=[row[: len(row) // 2 * 2].reshape(-1, 2) for row in rows], units=_UNITS
-    )
+    pairs = [row[: len(row) // 2 * 2].reshape(-1, 2) for row in rows]  # without a last, odd cell
+    return RawProfiles(sections=pairs, units=_UNITS)
 
 
 def _iterate_blocks(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
@@ -79,7 +84,7 @@ def _read_surface_block(lines: Sequence[str]) -> Iterator[tuple[float, FloatArra
     x = np.empty(0)
     for line in lines:
         head, *cells = line.split(",")
-        if "\\" in head:  # Y\X: the row of x
+        if "\\" in head:  # "Y\X" begins the row of x
             x = numbers_from_cells(cells)
         elif len(x) and len(cells) == len(x):
             yield (
@@ -89,9 +94,9 @@ def _read_surface_block(lines: Sequence[str]) -> Iterator[tuple[float, FloatArra
 
 
 def _read_profile_block(lines: Sequence[str]) -> Iterator[tuple[float, FloatArray]]:
-    """Yield y and points (x, z) of each row Z of the column Axis.
+    """Yield y and points (x, z) of each row with Z in the column Axis.
 
-    Their x is the last row X, or the header if there is none.
+    Their x are those of the last row with X in it, or of the header. The cell before Axis is y.
     """
     axis = -1
     x = np.empty(0)

@@ -5,7 +5,7 @@ import numpy as np
 from lsvision.errors import UnreadableFile
 from lsvision.io.images import TooManyPixels, decode_image
 from lsvision.io.profiles.matrix import profiles_from_matrix
-from lsvision.io.profiles.number_rows import floats_from
+from lsvision.io.profiles.number_cells import floats_from
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.text_table import TextTable
 

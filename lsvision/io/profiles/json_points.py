@@ -17,7 +17,7 @@ from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.laser_scan import is_laser_scan, profiles_from_scans
 from lsvision.io.profiles.matrix import is_monotonic, profiles_from_matrix
 from lsvision.io.profiles.named_columns import profiles_from_named
-from lsvision.io.profiles.number_rows import POINT_NUMBER, is_missing
+from lsvision.io.profiles.number_cells import POINT_NUMBER, is_missing
 from lsvision.io.profiles.opencv_matrix import (
     TRIPLES,
     is_constant,

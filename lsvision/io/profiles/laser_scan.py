@@ -1,8 +1,9 @@
 """ROS LaserScan: angles and ranges to points, also from the CSV of ``rostopic echo -p``.
 
 Definition (sensor_msgs/LaserScan): ranges in m at ``angle_min + k angle_increment`` in rad, counted
-from the x axis (forwards) towards y (left); ranges outside ``range_min`` to ``range_max`` are lost.
-In the section frame X is the scanner's y and Y the opposite of its x.
+from the x axis (forwards) towards y (left). Ranges below ``range_min`` are lost, and those of
+``range_max`` and above: scanners state ``range_max`` where no echo returns. In the section frame X
+is the scanner's y and Y the opposite of its x.
 """
 
 import csv
@@ -15,20 +16,21 @@ import numpy as np
 
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
-from lsvision.io.profiles.number_rows import numbers_from_cells
+from lsvision.io.profiles.number_cells import numbers_from_cells
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.text_table import decode_text
 
-_SCAN_KEYS = ("angle_min", "angle_increment", "angle_max", "range_min", "range_max")
+SCAN_KEYS = ("angle_min", "angle_increment", "angle_max", "range_min", "range_max")
+"""Fields of a LaserScan other than its ranges from which points are computed."""
 _RANGE_COLUMN = re.compile(r"ranges[\[_.]?[0-9]+\]?")
 
 
 def is_laser_scan(document: Any) -> bool:
-    """Return whether a mapping is a LaserScan."""
+    """Return whether a value is a mapping with the fields of a LaserScan."""
     return (
         isinstance(document, Mapping)
         and isinstance(document.get("ranges"), Sequence)
-        and ({"angle_min", "angle_increment", "angle_max"} & set(document) != set())
+        and not document.keys().isdisjoint(("angle_min", "angle_increment", "angle_max"))
     )
 
 
@@ -70,7 +72,7 @@ def read_laser_scan(content: bytes, _: ReadSettings) -> RawProfiles:
     for number, row in enumerate(rows[1:], 2):
         if len(row) < len(names):
             raise UnreadableFile(f"row {number} has {len(row)} cells, expected {len(names)}")
-        scan: dict[str, Any] = {name: row[k] for k, name in enumerate(names) if name in _SCAN_KEYS}
+        scan: dict[str, Any] = {name: row[k] for k, name in enumerate(names) if name in SCAN_KEYS}
         scan["ranges"] = [row[k] for k in range_columns]
         scans.append(scan)
     return profiles_from_scans(scans)
@@ -99,6 +101,7 @@ def _section_points(scan: Mapping[str, Any]) -> FloatArray:
 
 
 def _parse_number(value: Any) -> float:
+    """Return a number or the number in a text; NaN for None and for a word for lost points."""
     if value is None:
         return math.nan
     if isinstance(value, int | float):

@@ -1,5 +1,6 @@
 """Points that a file marks as lost by a value: stated by the user or the file, or guessed."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ from lsvision.statistics.lost_markers import find_lost_markers
 
 KEYENCE_LOST = (-99999.9999, -99999.999, -99999.99, -99999.9)
 """Markers of Keyence controllers with different numbers of digits; never a height."""
-_TOLERANCE = 1e-7  # of a marker, relative: more digits than single precision has
+_TOLERANCE = 1e-7  # of a marker, relative: a little more than single precision rounds, 6e-8
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ class LostMarker:
 def remove_lost(
     raw: RawProfiles, settings: ReadSettings
 ) -> tuple[list[FloatArray], tuple[LostMarker, ...]]:
-    """Return sections with NaN in place of markers, and the markers.
+    """Return sections with NaN in place of lost points (markers and infinities), and the markers.
 
     If the user states markers, only these are used; otherwise the markers that the file states,
     well-known ones, and values that look like a marker, see `find_lost_markers`.
@@ -54,46 +55,80 @@ def remove_lost(
         Sections in the units of the file.
     settings : ReadSettings
         Reading options with the markers that the user states.
+
+    Returns
+    -------
+    sections : list of (n, 2) or (n, 3) ndarray
+        In the units of the file.
+    markers : tuple of LostMarker
+        In the order in which they were applied; each counts the points that no earlier one marks.
     """
     sections = [  # one quiet NaN for all: arithmetic with a signalling one warns
         section if np.isfinite(section).all() else np.where(np.isfinite(section), section, np.nan)
         for section in raw.sections
     ]
     points = sections[0] if len(sections) == 1 else np.concatenate(sections or [np.empty((0, 2))])
-    height = points.shape[1] - 1
-    lost = np.zeros(len(points), dtype=bool)
-    markers: list[LostMarker] = []
-
-    def mark(text: str, rows: BoolArray, *, guessed: bool) -> None:
-        unmarked = rows & ~lost
-        if unmarked.any():
-            markers.append(LostMarker(text, int(unmarked.sum()), guessed))
-            lost[unmarked] = True
-
+    marked = _MarkedPoints(points)
     if settings.lost_values is not None:
-        for value in settings.lost_values:
-            mark(f"{value:.10g}", _holds_marker(points, value), guessed=False)
+        marked.add_values(settings.lost_values)
     else:
-        lowest = float(np.fmin.reduce(points, axis=None, initial=0.0))
-        well_known = KEYENCE_LOST if lowest <= max(KEYENCE_LOST) * (1 - _TOLERANCE) else ()
-        for value in (*raw.lost, *well_known):
-            mark(f"{value:.10g}", _holds_marker(points, value), guessed=False)
-        if not points.all():
+        marked.add_values((*raw.lost, *_keyence_markers(points)))
+        if not points.all():  # there is a 0
             zero_rows = np.concatenate([_repeated_zeros(section) for section in sections])
-            mark(", ".join("0" * points.shape[1]), zero_rows, guessed=False)
-        remaining = np.where(lost[:, np.newaxis], np.nan, points) if lost.any() else points
-        for axis in range(height, -1, -1):
-            guesses = find_lost_markers(
-                remaining[:, axis],
-                limits=raw.limits if axis else (),
-                is_range=raw.away and axis == height,
-            )
-            for value in guesses:
-                mark(f"{value:.10g}", np.equal(remaining[:, axis], value), guessed=True)
-    if not lost.any():
+            marked.add(", ".join(["0"] * points.shape[1]), zero_rows, guessed=False)
+        _add_guesses(marked, raw)
+    if not marked.lost.any():
         return sections, ()
-    cleaned = np.where(lost[:, np.newaxis], np.nan, points)
-    return np.split(cleaned, np.cumsum([len(s) for s in sections])[:-1]), tuple(markers)
+    stops = np.cumsum([len(section) for section in sections])
+    return np.split(marked.remaining, stops[:-1]), tuple(marked.markers)
+
+
+class _MarkedPoints:
+    """Points, the markers found in them so far, and a mask of the points that these mark."""
+
+    def __init__(self, points: FloatArray) -> None:
+        self.points = points
+        self.markers: list[LostMarker] = []
+        self.lost: BoolArray = np.zeros(len(points), dtype=bool)
+
+    @property
+    def remaining(self) -> FloatArray:
+        """The points, NaN where marked."""
+        if not self.lost.any():
+            return self.points
+        return np.where(self.lost[:, np.newaxis], np.nan, self.points)
+
+    def add(self, text: str, rows: BoolArray, *, guessed: bool) -> None:
+        """Mark some rows, and add the marker if they were not all marked before."""
+        unmarked = rows & ~self.lost
+        if unmarked.any():
+            self.markers.append(LostMarker(text, int(unmarked.sum()), guessed))
+            self.lost |= unmarked
+
+    def add_values(self, values: Iterable[float]) -> None:
+        """Mark the points of which a coordinate is one of the values."""
+        for value in values:
+            self.add(f"{value:.10g}", _holds_marker(self.points, value), guessed=False)
+
+
+def _keyence_markers(points: FloatArray) -> tuple[float, ...]:
+    """Return `KEYENCE_LOST` if a number is low enough to be one of them: most files have none."""
+    lowest = float(np.fmin.reduce(points, axis=None, initial=0.0))
+    return KEYENCE_LOST if lowest <= max(KEYENCE_LOST) * (1 - _TOLERANCE) else ()
+
+
+def _add_guesses(marked: _MarkedPoints, raw: RawProfiles) -> None:
+    """Mark the points with a coordinate that looks like a marker, first the heights."""
+    remaining = marked.remaining
+    height = remaining.shape[1] - 1
+    for axis in range(height, -1, -1):
+        guesses = find_lost_markers(
+            remaining[:, axis],
+            limits=raw.limits if axis > 0 else (),  # x may be computed: the limits are of heights
+            is_range=raw.away and axis == height,
+        )
+        for value in guesses:
+            marked.add(f"{value:.10g}", np.equal(remaining[:, axis], value), guessed=True)
 
 
 def _holds_marker(points: FloatArray, value: float) -> BoolArray:

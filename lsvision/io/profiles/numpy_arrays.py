@@ -19,12 +19,13 @@ from lsvision.io.profiles.column_roles import has_known_role
 from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.matrix import MIN_COLUMNS, profiles_from_matrix
 from lsvision.io.profiles.named_columns import profiles_from_named
-from lsvision.io.profiles.number_rows import floats_from
+from lsvision.io.profiles.number_cells import floats_from
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.stated_units import common_unit
 from lsvision.io.profiles.text_table import TextTable
 from lsvision.io.profiles.unit_statements import UnitStatement, find_unit_statements
 
+# What `np.load`, its parser of headers, and zipfile raise for damaged files.
 _NUMPY_ERRORS = (
     ValueError,
     TypeError,
@@ -46,7 +47,16 @@ _KEYS = ("points", "profile", "profiles", "arr_0")  # of the array with the poin
 
 
 def read_npy(content: bytes, settings: ReadSettings) -> RawProfiles:
-    """Return the profiles of an array: (n, 2 or 3), (k, n, 2), or rows of heights with ``dx``."""
+    """Return the profiles of an array of points or of heights.
+
+    Shapes: (n, 2) x and height; (n, 3) or (k, n, 3) x, y, z; (2, n) or (3, n) the same in rows;
+    (k, n, 2) k profiles; (k, n) rows of heights with ``dx``. A structured array has named columns.
+
+    Raises
+    ------
+    UnreadableFile
+        If NumPy cannot read it, it holds no numbers, or it has another shape.
+    """
     arrays = _load(content)
     if "" not in arrays:
         raise UnreadableFile("a zip archive instead of an array: leave --format npy out")
@@ -54,7 +64,15 @@ def read_npy(content: bytes, settings: ReadSettings) -> RawProfiles:
 
 
 def read_npz(content: bytes, settings: ReadSettings) -> RawProfiles:
-    """Return the profiles of arrays ``x`` and ``z`` (or ``range``), or of one as `read_npy`."""
+    """Return the profiles of arrays ``x`` and ``z`` (or ``range``), or of one as `read_npy`.
+
+    A scalar states a unit under a name such as ``unit``.
+
+    Raises
+    ------
+    UnreadableFile
+        As `read_npy`.
+    """
     loaded = _load(content)
     scalars = {
         name: str(array.item())
@@ -75,6 +93,7 @@ def read_npz(content: bytes, settings: ReadSettings) -> RawProfiles:
 
 
 def _load(content: bytes) -> Mapping[str, npt.NDArray[np.generic]]:
+    """Return the arrays of an NPZ file by name, or that of an NPY file under an empty name."""
     try:
         if content.startswith(NPY_MAGIC):
             return {"": _parse_npy(content)}
@@ -182,7 +201,7 @@ def profiles_from_array(
         if settings.units is None:
             unit = common_unit(None, [s for s in statements if s.axis is None])
         return RawProfiles(sections=list(values), units=(unit, unit))
-    if values.ndim == 3 and values.shape[2] == 3 and len(values):
+    if values.ndim == 3 and values.shape[2] == 3 and len(values):  # y may separate profiles, too
         number = np.repeat(np.arange(float(len(values))), values.shape[1])
         rows = np.column_stack([number, values.reshape(-1, 3)])
         table = TextTable(rows, ("scan", "x", "y", "z"), (None,) * 4, statements)
@@ -191,8 +210,8 @@ def profiles_from_array(
         values = values.reshape(1, -1)
     if values.ndim != 2 or values.size == 0:
         raise UnreadableFile(f"an array of shape {array.shape}: expected points of shape (n, 2)")
-    is_wide = values.shape[0] in (2, 3) and values.shape[1] >= MIN_COLUMNS
-    if is_wide and settings.dx is None and not settings.transpose:
+    is_row_per_axis = values.shape[0] in (2, 3) and values.shape[1] >= MIN_COLUMNS
+    if is_row_per_axis and settings.dx is None and not settings.transpose:
         values = values.T
     table = TextTable(values, statements=statements, limits=_limits(array.dtype))
     is_matrix = settings.transpose or values.shape[1] >= MIN_COLUMNS or len(values) == 1
@@ -202,7 +221,10 @@ def profiles_from_array(
 
 
 def _limits(kind: np.dtype[np.generic]) -> tuple[float, ...]:
-    """Return the limits of an integer type, which mark lost points if far from other values."""
+    """Return the limits of an integer type, which mark lost points if far from other values.
+
+    None of an 8-bit type: they may be heights.
+    """
     if kind.kind not in "iu" or kind.itemsize < 2:
         return ()
     limits = np.iinfo(kind)  # type: ignore[type-var] # an integer by its kind

@@ -10,7 +10,7 @@ import numpy as np
 from lsvision.errors import UnreadableFile
 from lsvision.files.json_text import parse_json
 from lsvision.geometry import FloatArray
-from lsvision.io.profiles.number_rows import numbers_from_cells
+from lsvision.io.profiles.number_cells import numbers_from_cells
 from lsvision.io.profiles.text_table import TextTable
 
 TRIPLES = "scan_line"

@@ -18,7 +18,7 @@ from lsvision.io.profiles.column_roles import has_known_role
 from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.json_points import flat_width
 from lsvision.io.profiles.named_columns import profiles_from_named
-from lsvision.io.profiles.number_rows import numbers_from_cells
+from lsvision.io.profiles.number_cells import numbers_from_cells
 from lsvision.io.profiles.opencv_matrix import (
     TRIPLES,
     matrix_from_node,

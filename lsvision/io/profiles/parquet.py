@@ -13,7 +13,7 @@ from lsvision.files.limited_reading import current_size_limit
 from lsvision.geometry import FloatArray
 from lsvision.io.profiles.column_roles import column_role
 from lsvision.io.profiles.named_columns import profiles_from_named
-from lsvision.io.profiles.number_rows import floats_from
+from lsvision.io.profiles.number_cells import floats_from
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.unit_statements import UnitStatement, find_unit_statements
 from lsvision.io.profiles.units import split_label
@@ -117,6 +117,7 @@ def _unit_statements(metadata: Any, axis: str = "") -> tuple[UnitStatement, ...]
 
 
 def _field_statements(schema: Any) -> list[UnitStatement]:
+    """Return the units in the metadata of the columns of x and height."""
     statements: list[UnitStatement] = []
     for field in schema:
         role = column_role(split_label(field.name)[0])
@@ -128,8 +129,8 @@ def _field_statements(schema: Any) -> list[UnitStatement]:
 def _limited_table(file: Any) -> Any:
     """Return the table of a file, rejected as soon as it unpacks to more than the limit.
 
-    Because of compression, the size of the file does not limit that of the table. Metadata of
-    columns are not read: invalid ones crash the process (pyarrow 26).
+    Because of compression, the size of the file does not limit that of the table. The sizes in the
+    metadata of its column chunks are not read: invalid ones crash the process (pyarrow 26).
     """
     import pyarrow
 

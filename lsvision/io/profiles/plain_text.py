@@ -1,4 +1,4 @@
-"""Plain text: x and height (or x, y and z) of one point per line."""
+"""Plain text: x and height (or x, y and z) of one point per line, or lines of heights."""
 
 from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.matrix import MIN_COLUMNS, profiles_from_matrix
@@ -7,7 +7,10 @@ from lsvision.io.profiles.text_table import decode_text, parse_table
 
 
 def read_plain_text(content: bytes, settings: ReadSettings) -> RawProfiles:
-    r"""Return the profiles of a text table, with heights unless its header names ranges.
+    r"""Return the profiles of a table of points, or of a matrix of heights.
+
+    A table is a matrix if it has at least `MIN_COLUMNS` columns, is to be transposed, or has one
+    column whose spacing ``dx`` is given.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Point clouds in PLY and PCD, ascii and binary; the points of one y, or one row, are a profile."""
+"""Point clouds in PLY and PCD, ascii and binary; points of one y, or of one row, are a profile."""
 
 import re
 from dataclasses import dataclass, replace
@@ -9,7 +9,7 @@ import numpy.typing as npt
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
 from lsvision.io.profiles.columns import profiles_from_table
-from lsvision.io.profiles.number_rows import floats_from, numbers_from_cells
+from lsvision.io.profiles.number_cells import floats_from, numbers_from_cells
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.text_table import TextTable
 from lsvision.io.profiles.unit_statements import find_lost_values, find_unit_statements
@@ -113,7 +113,7 @@ def _parse_ply_layout(lines: list[list[str]], order: str) -> _Layout:
 
 
 def _parse_pcd_layout(header: dict[str, list[str]]) -> tuple[_Layout, int]:
-    """Return the types of a point's numbers, and the number of points in a row."""
+    """Return the types of a point's numbers with the number of points, and the number of rows."""
     try:
         counts = [int(count) for count in header.get("COUNT", ["1"] * len(header["FIELDS"]))]
         if not all(1 <= count <= _MAX_COUNT for count in counts):
@@ -133,7 +133,7 @@ def _parse_pcd_layout(header: dict[str, list[str]]) -> tuple[_Layout, int]:
 
 
 def _parse_points(body: bytes, layout: _Layout, *, ascii_: bool) -> TextTable:
-    """Return x, y and z of the points as a table."""
+    """Return x, y and z of the points as a table; of a field with several numbers, the first."""
     dtype = np.dtype(layout.dtype)
     names = dtype.names or ()
     if not {"x", "y", "z"} <= set(names):

@@ -1,4 +1,4 @@
-"""Points of PointCloud2 messages: each message is a profile, each row of an organised one.
+"""Points of PointCloud2 messages: each message is a profile; of an organised one, each row.
 
 Definition (sensor_msgs/PointCloud2): ``height`` rows of ``width`` points; a point has `point_step`
 bytes, and each field its offset in them, its type and its count. NaN is a point that is lost.
@@ -11,7 +11,7 @@ import numpy as np
 
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
-from lsvision.io.profiles.number_rows import floats_from
+from lsvision.io.profiles.number_cells import floats_from
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 
 MAX_FLATNESS = 1e-6
@@ -48,15 +48,12 @@ def profiles_from_clouds(
         If there is no row of points, or those of a row do not lie in a section.
     """
     rows, row_attributes = [], []
-    for cloud, attribute in zip(clouds, attributes, strict=True):
+    for cloud, cloud_attributes in zip(clouds, attributes, strict=True):
         rows += list(cloud)
-        row_attributes += [attribute] * len(cloud)
+        row_attributes += [cloud_attributes] * len(cloud)
     if not rows:
         raise UnreadableFile("PointCloud2 messages without a row of points: record the topic again")
-    if settings.plane is not None:
-        columns, away, notes = [0, 1, 2], False, tuple[str, ...]()
-    else:
-        columns, away, notes = _section_columns(rows, settings)
+    columns, away, notes = _section_columns(rows, settings)
     return RawProfiles(
         sections=[row[:, columns] for row in rows],
         units=("m", "m"),
@@ -106,7 +103,12 @@ def cloud_points(cloud: Any) -> FloatArray:
 def _section_columns(
     rows: Sequence[FloatArray], settings: ReadSettings
 ) -> tuple[list[int], bool, tuple[str, ...]]:
-    """Return the columns of x and height, whether heights grow away from the sensor, and notes."""
+    """Return the columns of x and height, whether heights grow away from the sensor, and notes.
+
+    All three columns if a plane is to be fitted.
+    """
+    if settings.plane is not None:
+        return [0, 1, 2], False, ()
     if settings.columns is not None:
         requested = [str(column).lower() for column in settings.columns]
         names = {**{axis: k for k, axis in enumerate("xyz")}, "0": 0, "1": 1, "2": 2}
@@ -129,7 +131,7 @@ def _section_columns(
 
 
 def _largest_extent(rows: Sequence[FloatArray], axis: int) -> float:
-    """Return the largest extent of a row along an axis."""
+    """Return the largest extent of a row of points along an axis. Units: m."""
     extents = [0.0]
     for row in rows:
         finite = row[np.isfinite(row).all(axis=1), axis]

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from lsvision.errors import UnreadableFile
-from lsvision.io.profiles.laser_scan import profiles_from_scans
+from lsvision.io.profiles.laser_scan import SCAN_KEYS, profiles_from_scans
 from lsvision.io.profiles.point_messages import cloud_points, profiles_from_clouds
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 
@@ -19,7 +19,6 @@ MAX_NAMED_TOPICS = 8
 """Largest number of topics that an error message lists."""
 
 _SUFFIXES = {b"#ROS": ".bag", b"\x89MCA": ".mcap", b"SQLi": ".db3"}
-_SCAN_FIELDS = ("angle_min", "angle_max", "angle_increment", "range_min", "range_max")
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +39,7 @@ class Message:
 
 
 def read_ros_bag(content: bytes, settings: ReadSettings) -> RawProfiles:
-    """Return the profiles of a bag's LaserScan or PointCloud2 messages, each with its ``stamp_s``.
+    """Return the profiles of a bag's LaserScan or PointCloud2 messages, with their attributes.
 
     Raises
     ------
@@ -89,7 +88,7 @@ def _read_messages(path: Path, topic: str | None) -> tuple[str, list[Message]]:
 
 
 def _select_connections(connections: Sequence[Any], topic: str | None) -> list[Any]:
-    """Return the connections with profiles, all of one topic."""
+    """Return the connections of one topic with profiles: the chosen one, or the only one."""
     supported = [c for c in connections if c.msgtype in (LASER_SCAN, POINT_CLOUD) and c.msgcount]
     selected = [c for c in supported if topic is None or c.topic.strip("/") == topic.strip("/")]
     topics = dict.fromkeys((c.topic, c.msgtype) for c in selected)
@@ -110,7 +109,7 @@ def _select_connections(connections: Sequence[Any], topic: str | None) -> list[A
 
 
 def _list_topics(connections: Sequence[Any]) -> str:
-    """Return the topics with their types and numbers of messages as text, for a message."""
+    """Return the topics with their types and numbers of messages as text, for an error message."""
     counts: dict[str, int] = {}
     for connection in connections:
         kind = connection.msgtype.rpartition("/")[2]
@@ -138,5 +137,5 @@ def _decode_messages(reader: Any, connections: Sequence[Any]) -> Iterator[Messag
 
 def _scan_fields(fields: Any) -> dict[str, Any]:
     """Return the fields of a LaserScan from which its points are computed."""
-    scan = {name: float(getattr(fields, name)) for name in _SCAN_FIELDS}
+    scan = {name: float(getattr(fields, name)) for name in SCAN_KEYS}
     return scan | {"ranges": fields.ranges.tolist()}

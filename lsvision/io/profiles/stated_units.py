@@ -24,12 +24,12 @@ def resolve_units(
     x, height : int
         Indices of the columns.
     settings : ReadSettings
-        Reading options, which have priority over the file.
+        Reading options of the user.
 
     Returns
     -------
     x_unit, height_unit : str or None
-        None where the file states none.
+        None where the file states none, or the user states one.
 
     Raises
     ------
@@ -103,6 +103,9 @@ def common_unit(
 def _statements_about(
     statements: Iterable[UnitStatement], role: str, default: str
 ) -> list[UnitStatement]:
-    """Return the statements about all lengths, or about the axis of a column."""
+    """Return the statements about all lengths, or about the axis of a column.
+
+    The axis is that of its role; `default` if the role is not that of a coordinate.
+    """
     axis = {"range": "height"}.get(role, role) if role in ("x", "y", "height", "range") else default
     return [s for s in statements if s.axis is None or s.axis == axis]

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from lsvision.io.profiles.column_roles import has_known_role
-from lsvision.io.profiles.number_rows import COMMENT_MARKS
+from lsvision.io.profiles.number_cells import COMMENT_MARKS
 from lsvision.io.profiles.text_layout import drop_blank_cells, is_number_or_lost, split_cells
 from lsvision.io.profiles.unit_statements import states_unit
 from lsvision.io.profiles.units import NOT_LENGTHS, StatedUnit, parse_unit, split_label, state_unit

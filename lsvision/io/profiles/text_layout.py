@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import islice
 
 from lsvision.errors import UnreadableFile
-from lsvision.io.profiles.number_rows import (
+from lsvision.io.profiles.number_cells import (
     COMMA_NUMBER,
     COMMENT_MARKS,
     POINT_NUMBER,

@@ -8,7 +8,7 @@ import numpy as np
 
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
-from lsvision.io.profiles.number_rows import (
+from lsvision.io.profiles.number_cells import (
     COMMENT_MARKS,
     InvalidCell,
     parse_column,

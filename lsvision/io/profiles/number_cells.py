@@ -25,12 +25,14 @@ MISSING_VALUES = frozenset(
 """Content, in lower case, of a cell without a number."""
 
 _MISSING_PATTERN = re.compile(
-    r"[-+]?1\.#(?:ind|qnan|snan|inf)0*|[-+]?[sq]?nan(?:\(\w*\))?|<na>|\\n|[*]+|[#]+|-+(?:\.-+)?|0x(?:f+|80+|7f+)|(?:over|under|out.?of.?)range"
+    r"[-+]?1\.#(?:ind|qnan|snan|inf)0*|[-+]?[sq]?nan(?:\(\w*\))?|<na>|\\n"
+    r"|[*]+|[#]+|-+(?:\.-+)?|0x(?:f+|80+|7f+)|(?:over|under|out.?of.?)range"
 )
 """Further contents of a cell without a number: fields too narrow, limits of integer types in
 hexadecimal."""
 
-# Numbers with a decimal point, with a decimal comma, and with thousands separators.
+# Numbers with a decimal point, with a decimal comma, and with thousands separators; 1d3 and 1D3 are
+# double precision in Fortran.
 POINT_NUMBER = re.compile(r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eEdD][-+]?[0-9]+)?")
 COMMA_NUMBER = re.compile(r"[-+]?(?:[0-9]+(?:,[0-9]*)?|,[0-9]+)(?:[eEdD][-+]?[0-9]+)?")
 THOUSANDS = re.compile(
@@ -42,7 +44,8 @@ THOUSANDS = re.compile(
 _GROUPED = re.compile(r"[-+]?[1-9][0-9]{0,2},[0-9]{3}")
 """Ambiguous cell such as 1,234: the comma is the decimal mark or a thousands separator."""
 MIN_GROUPED_CELLS = 3
-"""Number of cells like 1,234 which, beside whole numbers, may have thousands separators."""
+"""Smallest number of cells like 1,234 that, beside whole numbers, may have thousands separators."""
+# Typographic dashes as minus signs, and typographic blanks as those in `MISSING_VALUES`.
 _PLAIN_CHARACTERS = str.maketrans({"−": "-", "–": "-", "\u00a0": " ", "\u202f": " ", "\u2009": " "})
 
 
@@ -132,7 +135,7 @@ def parse_column(
     >>> parse_column(["1.5", "", "six"], decimal_comma=False).first_invalid.text
     'six'
     """
-    if not decimal_comma and not any("_" in cell for cell in cells):
+    if not decimal_comma and not any("_" in cell for cell in cells):  # numpy reads 1_000 as 1000
         try:  # fast if all cells are numbers
             return NumberColumn(_without_infinities(np.array(cells, dtype=np.float64)))
         except ValueError:
@@ -164,7 +167,7 @@ def uses_decimal_comma(columns: Sequence[Sequence[str]]) -> bool:
     UnreadableFile
         If the commas may also be thousands separators.
     """
-    has_commas = proven = False
+    has_commas = has_decimal_comma = False
     ambiguous_cell = None
     for cells in columns:
         with_comma = [cell.strip() for cell in cells if "," in cell]
@@ -173,13 +176,13 @@ def uses_decimal_comma(columns: Sequence[Sequence[str]]) -> bool:
             continue
         has_commas = True
         grouped = [cell for cell in numbers if _GROUPED.fullmatch(cell)]
-        proven |= len(grouped) < len(numbers)
+        has_decimal_comma |= len(grouped) < len(numbers)
         has_whole_numbers = any(re.fullmatch(r"[-+]?[0-9]{1,3}", cell.strip()) for cell in cells)
         if len(grouped) >= MIN_GROUPED_CELLS and has_whole_numbers:
             ambiguous_cell = grouped[0]
     if not has_commas or any(_has_decimal_point(cells) for cells in columns):
         return False
-    if ambiguous_cell is not None and not proven:
+    if ambiguous_cell is not None and not has_decimal_comma:
         raise UnreadableFile(
             f"{ambiguous_cell!r} may be {ambiguous_cell.replace(',', '.')} or "
             f"{ambiguous_cell.replace(',', '')}: export numbers without thousands separators"
@@ -188,8 +191,8 @@ def uses_decimal_comma(columns: Sequence[Sequence[str]]) -> bool:
 
 
 def floats_from(array: npt.NDArray[np.generic]) -> FloatArray:
-    """Return the array in double precision, without a warning for numbers beyond its range."""
-    with np.errstate(invalid="ignore", over="ignore"):  # a signalling NaN is a lost point, too
+    """Return the array in double precision, without a warning for what it cannot represent."""
+    with np.errstate(invalid="ignore", over="ignore"):  # a signalling NaN, a larger long double
         return array.astype(np.float64)
 
 
@@ -205,9 +208,8 @@ def _has_decimal_point(cells: Sequence[str]) -> bool:
 
 def _describe_invalid_cell(row: int, cell: str) -> InvalidCell:
     if THOUSANDS.fullmatch(cell):
-        return InvalidCell(
-            row, cell, "has a thousands separator: export numbers without them", True
-        )
+        reason = "has a thousands separator: export numbers without them"
+        return InvalidCell(row, cell, reason, grouped=True)
     reason = "is not a number: remove such lines, mark them as comments with #, or use --lost"
     shown = " ".join(cell.split())[:20]
     return InvalidCell(row, cell, f"{reason} {shown} if it marks lost points")
