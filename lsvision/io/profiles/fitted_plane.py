@@ -1,4 +1,4 @@
-"""Section of points in space: a plane is fitted, and they are transformed to its section frame."""
+"""Fit of a plane to points in space, and their transformation to its section frame."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -43,9 +43,9 @@ class FittedSections:
 def fit_section_plane(clouds: Sequence[FloatArray]) -> FittedSections:
     """Fit one plane to the points of all profiles; return the points in its section frame.
 
-    The frame is that of `section_pose`: Y opposite to the z axis of the points' frame, as of a
-    camera that looks along z. Where the points have negative z (heights below the sensor), Y is
-    along z.
+    The frame is that of `section_pose`: Y points against the z axis of the points' frame, as for a
+    camera that looks along z. If the mean z is negative (heights below the sensor), Y and Z are
+    reversed: Y then points along z.
 
     Parameters
     ----------

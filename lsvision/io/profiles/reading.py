@@ -56,6 +56,7 @@ _MAX_RANGE_MM = 1e4  # larger than the range of any profile sensor
 _USUAL_MM = 1e3  # largest coordinate of most profiles
 _FINER_UNITS = ("um", "10nm")  # the first with which coordinates are below _USUAL_MM is suggested
 _MIN_ORDERED_POINTS = 20  # smallest number of points whose order distinguishes x from height
+_STEADY_FRACTIONS = (0.1, 0.9)  # of rising steps; outside, most steps have the same direction
 _MIN_WIDTH_MM = 1.0  # narrower than the field of any profile sensor
 _MAX_LIDAR_EXTENT = 10.0  # coordinates up to this may be metres of a lidar, or mm of a sensor
 
@@ -75,7 +76,8 @@ class ProfileFile:
     units : str
         Unit of its coordinates: ``"mm"``, or ``"mm, um"`` where x and height differ.
     units_assumed : bool
-        Whether mm is assumed, because neither the file nor the caller states a unit.
+        Whether neither the file nor the caller states the unit of x or that of height: it is then
+        assumed to be that of the other, or mm.
     flipped : bool
         Whether the heights of the file grow away from the sensor, so that their sign was changed.
     positions : tuple of float, optional
@@ -128,7 +130,9 @@ class ProfileFile:
         parts = [self.reader, units, f"{count} profile{'s' if count > 1 else ''}"]
         marked = ", ".join(f"{m.count} by {m.text}" for m in self.markers)
         parts.append(f"{self.lost} of {total} points lost{marked and f' ({marked})'}")
-        return ", ".join(parts + ["heights turned"] * self.flipped)
+        if self.flipped:
+            parts.append("heights turned")
+        return ", ".join(parts)
 
 
 def read_profile(path: str | os.PathLike[str], **options: Unpack[ReadOptions]) -> Profile:
@@ -150,7 +154,9 @@ def read_profile(path: str | os.PathLike[str], **options: Unpack[ReadOptions]) -
     Raises
     ------
     UnreadableFile
-        If the file cannot be read, holds no valid point, or holds several profiles.
+        If the file cannot be read, holds less than two valid points, or holds several profiles.
+    ValueError, TypeError
+        If an option is invalid, or `path` is not the name of a file.
 
     Examples
     --------
@@ -187,7 +193,10 @@ def read_profiles(path: str | os.PathLike[str], **options: Unpack[ReadOptions]) 
     Raises
     ------
     UnreadableFile
-        If there is no file, or one cannot be read or has no valid point; the message names it.
+        If there is no file, or one cannot be read or has less than two valid points; the message
+        names it.
+    ValueError, TypeError
+        As `read_profile`.
 
     Examples
     --------
@@ -225,7 +234,9 @@ def inspect_profiles(path: str | os.PathLike[str], **options: Unpack[ReadOptions
     Raises
     ------
     UnreadableFile
-        If the file cannot be read or holds no valid point.
+        If the file cannot be read or holds less than two valid points.
+    ValueError, TypeError
+        As `read_profile`.
 
     Examples
     --------
@@ -274,16 +285,15 @@ def convert_to_section_frame(
         Content of the file.
     settings : ReadSettings
         Reading options of the caller.
+
+    Raises
+    ------
+    UnreadableFile
+        If a plane is to be fitted and the points do not determine one.
     """
-    x_unit = "mm" if raw.x_in_mm else settings.units or raw.units[0]
-    height_unit = settings.units or raw.units[1]
-    if raw.x_in_mm and settings.z_unit is not None:  # more specific than a unit of all coordinates
-        height_unit = raw.units[1]
-    assumed = x_unit is None or height_unit is None
-    if not raw.x_in_mm:  # the unit of one axis is the best guess of the other
-        x_unit, height_unit = x_unit or height_unit, height_unit or x_unit
+    x_unit, height_unit, assumed = _resolve_units(raw, settings)
     away = raw.away if settings.flip is None else settings.flip
-    x_scale, y_scale = mm_per_unit(x_unit or "mm"), mm_per_unit(height_unit or "mm")
+    x_scale, y_scale = mm_per_unit(x_unit), mm_per_unit(height_unit)
     to_mm = np.array([x_scale, -y_scale if away else y_scale])
     sections, markers = remove_lost(raw, settings)
     fitted = None
@@ -293,8 +303,8 @@ def convert_to_section_frame(
     if (to_mm != 1.0).any():
         with np.errstate(over="ignore", invalid="ignore"):  # overflow makes a point lost
             sections = [section * to_mm for section in sections]
-    profiles = tuple(Profile(section, lost=()) for section in sections)
-    unit_names = tuple(dict.fromkeys(unit or "mm" for unit in (x_unit, height_unit)))
+    profiles = tuple(Profile(section, lost=()) for section in sections)  # markers are removed
+    unit_names = tuple(dict.fromkeys((x_unit, height_unit)))
     extent = _extent(profiles)
     stated = "" if assumed else ", ".join(unit_names)
     unit_warnings = () if extent is None else _unit_warnings(*extent, stated)
@@ -307,7 +317,7 @@ def convert_to_section_frame(
         units=", ".join(unit_names),
         units_assumed=assumed,
         flipped=away,
-        positions=raw.positions and tuple(p * x_scale for p in raw.positions),
+        positions=raw.positions and tuple(position * x_scale for position in raw.positions),
         notes=raw.notes + guessed + ((fitted.note,) if fitted else ()) + unit_warnings + hints,
         unit_warnings=unit_warnings,
         markers=markers,
@@ -317,8 +327,20 @@ def convert_to_section_frame(
     )
 
 
+def _resolve_units(raw: RawProfiles, settings: ReadSettings) -> tuple[str, str, bool]:
+    """Return the units of x and of height, and whether mm, or the unit of the other, is assumed."""
+    x_unit = "mm" if raw.x_in_mm else settings.units or raw.units[0]
+    height_unit = settings.units or raw.units[1]
+    if raw.x_in_mm and settings.z_unit is not None:  # more specific than a unit of all coordinates
+        height_unit = raw.units[1]
+    assumed = x_unit is None or height_unit is None
+    if not raw.x_in_mm:  # the unit of one axis is the best guess of the other
+        x_unit, height_unit = x_unit or height_unit, height_unit or x_unit
+    return x_unit or "mm", height_unit or "mm", assumed
+
+
 def require_plausible_units(file: ProfileFile) -> None:
-    """Raise UnreadableFile if mm are assumed and the coordinates are implausible in mm."""
+    """Raise UnreadableFile if the units are assumed and the coordinates in mm are implausible."""
     if file.unit_warnings and file.units_assumed:
         marked = [f"{marker.count} by {marker.text}" for marker in file.markers]
         lost = f" (without {file.lost} lost points, {', '.join(marked)})" if marked else ""
@@ -338,9 +360,9 @@ def require_points(profiles: Sequence[Profile]) -> None:
 
 
 def _unit_warnings(low: FloatArray, high: FloatArray, stated: str) -> tuple[str, ...]:
-    """Return a note if the coordinates exceed the range or fall below the width of any sensor.
+    """Return a note if coordinates exceed the range of any sensor, or the width is below its field.
 
-    It suggests another unit, or a check of the stated one.
+    It suggests another unit, or a check of the stated one (empty if none is stated).
     """
     farthest = float(np.abs([low, high]).max())
     if farthest > _MAX_RANGE_MM:
@@ -354,12 +376,18 @@ def _unit_warnings(low: FloatArray, high: FloatArray, stated: str) -> tuple[str,
         remedy = "if it is in metres, see --units m"
     else:
         return ()
-    return (f"{problem}: {f'check the stated unit ({stated}), see --units' if stated else remedy}",)
+    if stated:
+        remedy = f"check the stated unit ({stated}), see --units"
+    return (f"{problem}: {remedy}",)
 
 
 def _hints(
     low: FloatArray, high: FloatArray, profiles: tuple[Profile, ...], *, assumed: bool
 ) -> tuple[str, ...]:
+    """Return notes on points of a lidar, exchanged columns and empty profiles.
+
+    The first two only if the units are assumed: a file that states them probably names its columns.
+    """
     size = f"{high[0] - low[0]:.3g} x {high[1] - low[1]:.3g}"
     notes = []
     wide_enough = high[0] - low[0] >= _MIN_WIDTH_MM
@@ -380,9 +408,10 @@ def _seems_exchanged(profile: Profile) -> bool:
     """Return whether the heights are monotonic, as x should be, and x is not."""
     x, height = profile.points[~np.isnan(profile.points[:, 0])].T
     steps, height_steps = np.diff(x), np.diff(height)
-    steady = bool((height_steps > 0).all() or (height_steps < 0).all())
+    is_monotonic = bool((height_steps > 0).all() or (height_steps < 0).all())
     rising_fraction = np.mean(steps > 0) if len(steps) else 0.0
-    return len(x) >= _MIN_ORDERED_POINTS and steady and 0.1 < rising_fraction < 0.9
+    low, high = _STEADY_FRACTIONS
+    return len(x) >= _MIN_ORDERED_POINTS and is_monotonic and low < rising_fraction < high
 
 
 def _extent(profiles: tuple[Profile, ...]) -> tuple[FloatArray, FloatArray] | None:

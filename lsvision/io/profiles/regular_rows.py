@@ -78,12 +78,12 @@ def find_regular_rows(text: str) -> RegularRows | None:
 
 
 def parse_regular_rows(rows: str, separator: str, width: int) -> FloatArray | None:
-    """Return the numbers of lines with `width` cells each; None where anything else is in them.
+    """Return the numbers of lines with `width` cells each; None if they hold anything else.
 
     Parameters
     ----------
     rows : str
-        The lines; empty ones behind the last are left out.
+        The lines, at least one; empty ones at the end are left out.
     separator : str
         Character between two cells.
     width : int
@@ -122,7 +122,7 @@ def fill_empty_cells(rows: str, separator: str) -> str:
 
 
 def _head(text: str) -> str:
-    """Return the first lines of a text, as many as decide on its layout."""
+    """Return the first lines of a text, as many as decide on its layout; a short one is whole."""
     if len(text) <= _BLOCK_LENGTH:
         return text
     end = 0
@@ -158,7 +158,10 @@ def _blocks(rows: str) -> Iterator[str]:
 
 
 def _parse_block(block: str, separator: str, width: int) -> FloatArray | None:
-    """Return the numbers of some lines; None where they are not `width` numbers each."""
+    """Return the numbers of some lines; None where they are not `width` numbers each.
+
+    What remains of the lines without the characters of numbers must be the separators alone.
+    """
     content, mark = block.encode(), separator.encode()
     marks = content.translate(None, _CELL_BYTES if separator in " \t" else _CELL_BYTES + b" ")
     if marks + b"\n" != (mark * (width - 1) + b"\n") * (marks.count(b"\n") + 1):

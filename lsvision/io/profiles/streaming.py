@@ -58,8 +58,8 @@ def iterate_profiles(
 ) -> Iterator[ProfilePart]:
     r"""Read the profiles of a file in parts.
 
-    Parquet with one profile per row and NPY arrays are read lazily; any other
-    file is one part.
+    Parquet with one profile per row and NPY arrays of several profiles are read part by part; any
+    other file is one part.
 
     Parameters
     ----------
@@ -79,8 +79,8 @@ def iterate_profiles(
     Raises
     ------
     UnreadableFile
-        If the file or a part of it cannot be read; the message has the index of the part's first
-        profile.
+        If the file or a part of it cannot be read (the message has the index of the part's first
+        profile), or all points are lost.
 
     Examples
     --------
@@ -136,7 +136,7 @@ def _streamed_format(file: Path, settings: ReadSettings) -> str | None:
 def _parquet_parts(
     file: Path, settings: ReadSettings, at_once: int
 ) -> Iterator[tuple[RawProfiles, Any]]:
-    """Yield the profiles of each part of a table, and its other columns if a profile is one row."""
+    """Yield the profiles of each part of a table, and its attributes if a profile is one row."""
     for table in iterate_tables(file, at_once):
         raw = profiles_from_parquet(table, settings)
         attribute_names = [

@@ -14,6 +14,7 @@ _TYPES = frozenset(
     "float double real int integer number numeric string text f4 f8 i4".split()  # noqa: SIM905
 )
 """Words of a row of data types."""
+# A line such as "date: 2026"; the text in brackets of a label; the marks of a comment.
 _KEY_VALUE = re.compile(r"^[^:=]+[:=][^:=]*$")
 _BRACKETS = re.compile(r"\[[^\]]{0,80}\]|\([^)]{0,80}\)")
 _INNER_BLANK = "\x00"
@@ -31,16 +32,22 @@ class Header:
         Lower-case name of each column without its unit; empty where the file has no names.
     units : tuple of (StatedUnit or None)
         Unit of each column where one is stated over it.
+    name_count : int
+        Number of names in a line of coordinates' names that are not as many as the columns; else 0.
     """
 
     names: tuple[str, ...]
     units: tuple[StatedUnit | None, ...]
     name_count: int = 0
-    """Number of names in a line that names x and height but not all columns; else 0."""
 
 
 def read_header(preamble: Sequence[str], separator: str | None, width: int) -> Header:
     """Return the names and units of the columns.
+
+    The lines are read upwards from the numbers: the lowest row of units counts, and the lowest row
+    with one word per column that names coordinates. A row of other words counts only directly
+    above the numbers or the units, unless the row above it names coordinates: it may hold units.
+    A unit in a row of units has priority over one in a label.
 
     Parameters
     ----------
@@ -56,10 +63,10 @@ def read_header(preamble: Sequence[str], separator: str | None, width: int) -> H
     label_units: list[StatedUnit | None] = []
     name_count = 0
     lines = [(line, text) for line in preamble if (text := _COMMENT.sub("", line).strip(" \r\n"))]
-    for position, (line, text) in enumerate(reversed(lines)):
+    for position, (line, text) in enumerate(reversed(lines)):  # 0 is directly above the numbers
         labels = _split_labels(text, separator, width)
         unit_row = None if labels is None else _unit_row(labels)
-        if unit_row is not None and not units and any(unit_row):
+        if unit_row is not None and not units:
             units = unit_row
         elif labels is None and not states_unit(line):
             name_count = name_count or _count_names(text)
@@ -82,6 +89,7 @@ def read_header(preamble: Sequence[str], separator: str | None, width: int) -> H
 
 
 def _has_known_roles(parsed: Sequence[tuple[str, StatedUnit | None]]) -> bool:
+    """Return whether at least two labels name coordinates, angles or numbers of profiles."""
     return sum(has_known_role(name) for name, _ in parsed) >= 2
 
 
@@ -108,9 +116,13 @@ def _split_labels(text: str, separator: str | None, width: int) -> list[str] | N
 
 
 def _bracketed_units(text: str, width: int) -> list[StatedUnit | None]:
-    """Return the units in brackets of a line with other names than the columns; all or none."""
-    units = {unit.unit: unit for word in re.findall(r"\[([^\]]{1,80})\]", text)
-             if (unit := state_unit(word)).unit is not None}  # fmt: skip
+    """Return the unit in brackets of a line as that of all columns; empty without one.
+
+    The line has other names than the columns, so that several units cannot be assigned: they are
+    returned as a unit that is not understood.
+    """
+    stated = [state_unit(word) for word in re.findall(r"\[([^\]]{1,80})\]", text)]
+    units = {unit.unit: unit for unit in stated if unit.unit is not None}
     if not units:
         return []
     unit = next(iter(units.values())) if len(units) == 1 else StatedUnit(text, None)
@@ -118,9 +130,8 @@ def _bracketed_units(text: str, width: int) -> list[StatedUnit | None]:
 
 
 def _unit_row(labels: Sequence[str]) -> list[StatedUnit | None] | None:
-    """Return the units of a row of nothing else; None for another row."""
+    """Return the units of a row that holds nothing but units; None for another row."""
     row: list[StatedUnit | None] = []
-    lengths = 0
     for label in labels:
         name, stated = split_label(label)
         word = label.strip("[](){}<> \"'").lower()
@@ -129,26 +140,24 @@ def _unit_row(labels: Sequence[str]) -> list[StatedUnit | None] | None:
             row.append(None)
         elif parse_unit(word) is not None:
             row.append(StatedUnit(word, parse_unit(word)))
-            lengths += 1
         elif word in NOT_LENGTHS or (bracketed and not name and stated):
             row.append(StatedUnit(word, None))
-            lengths += 1
         else:
             return None
     # 'x m' names two columns rather than giving the unit of one
-    return row if lengths and not any(has_known_role(label.lower()) for label in labels) else None
+    return row if any(row) and not any(has_known_role(label.lower()) for label in labels) else None
 
 
 def _names_above(
     preamble: Sequence[str], line: str, separator: str | None, width: int
 ) -> tuple[list[str], list[StatedUnit | None]] | None:
-    """Return the names of the row above a row of unknown words, if it names x and height."""
+    """Return names and units of the row above a row of unknown words, if it names coordinates."""
     above = [text for text in preamble[: list(preamble).index(line)] if text.strip()]
     if not above or line.lstrip().startswith(COMMENT_MARKS):
         return None
     labels = _split_labels(_COMMENT.sub("", above[-1]).strip(" \r\n"), separator, width)
     parsed = [split_label(label) for label in labels or ()]
-    if sum(has_known_role(name) for name, _ in parsed) < 2:
+    if not _has_known_roles(parsed):
         return None
     return [name for name, _ in parsed], [unit for _, unit in parsed]
 
@@ -161,9 +170,10 @@ def _units_from_unknown_words(labels: Sequence[str]) -> list[StatedUnit | None]:
     ]
 
 
-def _is_key_value(text: str, labels: Sequence[str] | None) -> bool:
+def _is_key_value(text: str, labels: Sequence[str]) -> bool:
+    """Return whether a line is like ``date: 2026``, and names no coordinate."""
     return bool(_KEY_VALUE.match(text)) and not any(
-        has_known_role(split_label(label)[0]) for label in labels or ()
+        has_known_role(split_label(label)[0]) for label in labels
     )
 
 

@@ -20,7 +20,7 @@ from lsvision.io.profiles.unit_statements import find_lost_values
 MAX_PREAMBLE_LINES = 200
 """Number of lines in which the first line of numbers is searched."""
 SAMPLE_LINES = 60
-"""Number of lines after the first line of numbers that decide whether the table begins there."""
+"""Number of lines of cells that decide whether the table begins with the line above them."""
 MIN_TEXT_TABLE_FRACTION = 0.5
 """Smallest fraction of lines with the same cells in a text table with words."""
 
@@ -126,7 +126,10 @@ def find_layout(lines: Sequence[str]) -> Layout:
 
 
 def find_separator(line: str) -> str | None:
-    """Return the separator of a line of numbers; None for blanks."""
+    """Return the separator of a line of numbers; None for blanks.
+
+    A comma separates cells unless blanks separate numbers with decimal commas.
+    """
     bare = _QUOTED.sub("0", line) if '"' in line else line
     for mark in (";", "\t", "|"):
         if mark in bare:
@@ -165,12 +168,15 @@ def _find_first_number_row(lines: Sequence[str]) -> tuple[int, str | None] | Non
 
 
 def _is_above_table(lines: Sequence[str], index: int, width: int) -> bool:
-    """Return True for a count of points or columns: most lines below have other cells."""
+    """Return whether a line of numbers is above the table, such as a count of points or columns.
+
+    It is if a header follows it, or most of the lines below have more cells.
+    """
     below = islice(_iterate_cells(lines[index + 1 : index + 1 + 2 * SAMPLE_LINES]), SAMPLE_LINES)
     nearest = list(islice(below, 3))
-    numbers = [all(map(is_number_or_lost, cells)) for cells in nearest]
-    if numbers == [False, True, True]:
-        return True  # a header is between
+    are_numbers = [all(map(is_number_or_lost, cells)) for cells in nearest]
+    if are_numbers == [False, True, True]:
+        return True
     if not nearest or width == len(nearest[0]):
         return False
     widths = [len(cells) for cells in (*nearest, *below)]
@@ -187,7 +193,7 @@ def _iterate_cells(lines: Iterable[str]) -> Iterator[list[str]]:
 
 
 def _include_lost_rows(lines: Sequence[str], index: int, separator: str | None) -> int:
-    """Return the index of the first line above with as many cells, all of lost points."""
+    """Return the index of the first row of lost points directly above a row, or that of the row."""
     width = len(split_cells(lines[index], separator))
     while index > 0:
         cells = split_cells(lines[index - 1], separator)
@@ -198,16 +204,16 @@ def _include_lost_rows(lines: Sequence[str], index: int, separator: str | None) 
 
 
 def _find_first_text_row(lines: Sequence[str]) -> tuple[int, str | None, int, tuple[int, ...]]:
-    """Return the layout of a table with words and numbers, from the layout of most lines."""
+    """Return first line, separator, width and columns of numbers of a table with words and numbers.
+
+    They are those of most lines from the second quarter of the text on.
+    """
     rows = [i for i, line in enumerate(lines) if line.strip() and not is_comment(line)]
     sample = rows[len(rows) // 4 :][: 4 * SAMPLE_LINES]
-    best: tuple[int, str | None, int, tuple[int, ...]] | None = None
+    best: tuple[str | None, int, tuple[int, ...]] | None = None
     marks = [mark for mark in (";", "\t", "|") if all(mark in lines[i] for i in sample)]
-    separators = marks[:1] or (
-        ",",
-        None,
-    )  # a comma is a decimal mark where other characters separate cells
-    for separator in separators:
+    # Beside one of these marks, a comma is a decimal mark.
+    for separator in marks[:1] or (",", None):
         cells = [split_cells(lines[i].strip(" \r\n"), separator) for i in sample]
         if not cells:
             break
@@ -215,11 +221,11 @@ def _find_first_text_row(lines: Sequence[str]) -> tuple[int, str | None, int, tu
         table = [row for row in cells if len(row) == width]
         numeric = tuple(c for c in range(width) if _is_numeric(row[c] for row in table))
         is_frequent = count >= max(2, MIN_TEXT_TABLE_FRACTION * len(cells))
-        if len(numeric) >= 2 and is_frequent and (best is None or len(numeric) > len(best[3])):
-            best = sample[0], separator, width, numeric
+        if len(numeric) >= 2 and is_frequent and (best is None or len(numeric) > len(best[2])):
+            best = separator, width, numeric
     if best is None:
         raise _no_table_error(lines, rows)
-    _, separator, width, numeric = best
+    separator, width, numeric = best
     for index in rows:
         row = split_cells(lines[index].strip(" \r\n"), separator)
         if len(row) == width and all(is_number_or_lost(row[c]) for c in numeric):
@@ -239,6 +245,7 @@ def _no_table_error(lines: Sequence[str], rows: Sequence[int]) -> UnreadableFile
 
 
 def _is_numeric(cells: Iterable[str]) -> bool:
+    """Return whether at least 90 % of the cells that are not lost are numbers."""
     valid = [cell.strip() for cell in cells if not is_missing(cell)]
     numbers = sum(bool(_ANY_NUMBER.fullmatch(cell)) for cell in valid)
     return bool(valid) and 10 * numbers >= 9 * len(valid)
@@ -247,7 +254,7 @@ def _is_numeric(cells: Iterable[str]) -> bool:
 def _find_table_end(
     lines: Sequence[str], first: int, separator: str | None, numeric: tuple[int, ...], width: int
 ) -> int:
-    """Return the number of lines without the footer."""
+    """Return the index behind the last line of the table; what follows is a footer."""
     stop = len(lines)
     while stop > first + 1:
         line = lines[stop - 1]
@@ -260,12 +267,9 @@ def _find_table_end(
 
 
 def _is_footer(cells: Sequence[str], numeric: tuple[int, ...], width: int, rows: int) -> bool:
-    """Return whether a row ends the table: words, a rule, or the number of its rows."""
+    """Return whether a row is below the table: words, a rule, or the number of its rows."""
     if len(cells) in (width, width + 1):
-        head = cells[numeric[0]]
-        return not is_number_or_lost(head) and not any(
-            is_number_or_lost(cells[column]) and cells[column].strip() for column in numeric[:1]
-        )
+        return not is_number_or_lost(cells[numeric[0]])
     words = [cell for cell in cells if not is_number_or_lost(cell)]
     counts_rows = len(cells) == 1 and cells[0].strip().isdecimal()
     if len(cells) == 1 and _RULE.fullmatch(cells[0].strip()):

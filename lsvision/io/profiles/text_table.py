@@ -33,7 +33,8 @@ from lsvision.io.profiles.units import StatedUnit
 
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1b\x7f]")
 _CHECKED_BYTES = 1 << 16  # at once, in the cache
-_COMMENT_STARTS = "#%/! \t"
+_COMMENT_STARTS = "#%/! \t"  # a quick test before `is_comment`
+# A cell of one to three digits and one that begins with 0, such as 12,034: no two whole numbers.
 _SPLIT_COMMA = re.compile(r"(?:^|,)[-+]?[0-9]{1,3},0[0-9]+(?=[,.\r\n]|$)", re.MULTILINE)
 _SPLIT_NUMBERS = (
     "numbers seem to be split at their commas ({cells!r}): export with semicolons between cells "
@@ -132,10 +133,11 @@ def parse_table(text: str, lost_words: frozenset[str] = frozenset()) -> TextTabl
     text = text.replace("\u2212", "-")  # typographic minus sign
     body = _regular_body(text) or _irregular_body(text.splitlines(), lost_words)
     table, layout = body.table, body.layout
-    values = table.values
-    while values.shape[1] > 2 and _is_empty(table, values.shape[1] - 1, values):
-        values = values[:, :-1]
-    header = read_header(body.above, layout.separator, values.shape[1])
+    width = table.values.shape[1]
+    while width > 2 and _is_empty(table, width - 1):
+        width -= 1
+    values = table.values[:, :width]
+    header = read_header(body.above, layout.separator, width)
     _check_split_numbers(header, values, body.sample, layout)
     other_lines = [*body.above, *body.below, *body.comments]
     return TextTable(
@@ -153,7 +155,7 @@ def parse_table(text: str, lost_words: frozenset[str] = frozenset()) -> TextTabl
 
 @dataclass(frozen=True, eq=False)
 class _Body:
-    """Numbers of a text, its other lines, and its first lines of numbers."""
+    """Numbers of a text, the lines above and below them, and comments and a sample among them."""
 
     table: TextTable
     layout: Layout
@@ -168,6 +170,7 @@ def _regular_body(text: str) -> _Body | None:
     regular = find_regular_rows(text)
     if regular is None:
         return None
+    # Numbers split at their commas make more than two columns; of two, the first line is enough.
     sample = regular.rows[: regular.rows.find("\n") + 1] or regular.rows
     if regular.layout.width > 2:
         sample = "\n".join(regular.rows.split("\n", _SAMPLE_ROWS)[:_SAMPLE_ROWS])
@@ -192,12 +195,12 @@ def _irregular_body(lines: Sequence[str], lost_words: frozenset[str]) -> _Body:
 
 
 def _has_control_characters(content: bytes, text: str) -> bool:
-    """Return whether a text has control characters; a search of bytes is faster than of text."""
+    """Return whether a text has control characters, as `_CONTROL`; faster in the bytes of ASCII."""
     if not (content.isascii() and len(content) == len(text)):
         return bool(_CONTROL.search(text))
     codes = np.frombuffer(content, np.uint8)
     blocks = (codes[i : i + _CHECKED_BYTES] for i in range(0, len(codes), _CHECKED_BYTES))
-    return any(
+    return any(  # unsigned: the difference is below 0x0E from 0x0E to 0x1B only
         bool(block.min() < 0x09 or block.max() > 0x7E or (block - np.uint8(0x0E) < 0x0E).any())
         for block in blocks
     )
@@ -277,11 +280,7 @@ def _split_rows(rows: Sequence[tuple[int, str]], layout: Layout) -> list[list[st
         if len(row_cells) > width and "#" in row:
             row_cells = split_cells(re.sub(r"\s+#.*$", "", row), separator)
         drop_blank_cells(row_cells, width)
-        if (
-            len(row_cells) == width - 1
-            and layout.separator
-            and _ends_with_separator(rows, separator)
-        ):
+        if len(row_cells) == width - 1 and _ends_with_separator(rows, separator):
             row_cells.append("")
         if len(row_cells) != width:
             raise UnreadableFile(
@@ -298,11 +297,12 @@ def _ends_with_separator(rows: Sequence[tuple[int, str]], separator: str | None)
     return separator is not None and rows[0][1].endswith(separator)
 
 
-def _is_empty(table: TextTable, column: int, values: FloatArray) -> bool:
+def _is_empty(table: TextTable, column: int) -> bool:
+    """Return whether a column has neither numbers nor text."""
     return (
         column not in table.texts
         and column not in table.invalid_cells
-        and bool(np.isnan(values[:, column]).all())
+        and bool(np.isnan(table.values[:, column]).all())
     )
 
 
@@ -331,6 +331,7 @@ def _unit_column(table: TextTable, header: Header) -> tuple[UnitStatement, ...]:
 
 
 def _footer_notes(footer: Sequence[str]) -> tuple[str, ...]:
+    """Return a note on the lines below the numbers that are not comments."""
     footer_text = [line.strip() for line in footer if line.strip() and not is_comment(line)]
     if not footer_text:
         return ()

@@ -1,6 +1,7 @@
 """Points in plain YAML as ROS and loggers write it: only keys with numbers and lists.
 
 No aliases, tags or types: what is not understood stays text, so that a malicious file is harmless.
+Lists are parsed as JSON, which is much faster than the YAML parser of `lsvision.io.yaml_text`.
 """
 
 import re
@@ -17,6 +18,7 @@ from lsvision.io.profiles.unit_statements import find_unit_statements
 
 _KEY = re.compile(r"^([^\s#:\[\]{},\"'-][^:#]*):(?:\s+(.*)|)$")
 _DOCUMENT_END = re.compile(r"(?m)^(?:---|\.\.\.)\s*$")
+# A lost number, in YAML .nan, .inf, null or ~; a key without quotes in a mapping on one line.
 _LOST_NUMBER = re.compile(r"(?<![\w.])([-+]?)\.?(nan|inf|infinity|null|~)(?![\w.])", re.IGNORECASE)
 _BARE_KEY = re.compile(r"([{,]\s*)([A-Za-z_]\w*)\s*:")
 _COMMENT = re.compile(r"(?<!\s)\s+#.*$")
@@ -28,7 +30,8 @@ def read_yaml(content: bytes, settings: ReadSettings) -> RawProfiles:
     Raises
     ------
     UnreadableFile
-        If no points are found in it; the error names the keys found.
+        If no points are found in it (the error names the keys found), a key occurs twice, or a unit
+        is not understood.
     """
     parts = [part for part in _DOCUMENT_END.split(decode_text(content)) if part.strip()]
     documents = [document for part in parts if (document := parse_plain_yaml(part))]
@@ -46,7 +49,12 @@ def read_yaml(content: bytes, settings: ReadSettings) -> RawProfiles:
 
 
 def parse_plain_yaml(text: str) -> dict[str, Any] | list[Any]:
-    r"""Return the keys of the top level with their numbers, texts and lists.
+    r"""Return the keys of the top level with their numbers, texts and lists; or a list of items.
+
+    Raises
+    ------
+    UnreadableFile
+        If a key occurs twice.
 
     Examples
     --------
@@ -56,7 +64,7 @@ def parse_plain_yaml(text: str) -> dict[str, Any] | list[Any]:
     document: dict[str, Any] = {}
     key: str | None = None
     body: list[str] = []
-    for line in [*text.splitlines(), "end:"]:
+    for line in [*text.splitlines(), "end:"]:  # the last key completes the one before it
         line = _COMMENT.sub("", line)  # noqa: PLW2901 - the line without its comment
         match = _KEY.match(line)
         if match is None:
@@ -74,6 +82,7 @@ def parse_plain_yaml(text: str) -> dict[str, Any] | list[Any]:
 
 
 def _parse_value(body: list[str]) -> Any:
+    """Return the value of the lines under a key: a block list, or a scalar over several lines."""
     if not body:
         return None
     if body[0].lstrip().startswith("- ") or body[0].strip() == "-":
@@ -94,6 +103,7 @@ def _parse_items(body: list[str]) -> list[Any]:
 
 
 def _parse_item(lines: list[str]) -> Any:
+    """Return the value of one item's lines: a mapping if each is ``key: value``, or a scalar."""
     pairs = [_KEY.match(line) for line in lines]
     if all(pairs):
         return {pair[1].strip(): _parse_scalar(pair[2] or "") for pair in pairs if pair}
