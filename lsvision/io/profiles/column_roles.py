@@ -1,6 +1,7 @@
 """Role of a column, such as x or height, recognised by its name."""
 
 import re
+from collections.abc import Container, Sequence
 
 # Role of a column by its name in lower case, English or German.
 _ROLES = {
@@ -42,6 +43,24 @@ def column_role(name: str) -> str:
         if bare.startswith(word) and bare.removeprefix(word) in ("", *_SCAN_ENDINGS):
             return "scan"
     return name
+
+
+def columns_by_role(names: Sequence[str], texts: Container[int]) -> dict[str, int]:
+    """Return the first column in each role.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Lower-case name of each column.
+    texts : container of int
+        Columns that hold text, which can only be the number of a profile.
+    """
+    by_role: dict[str, int] = {}
+    for index, name in enumerate(names):
+        role = column_role(name)
+        if index not in texts or role == "scan":
+            by_role.setdefault(role, index)
+    return by_role
 
 
 def has_known_role(name: str) -> bool:

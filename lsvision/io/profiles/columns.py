@@ -1,4 +1,4 @@
-"""Columns of x and height in a table, and columns that identify profiles."""
+"""Profiles in a table of points: the choice of the columns of x and height."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -8,15 +8,21 @@ from typing import NoReturn
 import numpy as np
 
 from lsvision.errors import UnreadableFile
-from lsvision.geometry import FloatArray, IntArray
-from lsvision.io.profiles.column_roles import column_role, is_part_name
+from lsvision.geometry import FloatArray
+from lsvision.io.profiles.column_roles import column_role, columns_by_role
 from lsvision.io.profiles.profile_attributes import find_profile_attributes
+from lsvision.io.profiles.profile_keys import (
+    MIN_POINTS_PER_PROFILE,
+    find_key,
+    find_scan_key,
+    is_profile_key,
+    separate_profiles,
+)
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.stated_units import resolve_units
 from lsvision.io.profiles.text_table import TextTable
 from lsvision.io.profiles.units import split_label
 
-_MIN_POINTS_PER_PROFILE = 5  # fewer points do not determine an ellipse: not a key of profiles
 _MAX_CONSTANT_RATIO = 1e-6  # extent of a column that does not vary, relative to the largest extent
 
 
@@ -60,7 +66,11 @@ def profiles_from_table(table: TextTable, settings: ReadSettings) -> RawProfiles
     points = table.values
     if choice.coordinates != tuple(range(points.shape[1])):  # a copy takes time for 10^6 points
         points = points[:, choice.coordinates]
-    rows, positions = _separate_profiles(table, choice)
+    rows, positions = [np.arange(len(points))], None
+    if choice.key is not None:
+        rows, positions = separate_profiles(
+            table, choice.key, choice.coordinates, is_travel=choice.travel
+        )
     sections = [points] if len(rows) == 1 else [points[r] for r in rows]
     attributes, ignored = find_profile_attributes(
         table, rows, points=choice.coordinates, key=choice.key, excluded=choice.considered
@@ -89,21 +99,6 @@ def _choose_columns(table: TextTable, settings: ReadSettings) -> _Columns:
     return _choose_by_name(table) or _choose_by_position(table)
 
 
-def _separate_profiles(
-    table: TextTable, choice: _Columns
-) -> tuple[list[IntArray], tuple[float, ...] | None]:
-    """Return the rows of each profile, and the positions of the profiles if the key holds them."""
-    if choice.key is None:
-        return [np.arange(len(table.values))], None
-    key = _without_gaps(_codes(table, choice.key))
-    if not choice.travel:
-        return _split_by(_composite_key(table, choice, key)), None
-    rows = _split_by(key)
-    if choice.key in table.texts:
-        return rows, None
-    return rows, tuple(float(key[r[0]]) for r in rows)
-
-
 def _note_restarts(sections: Sequence[FloatArray]) -> tuple[str, ...]:
     """Return a note if x repeats its range: probably several profiles one after the other."""
     if len(sections) != 1 or sections[0].shape[1] != 2:
@@ -111,14 +106,14 @@ def _note_restarts(sections: Sequence[FloatArray]) -> tuple[str, ...]:
     x = sections[0][np.isfinite(sections[0][:, 0]), 0]
     with np.errstate(over="ignore", invalid="ignore"):  # numbers near the largest float
         steps, span = np.diff(x), np.ptp(x) if len(x) else 0.0
-    if len(steps) < 2 * _MIN_POINTS_PER_PROFILE:
+    if len(steps) < 2 * MIN_POINTS_PER_PROFILE:
         return ()
     rising, falling = np.count_nonzero(steps > 0), np.count_nonzero(steps < 0)
     if not (rising and falling):
         return ()
     jumps = steps < -0.5 * span if rising >= falling else steps > 0.5 * span
     restarts = np.flatnonzero(jumps)
-    if len(restarts) == 0 or np.diff([-1, *restarts, len(x) - 1]).min() < _MIN_POINTS_PER_PROFILE:
+    if len(restarts) == 0 or np.diff([-1, *restarts, len(x) - 1]).min() < MIN_POINTS_PER_PROFILE:
         return ()
     return (
         f"x starts again {len(restarts)} times: if these are several profiles, add a column of "
@@ -135,7 +130,7 @@ def _choose_spatial_columns(table: TextTable, settings: ReadSettings) -> _Column
         If they are not there.
     """
     notes: tuple[str, ...] = ()
-    by_role = _columns_by_role(table)
+    by_role = columns_by_role(table.names, table.texts)
     depth = "height" if "height" in by_role else "range"
     columns = [by_role[role] for role in ("x", "y", depth) if role in by_role]
     if settings.columns is not None:
@@ -151,7 +146,7 @@ def _choose_spatial_columns(table: TextTable, settings: ReadSettings) -> _Column
             "--columns, or leave --plane out where the points are x and height"
         )
     x, y, z = columns
-    return _Columns(x, z, key=_find_key(table, columns), travel=False, notes=notes, y=y)
+    return _Columns(x, z, key=find_key(table, columns), travel=False, notes=notes, y=y)
 
 
 def _resolve_all_units(
@@ -177,7 +172,7 @@ def _requested_columns(table: TextTable, columns: Sequence[int | str]) -> _Colum
     away = bool(table.names) and column_role(table.names[height]) == "range"
     if travel:
         return _Columns(x, height, key=travel[0], away=away)
-    key = _find_scan_key(table, (x, height))
+    key = find_scan_key(table, (x, height))
     return _Columns(x, height, key=key, away=away, travel=False)
 
 
@@ -193,16 +188,6 @@ def _column_index(table: TextTable, column: int | str) -> int:
             return table.names.index(name)
     names = ", ".join(table.names) or "no names"
     raise UnreadableFile(f"no column named {column!r} in it (it has {names}): see --columns")
-
-
-def _columns_by_role(table: TextTable) -> dict[str, int]:
-    """Return the first column in each role: numbers, or also text if it identifies profiles."""
-    by_role: dict[str, int] = {}
-    for index, name in enumerate(table.names):
-        role = column_role(name)
-        if index not in table.texts or role == "scan":
-            by_role.setdefault(role, index)
-    return by_role
 
 
 def _choose_by_name(table: TextTable) -> _Columns | None:
@@ -227,7 +212,7 @@ def _choose_by_role(table: TextTable) -> _Columns | None:
 
     Without a column of heights or ranges, y is the height. With x, y and height, y is the travel.
     """
-    by_role = _columns_by_role(table)
+    by_role = columns_by_role(table.names, table.texts)
     away = "range" in by_role and "height" not in by_role
     in_order = [
         by_role[role] for role in ("x", "y", "range" if away else "height") if role in by_role
@@ -236,14 +221,14 @@ def _choose_by_role(table: TextTable) -> _Columns | None:
         raise UnreadableFile("an angle and no x in its columns: convert it to x and height")
     if len(in_order) < 2:
         return None
-    key = _find_key(table, in_order)
+    key = find_key(table, in_order)
     if len(in_order) == 2 or key is not None:
         return _Columns(in_order[0], in_order[-1], key=key, away=away, travel=False)
     in_plane = _choose_in_plane(table, in_order)
     if in_plane:
         return replace(in_plane, away=away)
     x, y, height = in_order
-    if not _is_profile_key(table.values[:, y]):
+    if not is_profile_key(table.values[:, y]):
         _raise_no_key(table, y)
     return _Columns(x, height, key=y, away=away)
 
@@ -266,7 +251,7 @@ def _choose_by_position(table: TextTable) -> _Columns:
     in_plane = _choose_in_plane(table, columns[:3])
     if in_plane:
         return replace(in_plane, notes=notes + in_plane.notes)
-    if _is_profile_key(table.values[:, second]):
+    if is_profile_key(table.values[:, second]):
         return _Columns(first, third, key=second, notes=notes)
     if not _is_whole(table.values[:, third]) or _is_whole(table.values[:, second]):
         _raise_no_key(table, second)
@@ -337,84 +322,3 @@ def _extent(column: FloatArray) -> float:
 def _is_whole(column: FloatArray) -> bool:
     finite = column[np.isfinite(column)]
     return bool(np.all(finite == np.round(finite)))
-
-
-def _separates_profiles(table: TextTable, column: int) -> bool:
-    """Return whether a column may separate profiles; a running number, all different, does not."""
-    codes = _codes(table, column)
-    finite = codes[np.isfinite(codes)]
-    return len(finite) < 2 or len(np.unique(finite)) < len(finite)
-
-
-def _find_scan_key(table: TextTable, coordinates: Sequence[int]) -> int | None:
-    """Return the column of the profile's number if it separates profiles; else None."""
-    scan = _columns_by_role(table).get("scan")
-    if scan is None or scan in coordinates or not _separates_profiles(table, scan):
-        return None
-    return scan
-
-
-def _find_key(table: TextTable, coordinates: Sequence[int]) -> int | None:
-    """Return the column of the profile's number, or else that of parts, sensors or runs.
-
-    The latter must have one run of points for each value.
-    """
-    scan = _find_scan_key(table, coordinates)
-    if scan is not None:
-        return scan
-    for column, name in enumerate(table.names):
-        if is_part_name(name):
-            codes = _codes(table, column)
-            if len(np.unique(codes[np.isfinite(codes)])) > 1 and _is_profile_key(codes):
-                return column
-    return None
-
-
-def _is_profile_key(column: FloatArray) -> bool:
-    """Return whether each value occupies one run of points, long enough for a profile."""
-    key = _without_gaps(column)
-    runs = 1 + np.count_nonzero(np.diff(key))
-    return bool(runs == len(np.unique(key)) and runs * _MIN_POINTS_PER_PROFILE <= len(key))
-
-
-def _codes(table: TextTable, column: int) -> FloatArray:
-    """Return the numbers of a column, or a number for each of its texts."""
-    texts: Sequence[str] | None = table.texts.get(column)
-    if texts is None:
-        return table.values[:, column]
-    numbers = {text: float(code) for code, text in enumerate(dict.fromkeys(texts))}
-    return np.array([numbers[text] for text in texts])
-
-
-def _composite_key(table: TextTable, choice: _Columns, key: FloatArray) -> FloatArray:
-    """Return the key combined with other columns of profiles, parts, sensors or runs.
-
-    The number of a profile may start again for each part.
-    """
-    for column, name in enumerate(table.names):
-        if column == choice.key or column in choice.coordinates:
-            continue
-        is_scan = column_role(name) == "scan" and _separates_profiles(table, column)
-        if is_scan or is_part_name(name):
-            pairs = np.column_stack([key, _without_gaps(_codes(table, column))])
-            _, combined = np.unique(pairs, axis=0, return_inverse=True)
-            key = combined.ravel().astype(np.float64)
-    return key
-
-
-def _split_by(key: FloatArray) -> list[IntArray]:
-    """Return the rows of each profile, in the order in which profiles begin."""
-    _, starts, group = np.unique(key, return_index=True, return_inverse=True)
-    order = np.argsort(starts, kind="stable")
-    by_group = np.split(np.argsort(group, kind="stable"), np.cumsum(np.bincount(group))[:-1])
-    return [by_group[g] for g in order]
-
-
-def _without_gaps(key: FloatArray) -> FloatArray:
-    """Return the key in which a row without one gets that of the row before it.
-
-    The first rows get the first key; all rows get 0 if there is none.
-    """
-    known = np.isfinite(key)
-    rows = np.where(known, np.arange(len(key)), np.argmax(known))
-    return np.where(known.any(), key[np.maximum.accumulate(rows)], 0.0)

@@ -14,10 +14,16 @@ from lsvision.files.json_text import NestedTooDeep, parse_json
 from lsvision.geometry import FloatArray
 from lsvision.io.profiles.column_roles import column_role, has_known_role
 from lsvision.io.profiles.columns import profiles_from_table
+from lsvision.io.profiles.json_values import (
+    is_point,
+    is_scalar,
+    list_of_numbers,
+    to_arrays,
+    to_floats,
+)
 from lsvision.io.profiles.laser_scan import is_laser_scan, profiles_from_scans
 from lsvision.io.profiles.matrix import is_monotonic, profiles_from_matrix
 from lsvision.io.profiles.named_columns import profiles_from_named
-from lsvision.io.profiles.number_cells import POINT_NUMBER, is_missing
 from lsvision.io.profiles.opencv_matrix import (
     TRIPLES,
     is_constant,
@@ -138,14 +144,14 @@ def _from_object(
     if is_laser_scan(document):
         return profiles_from_scans([document])
     statements = find_unit_statements(_statement_lines(document))
-    columns = {key: values for key, value in document.items() if (values := _column(value))}
+    columns = {key: values for key, value in document.items() if (values := list_of_numbers(value))}
     roles = {column_role(split_label(key)[0]) for key in columns}
     if "x" in roles and roles & {"height", "range", "y"}:
         named = {k: v for k, v in columns.items() if has_known_role(split_label(k)[0])}
-        arrays = {key: _arrays(value) for key, value in named.items()}
+        arrays = {key: to_arrays(value) for key, value in named.items()}
         return profiles_from_named(arrays, settings, statements)
     if settings.dx is not None and len(columns) == 1 and roles & {"height", "range"}:
-        rows = _floats(next(iter(columns.values())))
+        rows = to_floats(next(iter(columns.values())))
         return profiles_from_matrix(TextTable(np.atleast_2d(rows), statements=statements), settings)
     table = _named_rows(document, statements) or _opencv_matrix(document, statements)
     if table is not None:
@@ -166,10 +172,10 @@ def _from_named_list(
     depth: int,
 ) -> RawProfiles | None:
     """Return the profiles under a key; of a flat list only if the key is a name of points."""
-    if isinstance(value, list) and _column(value) and not isinstance(value[0], list):
+    if isinstance(value, list) and list_of_numbers(value) and not isinstance(value[0], list):
         if key.lower() not in _FLAT_KEYS:
             return None
-        return _from_flat(key.lower(), _floats(value), settings, statements)
+        return _from_flat(key.lower(), to_floats(value), settings, statements)
     profiles = _find_profiles(value, settings, depth + 1)
     if profiles is None or profiles.units != (None, None) or settings.units is not None:
         return profiles
@@ -185,13 +191,13 @@ def _from_list(document: list[Any], settings: ReadSettings, depth: int) -> RawPr
     """
     if all(isinstance(item, Mapping) for item in document):
         return _from_objects(document, settings, depth)
-    widths = {len(item) for item in document if _is_point(item)}
-    if len(widths) == 1 and all(map(_is_point, document)):
+    widths = {len(item) for item in document if is_point(item)}
+    if len(widths) == 1 and all(map(is_point, document)):
         if len(document) < (MIN_TRIPLES if widths == {3} else MIN_PAIRS):
             return None
-        return _from_rows(_floats(document), settings, ())
-    if len(document) == 2 and _column(document) and _are_x_and_height(document):
-        return _from_rows(_floats(document).T, settings, ())
+        return _from_rows(to_floats(document), settings, ())
+    if len(document) == 2 and list_of_numbers(document) and _are_x_and_height(document):
+        return _from_rows(to_floats(document).T, settings, ())
     if all(isinstance(item, list) and item for item in document):
         item_profiles = [_find_profiles(item, settings, depth + 1) for item in document]
         return _join_profiles(item_profiles)
@@ -201,7 +207,7 @@ def _from_list(document: list[Any], settings: ReadSettings, depth: int) -> RawPr
 def _are_x_and_height(document: list[Any]) -> bool:
     """Return whether two lists of numbers have equal length, and the first is monotonic."""
     first, second = document
-    return isinstance(first, list) and len(first) == len(second) and is_monotonic(_floats(first))
+    return isinstance(first, list) and len(first) == len(second) and is_monotonic(to_floats(first))
 
 
 def _from_objects(
@@ -238,10 +244,10 @@ def _table_from_objects(document: Sequence[Mapping[str, Any]], keys: Sequence[st
     values = np.full((len(document), len(keys)), np.nan)
     for column, key in enumerate(keys):
         cells = [item.get(key) for item in document]
-        if not all(map(_is_scalar, cells)):
+        if not all(map(is_scalar, cells)):
             texts[column] = [str(cell) for cell in cells]
         else:
-            values[:, column] = _floats(cells)
+            values[:, column] = to_floats(cells)
     return TextTable(
         values, tuple(name for name, _ in labels), tuple(unit for _, unit in labels), texts=texts
     )
@@ -322,11 +328,10 @@ def _named_rows(
             continue
         parsed = [split_label(str(label)) for label in labels]
         for value in document.values():
-            if value is labels or not (rows := _column(value)) or not isinstance(rows[0], list):
-                continue
-            if all(len(row) == len(labels) for row in rows):
+            rows = None if value is labels else list_of_numbers(value)
+            if rows and isinstance(rows[0], list) and all(len(r) == len(labels) for r in rows):
                 names, units = zip(*parsed, strict=True)
-                return TextTable(_floats(rows), names, units, statements)
+                return TextTable(to_floats(rows), names, units, statements)
     return None
 
 
@@ -359,55 +364,6 @@ def _statement_lines(document: Mapping[str, Any]) -> Iterator[str]:
             yield f"{key}: {value}"
         elif isinstance(value, list) and "unit" in key.lower():
             yield f"{key}: {', '.join(map(str, value))}"
-
-
-def _column(value: Any) -> Any:
-    """Return the value if it is a list of numbers, or of lists of numbers; else None.
-
-    An object with the keys 0, 1, 2, ... is a list: pandas writes columns like that.
-    """
-    if isinstance(value, Mapping) and list(value) == [str(k) for k in range(len(value))]:
-        value = list(value.values())
-    if not isinstance(value, list) or not value:
-        return None
-    if all(_is_scalar(item) for item in value):
-        return value
-    lists = all(isinstance(v, list) and v and all(_is_scalar(c) for c in v) for v in value)
-    return value if lists else None
-
-
-def _arrays(value: Any) -> Any:
-    """Return the array of a list of numbers, or the arrays of a list of lists."""
-    return [_floats(row) for row in value] if isinstance(value[0], list) else _floats(value)
-
-
-def _floats(value: Any) -> FloatArray:
-    """Return the array of a list of numbers or of lists of equal length; NaN where one is lost."""
-    try:
-        array = np.array(_with_nan(value), dtype=np.float64)
-    except (ValueError, TypeError, OverflowError):
-        raise UnreadableFile("a list of points with text in it: write numbers, or null") from None
-    array[np.isinf(array)] = np.nan
-    return array
-
-
-def _with_nan(value: Any) -> Any:
-    if isinstance(value, list):
-        return [_with_nan(item) for item in value]
-    if value is None or (isinstance(value, str) and is_missing(value)):
-        return float("nan")
-    return value
-
-
-def _is_scalar(value: Any) -> bool:
-    if isinstance(value, str):
-        return is_missing(value) or bool(POINT_NUMBER.fullmatch(value.strip()))
-    return value is None or (isinstance(value, int | float) and not isinstance(value, bool))
-
-
-def _is_point(value: Any) -> bool:
-    """Return whether a value is a list of two or three numbers."""
-    return isinstance(value, list) and len(value) in (2, 3) and all(map(_is_scalar, value))
 
 
 def _key_rank(key: str) -> int:

@@ -10,7 +10,7 @@ import numpy as np
 
 from lsvision.errors import UnreadableFile
 from lsvision.files.limited_reading import read_bytes
-from lsvision.geometry import FloatArray, Pose
+from lsvision.geometry import Pose
 from lsvision.io.file_names import PROFILE_SUFFIXES, find_files
 from lsvision.io.profiles.detection import detect_format
 from lsvision.io.profiles.fitted_plane import fit_section_plane
@@ -25,6 +25,11 @@ from lsvision.io.profiles.numpy_arrays import read_npy, read_npz
 from lsvision.io.profiles.opencv_storage import read_opencv_storage
 from lsvision.io.profiles.parquet import read_parquet
 from lsvision.io.profiles.plain_text import read_plain_text
+from lsvision.io.profiles.plausibility import (
+    find_extent,
+    find_other_problems,
+    find_unit_warnings,
+)
 from lsvision.io.profiles.point_clouds import read_pcd, read_ply
 from lsvision.io.profiles.ros_bags import read_ros_bag
 from lsvision.io.profiles.settings import RawProfiles, ReadOptions, ReadSettings
@@ -51,14 +56,6 @@ _READERS: dict[str, Callable[[bytes, ReadSettings], RawProfiles]] = {
     "height-map": read_height_map,
     "rosbag": read_ros_bag,
 }
-
-_MAX_RANGE_MM = 1e4  # larger than the range of any profile sensor
-_USUAL_MM = 1e3  # largest coordinate of most profiles
-_FINER_UNITS = ("um", "10nm")  # the first with which coordinates are below _USUAL_MM is suggested
-_MIN_ORDERED_POINTS = 20  # smallest number of points whose order distinguishes x from height
-_STEADY_FRACTIONS = (0.1, 0.9)  # of rising steps; outside, most steps have the same direction
-_MIN_WIDTH_MM = 1.0  # narrower than the field of any profile sensor
-_MAX_LIDAR_EXTENT = 10.0  # coordinates up to this may be metres of a lidar, or mm of a sensor
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -305,10 +302,10 @@ def convert_to_section_frame(
             sections = [section * to_mm for section in sections]
     profiles = tuple(Profile(section, lost=()) for section in sections)  # markers are removed
     unit_names = tuple(dict.fromkeys((x_unit, height_unit)))
-    extent = _extent(profiles)
+    extent = find_extent(profiles)
     stated = "" if assumed else ", ".join(unit_names)
-    unit_warnings = () if extent is None else _unit_warnings(*extent, stated)
-    hints = () if extent is None else _hints(*extent, profiles, assumed=assumed)
+    unit_warnings = () if extent is None else find_unit_warnings(*extent, stated)
+    hints = () if extent is None else find_other_problems(*extent, profiles, assumed=assumed)
     guessed = tuple(marker.note for marker in markers if marker.guessed)
     return ProfileFile(
         path=path,
@@ -357,72 +354,3 @@ def require_points(profiles: Sequence[Profile]) -> None:
         raise UnreadableFile(f"all {total} points are lost: check exposure and range, or --columns")
     if valid == 1:
         raise UnreadableFile("one valid point in it, no profile: check exposure, or --columns")
-
-
-def _unit_warnings(low: FloatArray, high: FloatArray, stated: str) -> tuple[str, ...]:
-    """Return a note if coordinates exceed the range of any sensor, or the width is below its field.
-
-    It suggests another unit, or a check of the stated one (empty if none is stated).
-    """
-    farthest = float(np.abs([low, high]).max())
-    if farthest > _MAX_RANGE_MM:
-        unit = next(
-            (unit for unit in _FINER_UNITS if farthest * mm_per_unit(unit) < _USUAL_MM), "nm"
-        )
-        problem = f"coordinates reach {farthest:.3g} mm"
-        remedy = f"if the unit is another, see --units {unit}"
-    elif high[0] - low[0] < _MIN_WIDTH_MM:
-        problem = f"the profile is {high[0] - low[0]:.3g} mm wide"
-        remedy = "if it is in metres, see --units m"
-    else:
-        return ()
-    if stated:
-        remedy = f"check the stated unit ({stated}), see --units"
-    return (f"{problem}: {remedy}",)
-
-
-def _hints(
-    low: FloatArray, high: FloatArray, profiles: tuple[Profile, ...], *, assumed: bool
-) -> tuple[str, ...]:
-    """Return notes on points of a lidar, exchanged columns and empty profiles.
-
-    The first two only if the units are assumed: a file that states them probably names its columns.
-    """
-    size = f"{high[0] - low[0]:.3g} x {high[1] - low[1]:.3g}"
-    notes = []
-    wide_enough = high[0] - low[0] >= _MIN_WIDTH_MM
-    if assumed and wide_enough and float(np.abs([low, high]).max()) <= _MAX_LIDAR_EXTENT:
-        notes.append(f"the points span {size} mm: if these are metres of a lidar, use --units m")
-    if assumed and any(map(_seems_exchanged, profiles)):
-        notes.append(
-            "the heights rise or fall steadily and x does not: if the columns are exchanged, use "
-            "--columns 1,0"
-        )
-    empty = sum(profile.lost == len(profile) for profile in profiles)
-    if empty:
-        notes.append(f"{empty} of {len(profiles)} profiles hold no point")
-    return tuple(notes)
-
-
-def _seems_exchanged(profile: Profile) -> bool:
-    """Return whether the heights are monotonic, as x should be, and x is not."""
-    x, height = profile.points[~np.isnan(profile.points[:, 0])].T
-    steps, height_steps = np.diff(x), np.diff(height)
-    is_monotonic = bool((height_steps > 0).all() or (height_steps < 0).all())
-    rising_fraction = np.mean(steps > 0) if len(steps) else 0.0
-    low, high = _STEADY_FRACTIONS
-    return len(x) >= _MIN_ORDERED_POINTS and is_monotonic and low < rising_fraction < high
-
-
-def _extent(profiles: tuple[Profile, ...]) -> tuple[FloatArray, FloatArray] | None:
-    """Return the smallest and the largest (x, height); None if all points are lost. Units: mm."""
-    valid_points = [
-        profile.points[~np.isnan(profile.points[:, 0])] if profile.lost else profile.points
-        for profile in profiles
-    ]
-    columns = [points.T for points in valid_points if len(points)]
-    if not columns:
-        return None
-    low = [min(float(column[axis].min()) for column in columns) for axis in (0, 1)]
-    high = [max(float(column[axis].max()) for column in columns) for axis in (0, 1)]
-    return np.array(low), np.array(high)

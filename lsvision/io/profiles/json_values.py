@@ -1,0 +1,61 @@
+"""Numbers and lists of numbers in parsed JSON or YAML; null and words for lost points are NaN."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from lsvision.errors import UnreadableFile
+from lsvision.geometry import FloatArray
+from lsvision.io.profiles.number_cells import POINT_NUMBER, is_missing
+
+
+def list_of_numbers(value: Any) -> Any:
+    """Return the value if it is a list of numbers, or of lists of numbers; else None.
+
+    An object with the keys 0, 1, 2, ... is a list: pandas writes columns like that.
+    """
+    if isinstance(value, Mapping) and list(value) == [str(k) for k in range(len(value))]:
+        value = list(value.values())
+    if not isinstance(value, list) or not value:
+        return None
+    if all(is_scalar(item) for item in value):
+        return value
+    lists = all(isinstance(v, list) and v and all(is_scalar(c) for c in v) for v in value)
+    return value if lists else None
+
+
+def to_arrays(value: Any) -> Any:
+    """Return the array of a list of numbers, or the arrays of a list of lists."""
+    return [to_floats(row) for row in value] if isinstance(value[0], list) else to_floats(value)
+
+
+def to_floats(value: Any) -> FloatArray:
+    """Return the array of a list of numbers or of lists of equal length; NaN where one is lost."""
+    try:
+        array = np.array(_with_nan(value), dtype=np.float64)
+    except (ValueError, TypeError, OverflowError):
+        raise UnreadableFile("a list of points with text in it: write numbers, or null") from None
+    array[np.isinf(array)] = np.nan
+    return array
+
+
+def _with_nan(value: Any) -> Any:
+    """Return nested lists with NaN in place of null and of words for lost points."""
+    if isinstance(value, list):
+        return [_with_nan(item) for item in value]
+    if value is None or (isinstance(value, str) and is_missing(value)):
+        return float("nan")
+    return value
+
+
+def is_scalar(value: Any) -> bool:
+    """Return whether a value is a number, null, or text of a number or a word for a lost point."""
+    if isinstance(value, str):
+        return is_missing(value) or bool(POINT_NUMBER.fullmatch(value.strip()))
+    return value is None or (isinstance(value, int | float) and not isinstance(value, bool))
+
+
+def is_point(value: Any) -> bool:
+    """Return whether a value is a list of two or three numbers."""
+    return isinstance(value, list) and len(value) in (2, 3) and all(map(is_scalar, value))
