@@ -13,7 +13,8 @@ PROFILE_SUFFIXES = frozenset(
         *(".npy", ".npz", ".ply", ".pcd", ".parquet", ".bag", ".db3", ".mcap"),
     ]
 )
-"""Files that count as profiles when a folder is named; any file can be named explicitly."""
+"""Files that count as profiles when a folder is named; any file can be named explicitly. JSON and
+images are left out: folders also hold results and pictures."""
 
 # Files of a ROS 2 bag: its messages, and their description, which holds no profile.
 _ROS2_STORAGE, _ROS2_METADATA = (".db3", ".mcap"), "metadata.yaml"

@@ -10,6 +10,7 @@ import numpy as np
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
 from lsvision.io.profiles.column_roles import column_role, columns_by_role
+from lsvision.io.profiles.number_table import NumberTable
 from lsvision.io.profiles.profile_attributes import find_profile_attributes
 from lsvision.io.profiles.profile_keys import (
     MIN_POINTS_PER_PROFILE,
@@ -20,7 +21,6 @@ from lsvision.io.profiles.profile_keys import (
 )
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.stated_units import resolve_units
-from lsvision.io.profiles.text_table import TextTable
 from lsvision.io.profiles.units import split_label
 
 _MAX_CONSTANT_RATIO = 1e-6  # extent of a column that does not vary, relative to the largest extent
@@ -45,7 +45,7 @@ class _Columns:
         return (self.x, self.height) if self.y is None else (self.x, self.y, self.height)
 
 
-def profiles_from_table(table: TextTable, settings: ReadSettings) -> RawProfiles:
+def profiles_from_table(table: NumberTable, settings: ReadSettings) -> RawProfiles:
     """Return the profiles in a table of points, one point per row.
 
     Columns are those that the user requests, else those with known names, else chosen by position.
@@ -88,7 +88,7 @@ def profiles_from_table(table: TextTable, settings: ReadSettings) -> RawProfiles
     )
 
 
-def _choose_columns(table: TextTable, settings: ReadSettings) -> _Columns:
+def _choose_columns(table: NumberTable, settings: ReadSettings) -> _Columns:
     """Return the columns that the user requests, or that names or positions suggest."""
     if table.values.shape[1] - len(table.texts) < 2 and settings.columns is None:
         _raise_one_column(table)
@@ -121,7 +121,7 @@ def _note_restarts(sections: Sequence[FloatArray]) -> tuple[str, ...]:
     )
 
 
-def _choose_spatial_columns(table: TextTable, settings: ReadSettings) -> _Columns:
+def _choose_spatial_columns(table: NumberTable, settings: ReadSettings) -> _Columns:
     """Return the columns of x, y and z: requested, so named, or the first three of numbers.
 
     Raises
@@ -150,7 +150,7 @@ def _choose_spatial_columns(table: TextTable, settings: ReadSettings) -> _Column
 
 
 def _resolve_all_units(
-    table: TextTable, choice: _Columns, settings: ReadSettings
+    table: NumberTable, choice: _Columns, settings: ReadSettings
 ) -> tuple[str | None, str | None]:
     """Return the units of x and height; of points in space all three must agree."""
     units = resolve_units(table, choice.x, choice.height, settings)
@@ -166,7 +166,7 @@ def _resolve_all_units(
     return units
 
 
-def _requested_columns(table: TextTable, columns: Sequence[int | str]) -> _Columns:
+def _requested_columns(table: NumberTable, columns: Sequence[int | str]) -> _Columns:
     """Return the columns that the user requests: x and height, or x, travel and height."""
     x, *travel, height = [_column_index(table, column) for column in columns]
     away = bool(table.names) and column_role(table.names[height]) == "range"
@@ -176,7 +176,7 @@ def _requested_columns(table: TextTable, columns: Sequence[int | str]) -> _Colum
     return _Columns(x, height, key=key, away=away, travel=False)
 
 
-def _column_index(table: TextTable, column: int | str) -> int:
+def _column_index(table: NumberTable, column: int | str) -> int:
     """Return the index of a column from its index or its name."""
     width = table.values.shape[1]
     if isinstance(column, int):
@@ -190,7 +190,7 @@ def _column_index(table: TextTable, column: int | str) -> int:
     raise UnreadableFile(f"no column named {column!r} in it (it has {names}): see --columns")
 
 
-def _choose_by_name(table: TextTable) -> _Columns | None:
+def _choose_by_name(table: NumberTable) -> _Columns | None:
     """Return the columns with known names, with a note if a name occurs twice; else None."""
     choice = _choose_by_role(table)
     if choice is None:
@@ -207,7 +207,7 @@ def _choose_by_name(table: TextTable) -> _Columns | None:
     return replace(choice, notes=(*choice.notes, note))
 
 
-def _choose_by_role(table: TextTable) -> _Columns | None:
+def _choose_by_role(table: NumberTable) -> _Columns | None:
     """Return the columns of x and height and the key by their roles; None if one is missing.
 
     Without a column of heights or ranges, y is the height. With x, y and height, y is the travel.
@@ -233,7 +233,7 @@ def _choose_by_role(table: TextTable) -> _Columns | None:
     return _Columns(x, height, key=y, away=away)
 
 
-def _choose_by_position(table: TextTable) -> _Columns:
+def _choose_by_position(table: NumberTable) -> _Columns:
     """Return the columns by their order; see `profiles_from_table`."""
     columns = _number_columns(table)
     if len(columns) < 2:  # the rest is empty or text, which a message then names
@@ -259,13 +259,13 @@ def _choose_by_position(table: TextTable) -> _Columns:
     return _Columns(first, second, notes=(*notes, note), considered=(first, second, third))
 
 
-def _number_columns(table: TextTable) -> list[int]:
+def _number_columns(table: NumberTable) -> list[int]:
     """Return the columns of numbers that are not empty."""
     filled = {*np.flatnonzero(np.isfinite(table.values).any(axis=0)), *table.invalid_cells}
     return [c for c in range(table.values.shape[1]) if c in filled and c not in table.texts]
 
 
-def _choose_in_plane(table: TextTable, xyz: Sequence[int]) -> _Columns | None:
+def _choose_in_plane(table: NumberTable, xyz: Sequence[int]) -> _Columns | None:
     """Return the choice among three columns if the second, or else the third, does not vary."""
     x, y, z = xyz
     extents = [_extent(table.values[:, column]) for column in xyz]
@@ -277,7 +277,7 @@ def _choose_in_plane(table: TextTable, xyz: Sequence[int]) -> _Columns | None:
     return None
 
 
-def _check_numbers(table: TextTable, choice: _Columns) -> None:
+def _check_numbers(table: NumberTable, choice: _Columns) -> None:
     """Raise an error that names the first cell of a coordinate that is not a number."""
     for column in choice.coordinates:
         if column in table.invalid_cells:
@@ -286,7 +286,7 @@ def _check_numbers(table: TextTable, choice: _Columns) -> None:
             raise UnreadableFile(f"line {cell.row}: {named}{cell.text[:40]!r} {cell.reason}")
 
 
-def _raise_one_column(table: TextTable) -> NoReturn:
+def _raise_one_column(table: NumberTable) -> NoReturn:
     """Raise the error of a table with less than two columns of numbers, with what prevents more."""
     cell = next(iter(table.invalid_cells.values()), None)
     if cell is not None and not table.texts:
@@ -305,7 +305,7 @@ def _raise_one_column(table: TextTable) -> NoReturn:
     )
 
 
-def _raise_no_key(table: TextTable, key: int) -> NoReturn:
+def _raise_no_key(table: NumberTable, key: int) -> NoReturn:
     values = len(np.unique(table.values[:, key]))
     raise UnreadableFile(
         f"column {table.label(key)} does not separate profiles ({values} values in "

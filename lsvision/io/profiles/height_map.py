@@ -6,8 +6,8 @@ from lsvision.errors import UnreadableFile
 from lsvision.io.images import TooManyPixels, decode_image
 from lsvision.io.profiles.matrix import profiles_from_matrix
 from lsvision.io.profiles.number_cells import floats_from
+from lsvision.io.profiles.number_table import NumberTable
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
-from lsvision.io.profiles.text_table import TextTable
 
 
 def read_height_map(content: bytes, settings: ReadSettings) -> RawProfiles:
@@ -44,4 +44,4 @@ def read_height_map(content: bytes, settings: ReadSettings) -> RawProfiles:
             )
         type_limits = np.iinfo(image.dtype)
         limits = (float(type_limits.min), float(type_limits.max))
-    return profiles_from_matrix(TextTable(floats_from(image), limits=limits), settings)
+    return profiles_from_matrix(NumberTable(floats_from(image), limits=limits), settings)

@@ -24,6 +24,7 @@ from lsvision.io.profiles.json_values import (
 from lsvision.io.profiles.laser_scan import is_laser_scan, profiles_from_scans
 from lsvision.io.profiles.matrix import is_monotonic, profiles_from_matrix
 from lsvision.io.profiles.named_columns import profiles_from_named
+from lsvision.io.profiles.number_table import NumberTable
 from lsvision.io.profiles.opencv_matrix import (
     TRIPLES,
     is_constant,
@@ -33,7 +34,7 @@ from lsvision.io.profiles.opencv_matrix import (
 )
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.stated_units import common_unit, require_known_unit
-from lsvision.io.profiles.text_table import TextTable, decode_text
+from lsvision.io.profiles.text_table import decode_text
 from lsvision.io.profiles.unit_statements import (
     UnitStatement,
     find_lost_values,
@@ -152,7 +153,9 @@ def _from_object(
         return profiles_from_named(arrays, settings, statements)
     if settings.dx is not None and len(columns) == 1 and roles & {"height", "range"}:
         rows = to_floats(next(iter(columns.values())))
-        return profiles_from_matrix(TextTable(np.atleast_2d(rows), statements=statements), settings)
+        return profiles_from_matrix(
+            NumberTable(np.atleast_2d(rows), statements=statements), settings
+        )
     table = _named_rows(document, statements) or _opencv_matrix(document, statements)
     if table is not None:
         return profiles_from_table(table, settings)
@@ -238,7 +241,8 @@ def _from_objects(
     return profiles
 
 
-def _table_from_objects(document: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> TextTable:
+def _table_from_objects(document: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> NumberTable:
+    """Return the table of a list of points, each an object with the keys as its columns."""
     labels = [split_label(key) for key in keys]
     texts: dict[int, list[str]] = {}
     values = np.full((len(document), len(keys)), np.nan)
@@ -248,7 +252,7 @@ def _table_from_objects(document: Sequence[Mapping[str, Any]], keys: Sequence[st
             texts[column] = [str(cell) for cell in cells]
         else:
             values[:, column] = to_floats(cells)
-    return TextTable(
+    return NumberTable(
         values, tuple(name for name, _ in labels), tuple(unit for _, unit in labels), texts=texts
     )
 
@@ -275,7 +279,7 @@ def _from_flat(
     key: str, values: FloatArray, settings: ReadSettings, statements: tuple[UnitStatement, ...]
 ) -> RawProfiles:
     """Return the profile of a flat list of points, or of heights alone if ``dx`` is given."""
-    table = TextTable(values.reshape(1, -1), statements=statements)
+    table = NumberTable(values.reshape(1, -1), statements=statements)
     if settings.dx is not None:
         return profiles_from_matrix(table, settings)
     width = flat_width(key, values)
@@ -315,13 +319,13 @@ def _from_rows(
     if rows.shape[1] > rows.shape[0] and rows.shape[0] in (2, 3):
         rows = rows.T
     names = {2: ("x", "z"), 3: ("x", "y", "z")}.get(rows.shape[1], ())
-    table = TextTable(rows, names, (None,) * rows.shape[1], statements)
+    table = NumberTable(rows, names, (None,) * rows.shape[1], statements)
     return profiles_from_table(table, settings)
 
 
 def _named_rows(
     document: Mapping[str, Any], statements: tuple[UnitStatement, ...]
-) -> TextTable | None:
+) -> NumberTable | None:
     """Return the table of a list of rows of numbers and a list of their names; else None."""
     for key, labels in document.items():
         if key.lower() not in _NAME_KEYS or not isinstance(labels, list) or len(labels) < 2:
@@ -331,13 +335,13 @@ def _named_rows(
             rows = None if value is labels else list_of_numbers(value)
             if rows and isinstance(rows[0], list) and all(len(r) == len(labels) for r in rows):
                 names, units = zip(*parsed, strict=True)
-                return TextTable(to_floats(rows), names, units, statements)
+                return NumberTable(to_floats(rows), names, units, statements)
     return None
 
 
 def _opencv_matrix(
     document: Mapping[str, Any], statements: tuple[UnitStatement, ...]
-) -> TextTable | None:
+) -> NumberTable | None:
     if document.get("type_id") not in ("opencv-matrix", "opencv-nd-matrix"):
         return None
     return replace(

@@ -4,9 +4,10 @@ import numpy as np
 
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
+from lsvision.io.profiles.number_table import NumberTable
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.stated_units import common_unit
-from lsvision.io.profiles.text_table import TextTable, decode_text, parse_table
+from lsvision.io.profiles.text_table import decode_text, parse_table
 from lsvision.results.summaries import counted
 
 MIN_COLUMNS = 21
@@ -25,7 +26,7 @@ def read_matrix(content: bytes, settings: ReadSettings) -> RawProfiles:
     return profiles_from_matrix(table, settings)
 
 
-def profiles_from_matrix(table: TextTable, settings: ReadSettings) -> RawProfiles:
+def profiles_from_matrix(table: NumberTable, settings: ReadSettings) -> RawProfiles:
     """Return the profiles of a matrix of heights, or of one row of x over rows of heights.
 
     Raises
@@ -82,7 +83,7 @@ def column_positions(
     return x, () if settings.x0 is not None else ("x of the first column taken as 0 mm",)
 
 
-def height_unit(table: TextTable, settings: ReadSettings) -> str | None:
+def height_unit(table: NumberTable, settings: ReadSettings) -> str | None:
     """Return the unit of the heights: `z_unit` of the user, or the one that the file states.
 
     None if the user states another with `units`, or nobody states one.

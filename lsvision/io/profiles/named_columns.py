@@ -9,9 +9,9 @@ from lsvision.geometry import FloatArray
 from lsvision.io.profiles.column_roles import column_role
 from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.matrix import column_positions
+from lsvision.io.profiles.number_table import NumberTable
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.stated_units import common_unit
-from lsvision.io.profiles.text_table import TextTable
 from lsvision.io.profiles.unit_statements import UnitStatement
 from lsvision.io.profiles.units import split_label
 
@@ -135,7 +135,7 @@ def _from_points(
     arrays = [np.asarray(columns[label]) for label in number_labels] + [
         np.full(count, np.nan)
     ] * len(text_labels)
-    table = TextTable(
+    table = NumberTable(
         values=np.column_stack(arrays),
         names=tuple(name for name, _ in labels),
         units=tuple(unit for _, unit in labels),

@@ -20,9 +20,9 @@ from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.matrix import MIN_COLUMNS, profiles_from_matrix
 from lsvision.io.profiles.named_columns import profiles_from_named
 from lsvision.io.profiles.number_cells import floats_from
+from lsvision.io.profiles.number_table import NumberTable
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.stated_units import common_unit
-from lsvision.io.profiles.text_table import TextTable
 from lsvision.io.profiles.unit_statements import UnitStatement, find_unit_statements
 
 # What `np.load`, its parser of headers, and zipfile raise for damaged files.
@@ -204,7 +204,7 @@ def profiles_from_array(
     if values.ndim == 3 and values.shape[2] == 3 and len(values):  # y may separate profiles, too
         number = np.repeat(np.arange(float(len(values))), values.shape[1])
         rows = np.column_stack([number, values.reshape(-1, 3)])
-        table = TextTable(rows, ("scan", "x", "y", "z"), (None,) * 4, statements)
+        table = NumberTable(rows, ("scan", "x", "y", "z"), (None,) * 4, statements)
         return profiles_from_table(table, settings)
     if values.ndim == 1:
         values = values.reshape(1, -1)
@@ -213,7 +213,7 @@ def profiles_from_array(
     is_row_per_axis = values.shape[0] in (2, 3) and values.shape[1] >= MIN_COLUMNS
     if is_row_per_axis and settings.dx is None and not settings.transpose:
         values = values.T
-    table = TextTable(values, statements=statements, limits=_limits(array.dtype))
+    table = NumberTable(values, statements=statements, limits=_limits(array.dtype))
     is_matrix = settings.transpose or values.shape[1] >= MIN_COLUMNS or len(values) == 1
     if settings.columns is None and (is_matrix or (values.shape[1] == 1 and settings.dx)):
         return profiles_from_matrix(table, settings)

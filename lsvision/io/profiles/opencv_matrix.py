@@ -11,7 +11,7 @@ from lsvision.errors import UnreadableFile
 from lsvision.files.json_text import parse_json
 from lsvision.geometry import FloatArray
 from lsvision.io.profiles.number_cells import numbers_from_cells
-from lsvision.io.profiles.text_table import TextTable
+from lsvision.io.profiles.number_table import NumberTable
 
 TRIPLES = "scan_line"
 """Name of a list that holds x, y, z after one another."""
@@ -97,7 +97,7 @@ def _scalar_text(value: Any) -> str:
     raise ValueError(f"{value!r:.40}")
 
 
-def table_from_points(key: str, values: FloatArray) -> TextTable:
+def table_from_points(key: str, values: FloatArray) -> NumberTable:
     """Return the table of a list or an array of points, under their usual names.
 
     Parameters
@@ -128,7 +128,7 @@ def table_from_points(key: str, values: FloatArray) -> TextTable:
             f"expected pairs or triples, as [x, y, z, x, ...], got {values.size} numbers"
         )
     names = {2: ("x", "z"), 3: ("x", "y", "z")}.get(rows.shape[1], ())
-    return TextTable(rows, names, (None,) * rows.shape[1])
+    return NumberTable(rows, names, (None,) * rows.shape[1])
 
 
 def is_constant(values: FloatArray) -> bool:

@@ -10,8 +10,8 @@ from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
 from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.number_cells import floats_from, numbers_from_cells
+from lsvision.io.profiles.number_table import NumberTable
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
-from lsvision.io.profiles.text_table import TextTable
 from lsvision.io.profiles.unit_statements import find_lost_values, find_unit_statements
 
 _PLY_TYPES = {
@@ -67,13 +67,13 @@ def read_pcd(content: bytes, settings: ReadSettings) -> RawProfiles:
     table = _parse_points(content[match.end() :], layout, ascii_=match[1] == b"ascii")
     if rows > 1:
         scan = np.repeat(np.arange(float(rows)), layout.count // rows)
-        table = TextTable(
+        table = NumberTable(
             np.column_stack([table.values, scan]), (*table.names, "scan"), (None,) * 4
         )
     return profiles_from_table(_with_comments(table, content[: match.start()], "#"), settings)
 
 
-def _with_comments(table: TextTable, head: bytes, mark: str) -> TextTable:
+def _with_comments(table: NumberTable, head: bytes, mark: str) -> NumberTable:
     """Return the table with the units and lost markers that the comments of a header state."""
     lines = [line.strip() for line in head.decode("latin-1").splitlines()]
     texts = [line.removeprefix(mark).strip() for line in lines if line.startswith(mark)]
@@ -132,7 +132,7 @@ def _parse_pcd_layout(header: dict[str, list[str]]) -> tuple[_Layout, int]:
     return layout, rows
 
 
-def _parse_points(body: bytes, layout: _Layout, *, ascii_: bool) -> TextTable:
+def _parse_points(body: bytes, layout: _Layout, *, ascii_: bool) -> NumberTable:
     """Return x, y and z of the points as a table; of a field with several numbers, the first."""
     dtype = np.dtype(layout.dtype)
     names = dtype.names or ()
@@ -147,7 +147,7 @@ def _parse_points(body: bytes, layout: _Layout, *, ascii_: bool) -> TextTable:
     else:
         records = np.frombuffer(body, dtype, layout.count)
         columns = [floats_from(records[axis]).reshape(layout.count, -1)[:, 0] for axis in "xyz"]
-    return TextTable(np.column_stack(columns), ("x", "y", "z"), (None,) * 3)
+    return NumberTable(np.column_stack(columns), ("x", "y", "z"), (None,) * 3)
 
 
 def _ascii_columns(body: bytes, dtype: np.dtype[np.void], count: int) -> list[FloatArray]:

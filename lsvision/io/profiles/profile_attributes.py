@@ -5,11 +5,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from lsvision.geometry import IntArray
-from lsvision.io.profiles.text_table import TextTable
+from lsvision.io.profiles.number_table import NumberTable
 
 
 def find_profile_attributes(
-    table: TextTable,
+    table: NumberTable,
     rows: Sequence[IntArray],
     *,
     points: Sequence[int],
@@ -22,7 +22,7 @@ def find_profile_attributes(
 
     Parameters
     ----------
-    table : TextTable
+    table : NumberTable
         One point per row; without names it gives no attributes.
     rows : sequence of ndarray
         Rows of each profile.
@@ -48,7 +48,7 @@ def find_profile_attributes(
     return tuple(by_profile) if has_attributes else (), tuple(ignored)
 
 
-def _common_value(table: TextTable, column: int, rows: IntArray) -> float | str | None:
+def _common_value(table: NumberTable, column: int, rows: IntArray) -> float | str | None:
     """Return the common value of all points of a profile; None if they differ or are all NaN."""
     if column in table.texts:
         texts = {table.texts[column][r] for r in rows.tolist()}

@@ -6,20 +6,20 @@ import numpy as np
 
 from lsvision.geometry import FloatArray, IntArray
 from lsvision.io.profiles.column_roles import column_role, columns_by_role, is_part_name
-from lsvision.io.profiles.text_table import TextTable
+from lsvision.io.profiles.number_table import NumberTable
 
 MIN_POINTS_PER_PROFILE = 5
 """Smallest mean number of points of the profiles of a key: fewer do not determine an ellipse."""
 
 
 def separate_profiles(
-    table: TextTable, key: int, coordinates: Sequence[int], *, is_travel: bool
+    table: NumberTable, key: int, coordinates: Sequence[int], *, is_travel: bool
 ) -> tuple[list[IntArray], tuple[float, ...] | None]:
     """Return the rows of each profile, and the positions of the profiles.
 
     Parameters
     ----------
-    table : TextTable
+    table : NumberTable
         One point per row.
     key : int
         Column that separates the profiles; a number that starts again for each part is combined
@@ -45,7 +45,7 @@ def separate_profiles(
     return rows, tuple(float(codes[r[0]]) for r in rows)
 
 
-def find_scan_key(table: TextTable, coordinates: Sequence[int]) -> int | None:
+def find_scan_key(table: NumberTable, coordinates: Sequence[int]) -> int | None:
     """Return the column of the profile's number if it separates profiles; else None."""
     scan = columns_by_role(table.names, table.texts).get("scan")
     if scan is None or scan in coordinates or not _separates_profiles(table, scan):
@@ -53,7 +53,7 @@ def find_scan_key(table: TextTable, coordinates: Sequence[int]) -> int | None:
     return scan
 
 
-def find_key(table: TextTable, coordinates: Sequence[int]) -> int | None:
+def find_key(table: NumberTable, coordinates: Sequence[int]) -> int | None:
     """Return the column of the profile's number, or else that of parts, sensors or runs.
 
     The latter must have one run of points for each value.
@@ -76,14 +76,14 @@ def is_profile_key(column: FloatArray) -> bool:
     return bool(runs == len(np.unique(key)) and runs * MIN_POINTS_PER_PROFILE <= len(key))
 
 
-def _separates_profiles(table: TextTable, column: int) -> bool:
+def _separates_profiles(table: NumberTable, column: int) -> bool:
     """Return whether a column may separate profiles; a running number, all different, does not."""
     codes = _codes(table, column)
     finite = codes[np.isfinite(codes)]
     return len(finite) < 2 or len(np.unique(finite)) < len(finite)
 
 
-def _codes(table: TextTable, column: int) -> FloatArray:
+def _codes(table: NumberTable, column: int) -> FloatArray:
     """Return the numbers of a column, or a number for each of its texts."""
     texts: Sequence[str] | None = table.texts.get(column)
     if texts is None:
@@ -93,7 +93,7 @@ def _codes(table: TextTable, column: int) -> FloatArray:
 
 
 def _composite_key(
-    table: TextTable, key: int, coordinates: Sequence[int], codes: FloatArray
+    table: NumberTable, key: int, coordinates: Sequence[int], codes: FloatArray
 ) -> FloatArray:
     """Return the codes of a key combined with other columns of profiles, parts, sensors or runs.
 

@@ -134,7 +134,7 @@ def _head(text: str) -> str:
 
 
 def _is_layout_of_all(layout: Layout, lines: list[str]) -> bool:
-    """Return whether lines beyond the first cannot change the layout, if they are regular."""
+    """Return whether the lines behind the head cannot change the layout, if they are regular."""
     return (
         layout.first < MAX_PREAMBLE_LINES
         and layout.first + 2 * SAMPLE_LINES < len(lines)

@@ -4,8 +4,8 @@ from collections.abc import Iterable
 
 from lsvision.errors import UnreadableFile
 from lsvision.io.profiles.column_roles import column_role
+from lsvision.io.profiles.number_table import NumberTable
 from lsvision.io.profiles.settings import ReadSettings
-from lsvision.io.profiles.text_table import TextTable
 from lsvision.io.profiles.unit_statements import UnitStatement, find_unit_mentions
 from lsvision.io.profiles.units import StatedUnit, mm_per_unit
 
@@ -13,13 +13,13 @@ _REMEDY = "state it, as --units um or --units 0.1mm"
 
 
 def resolve_units(
-    table: TextTable, x: int, height: int, settings: ReadSettings
+    table: NumberTable, x: int, height: int, settings: ReadSettings
 ) -> tuple[str | None, str | None]:
     """Return the units of two columns of a table.
 
     Parameters
     ----------
-    table : TextTable
+    table : NumberTable
         Table with the units in its header and those that other lines state.
     x, height : int
         Indices of the columns.
@@ -61,7 +61,7 @@ def require_known_unit(
         )
 
 
-def _find_stated_units(table: TextTable, x: int, height: int) -> tuple[str | None, str | None]:
+def _find_stated_units(table: NumberTable, x: int, height: int) -> tuple[str | None, str | None]:
     """Return the units of x and height that header and comments state; None where none is."""
     header_units = table.units or (None,) * table.values.shape[1]
     names = table.names or ("",) * table.values.shape[1]

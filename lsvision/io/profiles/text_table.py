@@ -1,8 +1,8 @@
 """A table of numbers in a text file: encoding, layout, header, statements and numbers."""
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from lsvision.io.profiles.number_cells import (
     parse_column,
     uses_decimal_comma,
 )
+from lsvision.io.profiles.number_table import NumberTable
 from lsvision.io.profiles.regular_rows import fill_empty_cells, find_regular_rows
 from lsvision.io.profiles.text_header import Header, read_header
 from lsvision.io.profiles.text_layout import (
@@ -29,12 +30,11 @@ from lsvision.io.profiles.unit_statements import (
     find_lost_values,
     find_unit_statements,
 )
-from lsvision.io.profiles.units import StatedUnit
 
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1b\x7f]")
 _CHECKED_BYTES = 1 << 16  # at once, in the cache
 _COMMENT_STARTS = "#%/! \t"  # a quick test before `is_comment`
-# A cell of one to three digits and one that begins with 0, such as 12,034: no two whole numbers.
+# Cells of digits of which the second begins with 0, such as 12,034: it was one number.
 _SPLIT_COMMA = re.compile(r"(?:^|,)[-+]?[0-9]{1,3},0[0-9]+(?=[,.\r\n]|$)", re.MULTILINE)
 _SPLIT_NUMBERS = (
     "numbers seem to be split at their commas ({cells!r}): export with semicolons between cells "
@@ -44,51 +44,6 @@ _SAMPLE_ROWS = 5000
 """Number of rows that are searched for numbers split at their commas."""
 _MIN_TEXT_FRACTION = 0.5
 """Fraction of the filled cells that are not numbers, above which a column is text."""
-
-
-@dataclass(frozen=True, eq=False)
-class TextTable:
-    """Numbers of a text file, with the statements of the lines around them.
-
-    Parameters
-    ----------
-    values : (n, k) ndarray
-        NaN where a cell is empty or holds a word for a lost point.
-    names : tuple of str
-        Lower-case name of each column without its unit; empty where the file has no header.
-    units : tuple of (StatedUnit or None)
-        Unit of each column where its header states one.
-    statements : tuple of UnitStatement
-        Units that other lines state.
-    texts : mapping of int to sequence of str
-        Cells of the columns that hold text.
-    invalid_cells : mapping of int to InvalidCell
-        First cell that is not a number in each column that has one; `InvalidCell.row` is the
-        number of its line in the file.
-    lost : tuple of float
-        Markers of lost points that the file states.
-    notes : tuple of str
-        Omissions, as text for users.
-    limits : tuple of float
-        Limits of the data type in which the numbers were stored.
-    mentions : tuple of str
-        Lines beside the numbers, which may mention a unit in other words.
-    """
-
-    values: FloatArray
-    names: tuple[str, ...] = ()
-    units: tuple[StatedUnit | None, ...] = ()
-    statements: tuple[UnitStatement, ...] = ()
-    texts: Mapping[int, Sequence[str]] = field(default_factory=dict)
-    invalid_cells: Mapping[int, InvalidCell] = field(default_factory=dict)
-    lost: tuple[float, ...] = ()
-    notes: tuple[str, ...] = ()
-    limits: tuple[float, ...] = ()
-    mentions: tuple[str, ...] = ()
-
-    def label(self, column: int) -> str:
-        """Return the name of a column, or its number if it has none."""
-        return (self.names[column] if self.names else "") or str(column)
 
 
 def decode_text(content: bytes) -> str:
@@ -110,7 +65,7 @@ def decode_text(content: bytes) -> str:
     raise UnreadableFile("binary data of no known format: export the profile as text (x,z in mm)")
 
 
-def parse_table(text: str, lost_words: frozenset[str] = frozenset()) -> TextTable:
+def parse_table(text: str, lost_words: frozenset[str] = frozenset()) -> NumberTable:
     r"""Return the table of numbers in a text.
 
     Parameters
@@ -140,7 +95,7 @@ def parse_table(text: str, lost_words: frozenset[str] = frozenset()) -> TextTabl
     header = read_header(body.above, layout.separator, width)
     _check_split_numbers(header, values, body.sample, layout)
     other_lines = [*body.above, *body.below, *body.comments]
-    return TextTable(
+    return NumberTable(
         values=values,
         names=header.names,
         units=header.units,
@@ -157,7 +112,7 @@ def parse_table(text: str, lost_words: frozenset[str] = frozenset()) -> TextTabl
 class _Body:
     """Numbers of a text, the lines above and below them, and comments and a sample among them."""
 
-    table: TextTable
+    table: NumberTable
     layout: Layout
     above: Sequence[str]
     sample: str
@@ -174,7 +129,7 @@ def _regular_body(text: str) -> _Body | None:
     sample = regular.rows[: regular.rows.find("\n") + 1] or regular.rows
     if regular.layout.width > 2:
         sample = "\n".join(regular.rows.split("\n", _SAMPLE_ROWS)[:_SAMPLE_ROWS])
-    return _Body(TextTable(regular.values), regular.layout, regular.above, sample)
+    return _Body(NumberTable(regular.values), regular.layout, regular.above, sample)
 
 
 def _irregular_body(lines: Sequence[str], lost_words: frozenset[str]) -> _Body:
@@ -231,7 +186,7 @@ def _number_lines(lines: Sequence[str], layout: Layout) -> list[tuple[int, str]]
     return [(number, row) for number, row in rows if row and not row.startswith(COMMENT_MARKS)]
 
 
-def _parse_numeric_table(lines: Sequence[str], layout: Layout) -> TextTable | None:
+def _parse_numeric_table(lines: Sequence[str], layout: Layout) -> NumberTable | None:
     """Return the table if numpy can read all its cells as numbers; else None."""
     if layout.separator == "|" or len(layout.numeric) < layout.width:
         return None
@@ -245,12 +200,12 @@ def _parse_numeric_table(lines: Sequence[str], layout: Layout) -> TextTable | No
     except ValueError:  # lost words, decimal commas, quotes, or a broken line
         return None
     values[np.isinf(values)] = np.nan
-    return TextTable(values)
+    return NumberTable(values)
 
 
 def _parse_mixed_table(
     lines: Sequence[str], layout: Layout, lost_words: frozenset[str]
-) -> TextTable:
+) -> NumberTable:
     """Return a table in which some cells are not numbers: words, marks of lost points, times."""
     rows = _number_lines(lines, layout)
     cells = _split_rows(rows, layout)
@@ -268,7 +223,7 @@ def _parse_mixed_table(
             if parsed.invalid_count > _MIN_TEXT_FRACTION * filled and not invalid.grouped:
                 texts[c] = [cell.strip() for cell in column]
             invalid_cells[c] = replace(invalid, row=rows[invalid.row][0])
-    return TextTable(values, texts=texts, invalid_cells=invalid_cells)
+    return NumberTable(values, texts=texts, invalid_cells=invalid_cells)
 
 
 def _split_rows(rows: Sequence[tuple[int, str]], layout: Layout) -> list[list[str]]:
@@ -297,7 +252,7 @@ def _ends_with_separator(rows: Sequence[tuple[int, str]], separator: str | None)
     return separator is not None and rows[0][1].endswith(separator)
 
 
-def _is_empty(table: TextTable, column: int) -> bool:
+def _is_empty(table: NumberTable, column: int) -> bool:
     """Return whether a column has neither numbers nor text."""
     return (
         column not in table.texts
@@ -320,7 +275,7 @@ def _check_split_numbers(header: Header, values: FloatArray, sample: str, layout
             raise UnreadableFile(_SPLIT_NUMBERS.format(cells=match[0].strip(",")))
 
 
-def _unit_column(table: TextTable, header: Header) -> tuple[UnitStatement, ...]:
+def _unit_column(table: NumberTable, header: Header) -> tuple[UnitStatement, ...]:
     """Return the unit in a column named unit."""
     statements: list[UnitStatement] = []
     for column, cells in table.texts.items():
