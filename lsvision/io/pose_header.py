@@ -78,12 +78,12 @@ def read_pose_header(
             f"the header names {repeated[0]} {names.count(repeated[0])} times: rename one"
         )
     if missing:
-        named = [(column, name) for column, name in enumerate(names) if name in _FIELDS]
-        expected = dict(enumerate(pose_convention.fields, start=skip))
-        if any(expected.get(column) != name for column, name in named):
+        named = {column: name for column, name in enumerate(names) if name in _FIELDS}
+        in_order = dict(enumerate(pose_convention.fields, start=skip))
+        if not named.items() <= in_order.items():
             raise ValueError(
-                f"the header names {' '.join(name for _, name in named)} and not "
-                f"{' '.join(missing)} of convention {pose_convention.name!r}: check the convention"
+                f"the header names {' '.join(named.values())} and not {' '.join(missing)} of "
+                f"convention {pose_convention.name!r}: check the convention"
             )
         return PoseHeader()
     columns = tuple(names.index(field) for field in pose_convention.fields)

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import Pose
 from lsvision.io.file_names import find_files
-from lsvision.io.pose_rows import read_pose_rows
+from lsvision.io.pose_rows import PoseRows, read_pose_rows
 from lsvision.io.robot_conventions import (
     AngleUnit,
     LengthUnit,
@@ -90,25 +90,11 @@ def read_robot_poses(
     (6, (3,))
     """
     pose_convention = find_convention(convention)
-    files = find_pose_files(path)
-    rows_by_file = [read_pose_rows(file, pose_convention, skip_columns) for file in files]
-    for file, file_rows in zip(files, rows_by_file, strict=True):
-        if len(files) > 1 and len(file_rows.rows) != 1:
-            raise UnreadableFile(
-                f"{file}: expected one pose in each of {len(files)} files, "
-                f"got {len(file_rows.rows)}"
-            )
-    rows = [row for file_rows in rows_by_file for row in file_rows.rows]
-    if not rows:
-        raise UnreadableFile(f"{path}: expected one pose per row, got no row with numbers")
-    length_unit = length_unit or _common_unit(
-        path, [file_rows.length_unit for file_rows in rows_by_file]
-    )
-    angle_unit = angle_unit or _common_unit(
-        path, [file_rows.angle_unit for file_rows in rows_by_file]
-    )
+    table = _read_files(path, pose_convention, skip_columns)
+    length_unit = length_unit or table.length_unit
+    angle_unit = angle_unit or table.angle_unit
     poses = []
-    for number, row in enumerate(rows, start=1):
+    for number, row in enumerate(table.rows, start=1):
         try:
             pose = pose_from_numbers(
                 row, convention, length_unit=length_unit, angle_unit=angle_unit
@@ -117,7 +103,7 @@ def read_robot_poses(
             raise UnreadableFile(f"{path}: pose {number}: {error}") from error
         poses.append(pose)
     for problem in (
-        _find_angle_problem(np.array(rows), pose_convention, angle_unit),
+        _find_angle_problem(np.array(table.rows), pose_convention, angle_unit),
         _find_motion_problem(poses, length_unit),
     ):
         if problem:
@@ -137,6 +123,25 @@ def find_pose_files(path: str | Path) -> list[Path]:
     if not files:
         raise UnreadableFile(f"{path}: no file of poses there: check it with ls")
     return files
+
+
+def _read_files(path: str | Path, pose_convention: PoseConvention, skip_columns: int) -> PoseRows:
+    """Return the rows of all files that a path names, and the units that all of them state."""
+    files = find_pose_files(path)
+    tables = [read_pose_rows(file, pose_convention, skip_columns) for file in files]
+    for file, table in zip(files, tables, strict=True):
+        if len(files) > 1 and len(table.rows) != 1:
+            raise UnreadableFile(
+                f"{file}: expected one pose in each of {len(files)} files, got {len(table.rows)}"
+            )
+    rows = [row for table in tables for row in table.rows]
+    if not rows:
+        raise UnreadableFile(f"{path}: expected one pose per row, got no row with numbers")
+    return PoseRows(
+        rows,
+        _common_unit(path, [table.length_unit for table in tables]),
+        _common_unit(path, [table.angle_unit for table in tables]),
+    )
 
 
 def _common_unit(path: str | Path, units: Sequence[_Unit | None]) -> _Unit | None:

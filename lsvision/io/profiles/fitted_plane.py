@@ -63,21 +63,7 @@ def fit_section_plane(clouds: Sequence[FloatArray]) -> FittedSections:
         If the points do not have three coordinates, are fewer than `MIN_POINTS`, do not lie in a
         plane, lie on a line, or have coordinates too large for any sensor.
     """
-    if any(cloud.shape[1] != 3 for cloud in clouds):
-        raise UnreadableFile(
-            "--plane fit needs x, y and z of each point, got x and height: leave --plane out"
-        )
-    points = np.concatenate(clouds)
-    points = points[np.isfinite(points).all(axis=1)]
-    if len(points) < MIN_POINTS:
-        raise UnreadableFile(
-            f"{len(points)} valid points, --plane fit needs at least {MIN_POINTS}: check exposure"
-        )
-    if float(np.abs(points).max()) > MAX_COORDINATE_MM:
-        raise UnreadableFile(
-            f"coordinates reach {np.abs(points).max():.3g} mm: state what marks lost points with "
-            "--lost, or the unit with --units"
-        )
+    points = _valid_points(clouds)
     centre = points.mean(axis=0)
     _, singular_values, axes = np.linalg.svd(points - centre, full_matrices=False)
     _check_flatness(singular_values / np.sqrt(len(points)))
@@ -96,6 +82,26 @@ def fit_section_plane(clouds: Sequence[FloatArray]) -> FittedSections:
         f"{abs(plane.distance):.3f} mm from the origin, residual rms {rms:.3g} mm, largest "
         f"{largest:.3g} mm",
     )
+
+
+def _valid_points(clouds: Sequence[FloatArray]) -> FloatArray:
+    """Return the points of all profiles that are not lost, after a check of shape and size."""
+    if any(cloud.shape[1] != 3 for cloud in clouds):
+        raise UnreadableFile(
+            "--plane fit needs x, y and z of each point, got x and height: leave --plane out"
+        )
+    points = np.concatenate(clouds)
+    points = points[np.isfinite(points).all(axis=1)]
+    if len(points) < MIN_POINTS:
+        raise UnreadableFile(
+            f"{len(points)} valid points, --plane fit needs at least {MIN_POINTS}: check exposure"
+        )
+    if float(np.abs(points).max()) > MAX_COORDINATE_MM:
+        raise UnreadableFile(
+            f"coordinates reach {np.abs(points).max():.3g} mm: state what marks lost points with "
+            "--lost, or the unit with --units"
+        )
+    return points
 
 
 def _check_flatness(extents: FloatArray) -> None:

@@ -59,30 +59,7 @@ def profiles_from_named(
         )
     if _is_1d(columns[height]):
         return _from_points(columns, texts or {}, settings, statements)
-    if settings.columns is not None:
-        raise UnreadableFile("--columns is for files with one point per row: leave it out")
-    x = by_role.get("x")
-    rows = [np.asarray(row) for row in columns[height]]
-    row_positions = _resolve_row_positions(rows, None if x is None else columns[x], settings)
-    if any(a.shape != b.shape for a, b in zip(row_positions, rows, strict=True)):
-        raise UnreadableFile(f"{x} and {height} differ in length: expected an x for each height")
-    units: tuple[str | None, str | None] = (None, None)
-    if settings.units is None:
-        by_axis = [[s for s in statements if s.axis in (None, axis)] for axis in ("x", "height")]
-        x_unit = "mm" if x is None else common_unit(labels[x][1], by_axis[0])
-        units = x_unit, common_unit(labels[height][1], by_axis[1])
-    if x is None and settings.count_unit is not None:
-        units = "mm", settings.count_unit
-    attributes = _row_attributes(columns, texts or {}, {x, height}, len(rows))
-    used = {x, height, *(attributes[0] if attributes else ())}
-    return RawProfiles(
-        sections=[np.column_stack(pair) for pair in zip(row_positions, rows, strict=True)],
-        units=units,
-        away="height" not in by_role and "range" in by_role,
-        x_in_mm=x is None,
-        attributes=attributes,
-        ignored=tuple(label for label in (*columns, *(texts or ())) if label not in used),
-    )
+    return _from_rows(columns, texts or {}, by_role.get("x"), height, settings, statements)
 
 
 def _row_attributes(
@@ -143,6 +120,40 @@ def _from_points(
         texts={len(number_labels) + k: texts[label] for k, label in enumerate(text_labels)},
     )
     return profiles_from_table(table, settings)
+
+
+def _from_rows(
+    columns: Mapping[str, _Column],
+    texts: Mapping[str, Sequence[str]],
+    x: str | None,
+    height: str,
+    settings: ReadSettings,
+    statements: tuple[UnitStatement, ...],
+) -> RawProfiles:
+    """Return the profiles of columns with one profile per row, and x, if any, and height in two."""
+    if settings.columns is not None:
+        raise UnreadableFile("--columns is for files with one point per row: leave it out")
+    rows = [np.asarray(row) for row in columns[height]]
+    row_positions = _resolve_row_positions(rows, None if x is None else columns[x], settings)
+    if any(a.shape != b.shape for a, b in zip(row_positions, rows, strict=True)):
+        raise UnreadableFile(f"{x} and {height} differ in length: expected an x for each height")
+    units: tuple[str | None, str | None] = (None, None)
+    if settings.units is None:
+        by_axis = [[s for s in statements if s.axis in (None, axis)] for axis in ("x", "height")]
+        x_unit = "mm" if x is None else common_unit(split_label(x)[1], by_axis[0])
+        units = x_unit, common_unit(split_label(height)[1], by_axis[1])
+    if x is None and settings.count_unit is not None:
+        units = "mm", settings.count_unit
+    attributes = _row_attributes(columns, texts, {x, height}, len(rows))
+    used = {x, height, *(attributes[0] if attributes else ())}
+    return RawProfiles(
+        sections=[np.column_stack(pair) for pair in zip(row_positions, rows, strict=True)],
+        units=units,
+        away=column_role(split_label(height)[0]) == "range",
+        x_in_mm=x is None,
+        attributes=attributes,
+        ignored=tuple(label for label in (*columns, *texts) if label not in used),
+    )
 
 
 def _resolve_row_positions(

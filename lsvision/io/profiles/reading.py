@@ -10,7 +10,7 @@ import numpy as np
 
 from lsvision.errors import UnreadableFile
 from lsvision.files.limited_reading import read_bytes
-from lsvision.geometry import Pose
+from lsvision.geometry import FloatArray, Pose
 from lsvision.io.file_names import PROFILE_SUFFIXES, find_files
 from lsvision.io.profiles.detection import detect_format
 from lsvision.io.profiles.fitted_plane import fit_section_plane
@@ -290,16 +290,14 @@ def convert_to_section_frame(
     """
     x_unit, height_unit, assumed = _resolve_units(raw, settings)
     away = raw.away if settings.flip is None else settings.flip
-    x_scale, y_scale = mm_per_unit(x_unit), mm_per_unit(height_unit)
-    to_mm = np.array([x_scale, -y_scale if away else y_scale])
+    x_scale, height_scale = mm_per_unit(x_unit), mm_per_unit(height_unit)
     sections, markers = remove_lost(raw, settings)
     fitted = None
     if settings.plane is not None:
         fitted = fit_section_plane([section * x_scale for section in sections])
-        sections, to_mm = list(fitted.sections), np.array([1.0, -1.0 if away else 1.0])
-    if (to_mm != 1.0).any():
-        with np.errstate(over="ignore", invalid="ignore"):  # overflow makes a point lost
-            sections = [section * to_mm for section in sections]
+        sections = _scale(fitted.sections, (1.0, -1.0 if away else 1.0))
+    else:
+        sections = _scale(sections, (x_scale, -height_scale if away else height_scale))
     profiles = tuple(Profile(section, lost=()) for section in sections)  # markers are removed
     unit_names = tuple(dict.fromkeys((x_unit, height_unit)))
     extent = find_extent(profiles)
@@ -322,6 +320,14 @@ def convert_to_section_frame(
         ignored=raw.ignored,
         file_from_section=fitted.file_from_section if fitted else None,
     )
+
+
+def _scale(sections: Sequence[FloatArray], factors: tuple[float, float]) -> list[FloatArray]:
+    """Return the sections with x and height multiplied by a factor each."""
+    if factors == (1.0, 1.0):
+        return list(sections)
+    with np.errstate(over="ignore", invalid="ignore"):  # overflow makes a point lost
+        return [section * factors for section in sections]
 
 
 def _resolve_units(raw: RawProfiles, settings: ReadSettings) -> tuple[str, str, bool]:
