@@ -18,7 +18,7 @@ from lsvision.io.profiles.number_cells import (
 from lsvision.io.profiles.unit_statements import find_lost_values
 
 MAX_PREAMBLE_LINES = 200
-"""Number of lines in which the first line of numbers is searched."""
+"""Number of lines without rows of lost points in which the first line of numbers is searched."""
 SAMPLE_LINES = 60
 """Number of lines of cells that decide whether the table begins with the line above them."""
 MIN_TEXT_TABLE_FRACTION = 0.5
@@ -28,6 +28,7 @@ _ANY_NUMBER = re.compile(f"{POINT_NUMBER.pattern}|{COMMA_NUMBER.pattern}|{THOUSA
 _RULE = re.compile(r"[-=_*~]{3,}")
 """Line of dashes below a table."""
 _QUOTED = re.compile(r'"[^"]*"')
+# A quoted part, or a word between blanks.
 _WORDS = re.compile(r'"[^"]*"|[^\s"]+')
 _NO_NUMBERS = "expected x and height in mm, one point per line, got no line of numbers"
 
@@ -147,7 +148,10 @@ def is_number_or_lost(cell: str) -> bool:
 
 
 def _find_first_number_row(lines: Sequence[str]) -> tuple[int, str | None] | None:
-    """Return index and separator of the first row of numbers; None without such a row."""
+    """Return index and separator of the first row of numbers or of lost points before them.
+
+    None if the first lines hold no row of numbers.
+    """
     preamble = 0
     for index, line in enumerate(lines):
         text = line.strip()
