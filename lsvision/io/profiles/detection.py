@@ -22,7 +22,7 @@ _UNPACK = "unpack it first and read what is in it"
 _EXPORT = "export its profiles as CSV with x and z in mm and read that"
 _IMAGE = (
     "an image: read it with LightSection (lsvision measure --light-section), which makes a profile "
-    "of it, or as a height map with --dx"
+    "of it; heights must be a TIFF or PNG of more than 8 bit"
 )
 # First bytes of formats that are not read, and the message with the remedy.
 _UNSUPPORTED_MAGIC = (
@@ -128,13 +128,20 @@ def detect_format(content: bytes, suffix: str) -> str:
         return "rosbag"
     if content.startswith((b"II*\0", b"MM\0*", b"\x89PNG")):
         return "height-map"
+    _check_supported(content, suffix.lower())
+    return _text_format(content)
+
+
+def _check_supported(content: bytes, suffix: str) -> None:
+    """Raise the error of a format that is not read; a suffix is in lower case."""
+    if content.startswith(b"RIFF") and content[8:12] == b"WEBP":
+        raise UnreadableFile(_IMAGE)
     for magic, advice in _UNSUPPORTED_MAGIC:
         is_text = magic == b"BM" and content[:400].isascii()  # a text may begin with BM
         if content.startswith(magic) and not is_text:
             raise UnreadableFile(advice)
-    if suffix.lower() in _UNSUPPORTED_SUFFIX:
-        raise UnreadableFile(_UNSUPPORTED_SUFFIX[suffix.lower()])
-    return _text_format(content)
+    if suffix in _UNSUPPORTED_SUFFIX:
+        raise UnreadableFile(_UNSUPPORTED_SUFFIX[suffix])
 
 
 def _is_ros2_database(content: bytes) -> bool:

@@ -54,31 +54,36 @@ _AXES = {
     **dict.fromkeys(["höhe", "abstand"], "height"),
     "y": "y",
 }
-"""Axis of a word."""
-# Marks before and behind a comment; "key: value"; "units mm"; the words of a key such as "xUnit".
+"""Axis that a word names."""
+# Marks before and behind a comment.
 _COMMENT = re.compile(r"^[\s#%!;*/\"'<-]+|[\s\"'*>-]+$")
+# "key: value", "key = value", "key, value" or "key is value".
 _KEY_VALUE = re.compile(r"^([^:=,;\t]{1,60}?)\s*(?:[:=,;\t]+|\bis\b|\bare\b)\s*(\S.*)$")
+# "units mm".
 _KEY_BLANK_VALUE = re.compile(r"^(\S*unit\S*|Einheit\S*)\s+(\S.*)$", re.IGNORECASE)
+# The words of a key such as "xUnit" or "X_UNIT".
 _KEY_WORDS = re.compile(r"[A-Z]?[^\W\d_A-Z]+|[A-Z]+(?![^\W\d_A-Z])")
-# "z in um", "um (z)", "heights are stated in um", "/digit".
+# "z in um", "z: um" or "z [um]".
 _AXIS_UNIT = re.compile(
     r"\b(x|y|z|heights?|ranges?|distance|lateral|depth)(?:[ _]?units?)?\b"
     r"\s*(?:[:=]|\bin\b)?\s*[\[(]?\s*"
     r"([0-9./^*+e-]*\s?[^\W\d_]+)\s*[\])]?"
 )
+# "um (z)".
 _UNIT_AXIS = re.compile(
     r"([0-9./^*+e-]*\s?[^\W\d_]+)\s*[\[(]\s*"
     r"(x|y|z|heights?|ranges?|distance|lateral|depth)\b[^\])]*[\])]"
 )
+# "heights are stated in um".
 _PHRASE = re.compile(
-    r"\b(lateral|depth|values?|coordinates?|lengths?|distances?|dimensions?|data|numbers?|points?|heights?|"
-    r"ranges?|positions?|profiles?|everything|all|columns?|x|y|z)\b"
+    r"\b(lateral|depth|values?|coordinates?|lengths?|distances?|dimensions?|data|numbers?|points?|"
+    r"heights?|ranges?|positions?|profiles?|everything|all|columns?|x|y|z)\b"
     r"(?:\s*(?:,|/|and|und|&|are|is|given|stated|expressed|measured|values?|coordinates?|x|y|z))*"
     r"\s+in\s+([0-9./^*-]*\s?[^\W\d_%]+)"
 )
+# "per count" or "/digit".
 _PER_COUNT = re.compile(rf"(?:/|\bper\b|\bpro\b)\s*{COUNT_WORD}\b", re.IGNORECASE)
 _NUMBER = re.compile(r"[-+]?(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:[eE][-+]?[0-9]+)?")
-
 
 _BARE_UNIT = re.compile(
     r"(?<![^\W_])(?<![0-9.])(?<![0-9.] )"
@@ -86,11 +91,12 @@ _BARE_UNIT = re.compile(
     r"|(?:mi[ck]ro|nano|[cz]enti|d[eé][cz]i)m[eè]t(?:er|re)s?)(?![^\W_])"
 )
 """A unit other than mm without a number before it: most likely that of the file's numbers."""
-# "tenths of a mm" or "1/10 mm"; "multiply by 0.01", "converted to mm" or "counts per mm".
+# "tenths of a mm" or "1/10 mm".
 _FRACTION = re.compile(
     rf"(?<![^\W_])(?:{'|'.join(FRACTION_WORDS)})\s+(?:of\s+an?\s+|d\w*\s*)?(?:mm|m[ei]\w+)"
     r"|1/10+\s?mm"
 )
+# "multiply by 0.01", "converted to mm" or "counts per mm".
 _CONVERSION = re.compile(
     rf"\b(?:multiply|multiplied|divide\w*)\b.*?[0-9]|\bto\s+(?:mm|m|um)\b"
     rf"|{COUNT_WORD}\s*(?:/|per|pro)\s*[^\W\d_]+"

@@ -68,6 +68,9 @@ def npy(array) -> bytes:
         (saved(x=np.zeros(3), z=np.zeros((2, 4))), "x and z differ in length"),
         (saved(x=np.zeros((3, 4)), z=np.zeros((2, 4))), "3 rows of x and 2 of heights"),
         (b"PAR1rubbish", "pyarrow cannot read it"),
+        (b"RIFF\x10\0\0\0WEBPVP8 ", "an image: read it with LightSection"),
+        (b"RIFF\x10\0\0\0AVI LIST", "a video container"),
+        (b"\xff\xd8\xff\xe0", "heights must be a TIFF or PNG of more than 8 bit"),
         ("ply\nformat ascii 1.0\n", "a PLY file with a broken header"),
         ("ply\nformat ascii 1.0\nelement face 1\nend_header\n", "begins with 1 face"),
         (
