@@ -8,7 +8,7 @@ import typer
 
 from lsvision.cli.sources import true_path
 from lsvision.errors import UnwritableFile
-from lsvision.files.file_kinds import exists, is_directory, is_regular, status_of
+from lsvision.files.file_kinds import exists, is_directory, is_regular, read_file_status
 from lsvision.files.printable import printable
 
 PICTURE_SUFFIXES = (".png", ".svg")
@@ -164,7 +164,7 @@ def _shorten(stem: str) -> str:
 def _identities(path: Path) -> list[Hashable]:
     """Return keys that are equal for two names of one file: real path, device and inode."""
     keys: list[Hashable] = [true_path(path)]
-    status = status_of(path)
+    status = read_file_status(path)
     if status is not None and status.st_ino:
         keys.append((status.st_dev, status.st_ino))
     return keys

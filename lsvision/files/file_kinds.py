@@ -6,7 +6,7 @@ import stat
 from pathlib import Path
 
 
-def status_of(path: str | os.PathLike[str]) -> os.stat_result | None:
+def read_file_status(path: str | os.PathLike[str]) -> os.stat_result | None:
     """Return the status of a file, following links.
 
     Returns
@@ -23,18 +23,18 @@ def status_of(path: str | os.PathLike[str]) -> os.stat_result | None:
 
 def exists(path: str | os.PathLike[str]) -> bool:
     """Return whether anything of that name exists."""
-    return status_of(path) is not None
+    return read_file_status(path) is not None
 
 
 def is_directory(path: str | os.PathLike[str]) -> bool:
     """Return whether the path names a directory."""
-    status = status_of(path)
+    status = read_file_status(path)
     return status is not None and stat.S_ISDIR(status.st_mode)
 
 
 def is_regular(path: str | os.PathLike[str]) -> bool:
     """Return whether the path names a file on a disk: no directory, device, pipe or socket."""
-    status = status_of(path)
+    status = read_file_status(path)
     return status is not None and stat.S_ISREG(status.st_mode)
 
 

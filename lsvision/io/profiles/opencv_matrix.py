@@ -73,7 +73,9 @@ def matrix_from_node(key: str, node: Mapping[str, Any]) -> FloatArray:
             raise ValueError(f"dt {_scalar_text(node['dt'])!r}")
         shape = [int(size) for size in sizes] + [int(match[1] or 1)]
         data = node["data"]
-        if not (isinstance(data, list) and min(shape) >= 0 and len(shape) <= _MAX_DIMENSIONS):
+        if not isinstance(data, list):
+            raise TypeError("data, which is no list")
+        if min(shape) < 0 or len(shape) > _MAX_DIMENSIONS:
             raise ValueError(f"sizes {shape}")
     except (KeyError, ValueError, TypeError) as error:
         raise UnreadableFile(

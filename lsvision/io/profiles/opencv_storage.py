@@ -199,12 +199,12 @@ def _numbers(key: str, node: Any) -> FloatArray:
         if len({len(item) for item in node}) != 1:
             return np.empty(0)
         flat = [cell for item in node for cell in item]
-        rows = _numbers_of_list(flat)
+        rows = _numbers_from_list(flat)
         return rows.reshape(len(node), -1) if rows.size else rows
-    return _numbers_of_list(node)
+    return _numbers_from_list(node)
 
 
-def _numbers_of_list(items: list[Any]) -> FloatArray:
+def _numbers_from_list(items: list[Any]) -> FloatArray:
     """Return the numbers of a list; empty if an item is not a number."""
     if any(isinstance(item, list | Mapping | bool) or item is None for item in items):
         return np.empty(0)

@@ -111,7 +111,7 @@ MATRIX = {"type_id": "opencv-matrix", "rows": 2, "cols": 2, "dt": "d", "data": [
         ({"rows": -2, "cols": -1}, "a matrix with a bad or missing sizes"),
         ({"dt": "999d"}, "a matrix of 2 x 2 x 999 numbers, got 4"),
         ({"dt": "x"}, "a matrix with a bad or missing dt 'x'"),
-        ({"data": "abcd"}, "a matrix with a bad or missing sizes"),
+        ({"data": "abcd"}, "a matrix with a bad or missing data, which is no list"),
         ({"sizes": [1] * 99}, "a matrix with a bad or missing sizes"),
     ],
 )
