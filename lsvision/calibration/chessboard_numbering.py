@@ -1,9 +1,9 @@
 """Order of a chessboard's corners, independent of the detector and the image's orientation.
 
 The first corner touches a black square at a corner of the board. Seen with the rows pointing to the
-right, the columns point down, as printed. If the board looks the same after half a turn, because
-both counts are even or both are odd, the order is used whose rows point most to the right in the
-image.
+right, the columns point down, as printed. If the board looks the same after a turn, because both
+counts of inner corners are even or both are odd, the order is used whose rows point most to the
+right in the image.
 """
 
 import cv2
@@ -65,7 +65,7 @@ def _right_handed_orders(corners: Points) -> list[IntArray]:
 
 
 def _grid_orders(shape: tuple[int, ...]) -> list[IntArray]:
-    """Return the indices of the grid, rotated and mirrored in all ways; eight for a square grid."""
+    """Return the indices of the grid, rotated and mirrored: four ways, eight for a square grid."""
     order = np.arange(shape[0] * shape[1]).reshape(shape)
     orders = [order, order.T] if shape[0] == shape[1] else [order]
     return [
@@ -84,7 +84,11 @@ def _handedness(corners: Points) -> float:
 
 
 def _contrast(image: npt.NDArray[np.float32], corners: Points) -> float:
-    """Return how much brighter the other squares are than those of the first square's colour."""
+    """Return how much brighter the other squares are than those of the first square's colour.
+
+    The first square between corners has the colour of the square at the board's corner, which it
+    touches in the first corner.
+    """
     middles = cell_middles(corners)
     odd = np.indices(middles.shape[:2]).sum(axis=0) % 2 == 1
     values = sample(image, middles)

@@ -22,6 +22,10 @@ from lsvision.geometry import FloatArray, Points, as_readonly_array
 from lsvision.geometry.equality import ComparedByValue
 from lsvision.laser_line.image_array import as_image
 
+MIN_CHARUCO_CORNERS = 6
+"""Smallest number of inner corners of a visible ChArUco board: four determine its homography, the
+others check it."""
+
 
 class TargetNotFound(CalibrationFailed):
     """The target was not found in an image."""
@@ -105,7 +109,8 @@ class PrintedTarget(ABC):
         return self._find(image)
 
     @abstractmethod
-    def _find(self, image: npt.NDArray[np.uint8]) -> tuple[Points, Points] | None: ...
+    def _find(self, image: npt.NDArray[np.uint8]) -> tuple[Points, Points] | None:
+        """Return what `find` returns, which is documented once for all targets."""
 
 
 @dataclass(frozen=True)
@@ -119,7 +124,7 @@ class ChArUco(PrintedTarget):
     square, marker : float
         Edge lengths. Units: mm.
     dictionary : str
-        Name of OpenCV's marker dictionary.
+        Name of OpenCV's marker dictionary, with a marker for each white square.
     legacy : bool
         Pattern of OpenCV before 4.6: boards with an even number of rows begin with a white square.
         Where the stated pattern is not found, the other one is tried: their corners are the same.
@@ -143,8 +148,19 @@ class ChArUco(PrintedTarget):
             raise ValueError(
                 f"expected 0 < marker < square {self.square:g} mm, got {self.marker:g}"
             )
-        if not hasattr(cv2.aruco, self.dictionary):
+        if (self.squares_x - 1) * (self.squares_y - 1) < MIN_CHARUCO_CORNERS:
+            raise ValueError(
+                f"expected at least {MIN_CHARUCO_CORNERS} inner corners, got a ChArUco board of "
+                f"{self.squares_x} x {self.squares_y} squares"
+            )
+        if not (self.dictionary.startswith("DICT_") and hasattr(cv2.aruco, self.dictionary)):
             raise ValueError(f"expected a dictionary of cv2.aruco, got {self.dictionary!r}")
+        markers, available = self.squares_x * self.squares_y // 2, len(self._dictionary.bytesList)
+        if markers > available:
+            raise ValueError(
+                f"expected at most {available} white squares with {self.dictionary}, got "
+                f"{markers}: a dictionary with a larger last number has more markers"
+            )
 
     def __str__(self) -> str:
         return (
@@ -162,23 +178,27 @@ class ChArUco(PrintedTarget):
         """OpenCV's board of this pattern."""
         return self._board(self.legacy)
 
+    @property
+    def _dictionary(self) -> Any:
+        """OpenCV's dictionary of the markers."""
+        return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
+
     def _board(self, legacy: bool) -> Any:
         """Return OpenCV's board with or without the legacy pattern."""
-        dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
         size = (self.squares_x, self.squares_y)
-        board = cv2.aruco.CharucoBoard(size, self.square, self.marker, dictionary)
+        board = cv2.aruco.CharucoBoard(size, self.square, self.marker, self._dictionary)
         board.setLegacyPattern(legacy)
         return board
 
     def _find(self, image: npt.NDArray[np.uint8]) -> tuple[Points, Points] | None:
-        """Return the visible inner corners, at least six not in one row."""
+        """Return the visible inner corners, at least six and not all in one row or column."""
         patterns = (self.legacy, not self.legacy) if self.squares_y % 2 == 0 else (self.legacy,)
         for legacy in patterns:
             board = self._board(legacy)
             corners, ids, _, _ = cv2.aruco.CharucoDetector(board).detectBoard(image)
             if ids is not None:
                 break
-        if ids is None or len(ids) < 6:
+        if ids is None or len(ids) < MIN_CHARUCO_CORNERS:
             return None
         points = self.points[np.asarray(ids).reshape(-1)]
         if min(np.ptp(points[:, 0]), np.ptp(points[:, 1])) == 0:
@@ -224,14 +244,14 @@ class Chessboard(PrintedTarget):
         return _grid(self.columns, self.rows, self.square)
 
     def _find(self, image: npt.NDArray[np.uint8]) -> tuple[Points, Points] | None:
-        """Return all inner corners."""
+        """Return the inner corners that are on the grid of the others."""
         for initial in initial_corners(image, self.columns, self.rows):
             detection = locate_corners(image, initial)
             if detection is not None:
-                corners, inliers = detection[0].reshape(-1, 2), detection[1].ravel()
-                order = corner_order(image, detection[0]).ravel()
-                visible = inliers[order]
-                return self.points[visible], corners[order[visible]]
+                corners, inliers = detection
+                order = corner_order(image, corners).ravel()
+                visible = inliers.ravel()[order]
+                return self.points[visible], corners.reshape(-1, 2)[order[visible]]
         return None
 
 
@@ -245,11 +265,11 @@ class CircleGrid(PrintedTarget):
     Parameters
     ----------
     columns, rows : int
-        Number of discs in a row, and of rows; odd for an asymmetric grid, which otherwise looks the
-        same after half a turn.
+        Number of discs in a row, and number of rows. An asymmetric grid needs an odd number of
+        rows: with an even one it looks the same after half a turn.
     spacing : float
-        Distance of neighbours in a row; in an asymmetric grid half the distance within a row,
-        and the distance between rows. Units: mm.
+        Distance of neighbouring discs and of neighbouring rows; in an asymmetric grid neighbours in
+        a row are two spacings apart. Units: mm.
     diameter : float
         Diameter of a disc. Units: mm.
     asymmetric : bool
@@ -294,13 +314,13 @@ class CircleGrid(PrintedTarget):
     def _find(self, image: npt.NDArray[np.uint8]) -> tuple[Points, Points] | None:
         """Return all centres."""
         layout = cv2.CALIB_CB_ASYMMETRIC_GRID if self.asymmetric else cv2.CALIB_CB_SYMMETRIC_GRID
-        # The grid finder's own blob detector misses discs of more than 5000 px.
+        # The grid finder's own blob detector misses discs with an area of more than 5000 px.
         limits = cv2.SimpleBlobDetector_Params()
         limits.minArea, limits.maxArea = 20.0, image.size / (self.columns * self.rows)
         limits.minDistBetweenBlobs = 2.0
         blobs = cv2.SimpleBlobDetector_create(limits)
         size = (self.columns, self.rows)
-        for picture in (image, 255 - image):
+        for picture in (image, 255 - image):  # the blob detector finds dark discs only
             found, centres = cv2.findCirclesGrid(picture, size, flags=layout, blobDetector=blobs)
             if found:
                 grid = np.asarray(centres, dtype=np.float64).reshape(self.rows, self.columns, 2)
@@ -374,7 +394,7 @@ def _grid(columns: int, rows: int, step: float) -> Points:
 
 
 def _check_grid(columns: int, rows: int, length: float, name: str) -> None:
-    """Require at least 3 x 3 points and a positive length."""
+    """Require at least 3 columns and rows (of points or squares), and a positive length."""
     if not (columns >= 3 and rows >= 3):
         raise ValueError(f"expected at least 3 columns and rows, got {columns} x {rows}")
     if not (np.isfinite(length) and length > 0):
@@ -393,7 +413,7 @@ def grey_image(image: npt.ArrayLike) -> npt.NDArray[np.uint8]:
     if array.dtype.kind == "f":
         raise TypeError(f"expected an image of uint8 or uint16, got {np.asarray(image).dtype}")
     if array.dtype == np.uint16:
-        # 10- and 12-bit cameras use the low bits: scale by the largest value.
+        # 10- and 12-bit cameras leave the upper bits zero: scale by the largest value.
         array = (array.astype(np.float64) * (255 / max(int(array.max()), 1))).astype(np.uint8)
     if array.ndim == 3:
         array = cv2.cvtColor(np.ascontiguousarray(array), cv2.COLOR_BGR2GRAY)

@@ -13,8 +13,8 @@ MM_PER_PDF_POINT = 25.4 / 72
 """Unit of PDF. Units: mm."""
 
 BEZIER_CIRCLE_FACTOR = 0.5522847498
-"""Control length of the cubic that approximates a quarter circle to 0.03 % of its radius."""
-
+"""Distance of the control points of a cubic from its ends, in radii, with which it approximates a
+quarter circle to 0.03 % of the radius."""
 
 MARGIN = 10.0
 """White border, which the detection needs and printers cannot print on. Units: mm."""
@@ -102,7 +102,7 @@ def target_svg(target: Target) -> str:
         '<g fill="black">',
         *(_svg_disc(shape) for shape in page.shapes if isinstance(shape, Disc)),
         # One path: touching squares drawn separately show grey seams.
-        f'<path d="{_svg_squares(page)}"/>',
+        f'<path d="{_svg_rectangles(page)}"/>',
         "</g>",
         f'<text x="{text_x:g}" y="{text_y:g}" font-family="sans-serif" '
         f'font-size="3.5">{page.text}</text>',
@@ -126,7 +126,7 @@ def target_pdf(target: Target) -> bytes:
     content = [f"q {scale:.6f} 0 0 {-scale:.6f} 0 {page.height * scale:.4f} cm 0 g"]
     content += [_pdf_disc(shape) for shape in page.shapes if isinstance(shape, Disc)]
     # One path, one fill: squares filled separately show grey seams.
-    content += [_pdf_square(shape) for shape in page.shapes if isinstance(shape, Rectangle)]
+    content += [_pdf_rectangle(shape) for shape in page.shapes if isinstance(shape, Rectangle)]
     text = page.text.replace("\\", "\\\\").replace("(", "\\(").replace(")", "\\)")
     x, y = page.text_position[0] * scale, (page.height - page.text_position[1]) * scale
     content += ["f Q", f"BT /F1 10 Tf {x:.3f} {y:.3f} Td ({text}) Tj ET"]
@@ -149,7 +149,7 @@ def _svg_disc(disc: Disc) -> str:
     return f'<circle cx="{disc.x:.6g}" cy="{disc.y:.6g}" r="{disc.radius:.6g}"/>'
 
 
-def _svg_squares(page: PageLayout) -> str:
+def _svg_rectangles(page: PageLayout) -> str:
     """Return the SVG path of all rectangles."""
     return " ".join(
         f"M{shape.x:.6g} {shape.y:.6g}h{shape.width:.6g}v{shape.height:.6g}h{-shape.width:.6g}z"
@@ -158,7 +158,7 @@ def _svg_squares(page: PageLayout) -> str:
     )
 
 
-def _pdf_square(shape: Rectangle) -> str:
+def _pdf_rectangle(shape: Rectangle) -> str:
     """Return the PDF path of a rectangle."""
     return f"{shape.x:.5f} {shape.y:.5f} {shape.width:.5f} {shape.height:.5f} re"
 
@@ -208,7 +208,7 @@ def layout_target(target: Target) -> PageLayout:
                 f"marker {target.marker:g} mm, {target.dictionary}"
             )
         case Chessboard():
-            shapes = _checker_squares(target.columns + 1, target.rows + 1, target.square, first=0)
+            shapes = _checker_squares(target.columns + 1, target.rows + 1, target.square)
             size = ((target.columns + 1) * target.square, (target.rows + 1) * target.square)
             text = (
                 f"chessboard {target.columns} x {target.rows} corners, square {target.square:g} mm"
@@ -262,13 +262,15 @@ def _translate(shape: Rectangle | Disc, x: float, y: float) -> Rectangle | Disc:
     return Rectangle(shape.x + x, shape.y + y, shape.width, shape.height)
 
 
-def _checker_squares(columns: int, rows: int, edge: float, first: int) -> list[Rectangle | Disc]:
-    """Return every second square; `first` is 0 if the top left one is black."""
+def _checker_squares(
+    columns: int, rows: int, edge: float, *, first_is_black: bool = True
+) -> list[Rectangle | Disc]:
+    """Return the black squares of a chessboard whose top left square is black or white."""
     return [
         Rectangle(column * edge, row * edge, edge, edge)
         for row in range(rows)
         for column in range(columns)
-        if (row + column) % 2 == first
+        if ((row + column) % 2 == 0) == first_is_black
     ]
 
 
@@ -276,10 +278,12 @@ def _charuco(target: ChArUco) -> list[Rectangle | Disc]:
     """Return the black squares, and the black cells of the markers in the white ones."""
     board = target.board
     # In the legacy pattern with an even number of rows the top left square is white.
-    first = 1 if target.legacy and target.squares_y % 2 == 0 else 0
-    shapes = _checker_squares(target.squares_x, target.squares_y, target.square, first)
+    first_is_black = not (target.legacy and target.squares_y % 2 == 0)
+    shapes = _checker_squares(
+        target.squares_x, target.squares_y, target.square, first_is_black=first_is_black
+    )
     dictionary = board.getDictionary()
-    cells = dictionary.markerSize + 2
+    cells = dictionary.markerSize + 2  # with the black border of one cell
     edge = target.marker / cells
     for number, corners in zip(board.getIds().ravel(), board.getObjPoints(), strict=True):
         left, top = np.asarray(corners)[:, :2].min(axis=0)

@@ -49,6 +49,15 @@ def test_a_start_with_wrong_corners_ends_at_the_right_ones():
     assert rms(corners.reshape(-1, 2) - truth) < 0.05
 
 
+def test_two_equal_initial_corners_are_separated():
+    white, truth = chessboard_picture(TURNS[0], blur=2.0)
+    start = truth.reshape(6, 9, 2).copy()
+    start[2, 3] = start[2, 2]
+    corners, inliers = locate_corners(photographed(white, np.random.default_rng(13)), start)
+    assert inliers.all()
+    assert rms(corners.reshape(-1, 2) - truth) < 0.05
+
+
 def laser_across(truth, first, last, width):
     """Light of a line through two true corners, (480, 640), saturated in its middle."""
     (x1, y1), (x2, y2) = truth[[first, last]]

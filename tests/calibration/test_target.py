@@ -132,6 +132,9 @@ def test_invalid_images_are_rejected(image, error, match):
         (lambda: Chessboard(9, 6, -1.0), "positive square in mm, got -1"),
         (lambda: ChArUco(marker=20.0), "0 < marker < square 15 mm, got 20"),
         (lambda: ChArUco(dictionary="DICT_NONE"), "dictionary of cv2.aruco, got 'DICT_NONE'"),
+        (lambda: ChArUco(dictionary="CharucoBoard"), "dictionary of cv2.aruco, got 'CharucoB"),
+        (lambda: ChArUco(3, 3), "at least 6 inner corners, got a ChArUco board of 3 x 3 squares"),
+        (lambda: ChArUco(30, 20), "at most 100 white squares with DICT_4X4_100, got 300: a dict"),
         (lambda: CircleGrid(diameter=50.0), "0 < diameter < 21.2132 mm, got 50"),
         (
             lambda: TargetView(np.zeros((2, 3)), np.zeros((3, 2)), (1, 1)),
