@@ -6,11 +6,27 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.calibration.rotations import cross_matrices, rotations_from_vectors
+from lsvision.calibration.rotations import (
+    find_nearest_rotations,
+    rotation_vector_jacobian,
+    rotations_from_vectors,
+)
 from lsvision.calibration.target import TargetView
 from lsvision.errors import CalibrationFailed
 from lsvision.geometry import FloatArray, Points, Pose, as_readonly_array
 from lsvision.sensors.camera import Camera
+
+MIN_CORNERS = 6
+"""Smallest number of corners of a pose: three determine it, and the residuals of the others its
+covariance."""
+
+MIN_SPREAD_RATIO = 1e-3
+"""Smallest ratio of the second to the first singular value of corners that do not lie on one line.
+"""
+
+COVARIANCE_FLOOR = 1e-14
+"""Variance (mm^2, rad^2) added to each component, so that the covariance of exact corners is
+invertible."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +38,8 @@ class BoardPoseEstimate:
     camera_from_board : Pose
         Estimated pose.
     covariance : (6, 6) array_like
-        Covariance of the board's origin in the camera frame (mm) and the left-hand rotation (rad).
+        Covariance of the board's origin (mm) and of its left-hand rotation (rad), a vector w in
+        R -> exp([w]x) R; both along the axes of the camera frame.
     """
 
     camera_from_board: Pose
@@ -51,14 +68,14 @@ def estimate_board_pose(
     Returns
     -------
     BoardPoseEstimate
-        Least squares in pixels; the covariance is scaled by the residuals of the corners.
+        Least-squares estimate; the noise of the corners is estimated from their residuals.
 
     Raises
     ------
     CalibrationFailed
         If there are fewer than 6 corners, or they lie on one line.
     ValueError
-        If a corner is not finite.
+        If the shapes differ from the above, or a corner is not finite.
     """
     pixels = as_readonly_array(corners, ("n", 2), "corners")
     points = as_readonly_array(board_points, (len(pixels), 3), "board points")
@@ -72,23 +89,25 @@ def estimate_board_pose(
     variance = float((residuals**2).sum()) / (2 * len(pixels) - 6)
     vector_jacobian, translation_jacobian = jacobian[:, :3], jacobian[:, 3:6]
     pose_jacobian = np.concatenate(
-        [translation_jacobian, vector_jacobian @ _inverse_left_jacobian(vector)], axis=1
+        [translation_jacobian, vector_jacobian @ rotation_vector_jacobian(vector)], axis=1
     )
-    covariance = np.linalg.inv(pose_jacobian.T @ pose_jacobian) * variance + 1e-14 * np.eye(6)
+    covariance = np.linalg.inv(pose_jacobian.T @ pose_jacobian) * variance
+    covariance += COVARIANCE_FLOOR * np.eye(6)
     return BoardPoseEstimate(Pose(rotations_from_vectors(vector), translation), covariance)
 
 
 def _require_spread(pixels: FloatArray, points: FloatArray) -> None:
-    """Raise an error unless there are at least 6 finite corners that do not lie on one line."""
+    """Raise an error unless enough corners are given, all finite and not on one line."""
     if not (np.isfinite(pixels).all() and np.isfinite(points).all()):
         raise ValueError("expected finite corners: leave out those that were not found")
-    if len(pixels) < 6:
+    if len(pixels) < MIN_CORNERS:
         raise CalibrationFailed(
-            f"{len(pixels)} corners of the board were found and 6 are needed: show more of it"
+            f"{len(pixels)} corners of the board were found and {MIN_CORNERS} are needed: show "
+            "more of it"
         )
     for coordinates in (points, pixels):
         singular_values = np.linalg.svd(coordinates - coordinates.mean(axis=0), compute_uv=False)
-        if not singular_values[1] > 1e-3 * singular_values[0]:
+        if not singular_values[1] > MIN_SPREAD_RATIO * singular_values[0]:
             raise CalibrationFailed(
                 "the board's corners lie on one line: the rotation about it is not determined"
             )
@@ -97,7 +116,7 @@ def _require_spread(pixels: FloatArray, points: FloatArray) -> None:
 def _solve_pnp(
     pixels: FloatArray, points: FloatArray, camera: Camera
 ) -> tuple[FloatArray, FloatArray]:
-    """Return rotation vector and translation by least squares in pixels."""
+    """Return rotation vector (3,) and translation (3,) in mm by least squares in pixels."""
     arguments = (
         np.array(points),
         np.array(pixels),
@@ -107,18 +126,6 @@ def _solve_pnp(
     _, vector, translation = cv2.solvePnP(*arguments)
     vector, translation = cv2.solvePnPRefineLM(*arguments, vector, translation)
     return np.asarray(vector, np.float64).ravel(), np.asarray(translation, np.float64).ravel()
-
-
-def _inverse_left_jacobian(vector: FloatArray) -> FloatArray:
-    """Return the derivative (3, 3) of a rotation vector by a left-hand rotation."""
-    angle = float(np.linalg.norm(vector))
-    cross = cross_matrices(vector)
-    if angle < 1e-6:
-        small: FloatArray = np.eye(3) - 0.5 * cross
-        return small
-    factor = 1 / angle**2 - 1 / (2 * angle * np.tan(angle / 2))
-    inverse: FloatArray = np.eye(3) - 0.5 * cross + factor * cross @ cross
-    return inverse
 
 
 def guess_camera_from_board(view: TargetView, rays: Points) -> Pose:
@@ -138,9 +145,8 @@ def guess_camera_from_board(view: TargetView, rays: Points) -> Pose:
     """
     plane = np.ascontiguousarray(view.points[:, :2])
     homography, _ = cv2.findHomography(plane, np.ascontiguousarray(rays[:, :2]))
-    # Zhang 2000, section 3.1: H = [r1 r2 t] up to scale.
+    # Zhang 2000, section 3.1: H = [r1 r2 t] up to scale and sign; the board is in front, t_z > 0.
     scale = 2 / (np.linalg.norm(homography[:, 0]) + np.linalg.norm(homography[:, 1]))
     first, second, translation = (homography * (scale * np.sign(homography[2, 2]))).T
-    # Nearest rotation to the two columns and their cross product.
-    U, _, Vt = np.linalg.svd(np.column_stack([first, second, np.cross(first, second)]))
-    return Pose(U @ Vt, translation)
+    columns = np.column_stack([first, second, np.cross(first, second)])
+    return Pose(find_nearest_rotations(columns), translation)

@@ -16,7 +16,7 @@ from lsvision.calibration.hand_eye_parts import RejectedPose, Sensor, Sphere
 from lsvision.calibration.hand_eye_warnings import hand_eye_warnings
 from lsvision.calibration.observations import Mounting
 from lsvision.calibration.pose_outliers import OutlierSettings
-from lsvision.calibration.result_tables import cells_of_rows, hand_eye_rows
+from lsvision.calibration.result_tables import cells_of_rows, hand_eye_rows, rotation_vector_deg
 from lsvision.calibration.rotations import cross_matrices
 from lsvision.calibration.sphere_arc import SphereArcSettings
 from lsvision.geometry import FloatArray, Plane, Pose, as_readonly_array
@@ -302,10 +302,7 @@ class HandEye(Result):
         dict
             Lengths in ``*_mm``, angles in ``*_deg``; `save` writes what `load` reads again.
         """
-        from scipy.spatial.transform import Rotation
-
-        std = np.sqrt(np.diag(self.covariance))
-        vector = Rotation.from_matrix(self.mount_from_sensor.rotation).as_rotvec(degrees=True)
+        vector, vector_std = rotation_vector_deg(self)
         position_std, rotation_std = self.robot_std
         factor, factor_std = self.height_scale or (None, None)
         size, size_std = self.target_scale or (None, None)
@@ -313,9 +310,9 @@ class HandEye(Result):
             "mounting": self.mounting,
             "sensor": self.sensor,
             "position_mm": json_numbers(self.mount_from_sensor.translation),
-            "position_std_mm": json_numbers(std[:3]),
+            "position_std_mm": json_numbers(np.sqrt(np.diag(self.covariance)[:3])),
             "rotation_vector_deg": json_numbers(vector),
-            "rotation_vector_std_deg": json_numbers(np.degrees(std[3:])),
+            "rotation_vector_std_deg": json_numbers(vector_std),
             "working_point_mm": json_numbers(self.working_point),
             "working_point_std_mm": self.working_point_std,
             "residual_rms_mm": finite_or_none(self.residual_rms),

@@ -4,7 +4,11 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from lsvision.calibration.hand_eye_parts import Sphere
+from lsvision.calibration.rotations import rotation_vector_jacobian, vectors_from_rotations
+from lsvision.geometry import FloatArray
 from lsvision.results.number_format import format_value
 
 if TYPE_CHECKING:
@@ -119,19 +123,25 @@ def laser_plane_record(calibration: "LaserPlaneCalibration") -> "Record":
     }
 
 
+def rotation_vector_deg(hand_eye: "HandEye") -> tuple[FloatArray, FloatArray]:
+    """Return the rotation vector (3,) of the sensor's pose and its std (3,). Units: deg."""
+    vector = vectors_from_rotations(hand_eye.mount_from_sensor.rotation)
+    jacobian = rotation_vector_jacobian(vector)
+    covariance = jacobian @ hand_eye.covariance[3:, 3:] @ jacobian.T
+    return np.degrees(vector), np.degrees(np.sqrt(covariance.diagonal()))
+
+
 def hand_eye_rows(hand_eye: "HandEye") -> list[Row]:
     """Return table rows of the sensor's pose (rotation vector) and its accuracy, with one sigma."""
-    from scipy.spatial.transform import Rotation
-
     mount = "flange" if hand_eye.mounting == "eye_in_hand" else "base"
-    std = [math.sqrt(value) for value in hand_eye.covariance.diagonal()]
-    pose, deg = hand_eye.mount_from_sensor, math.degrees(1)
-    vector = Rotation.from_matrix(pose.rotation).as_rotvec()
+    position = hand_eye.mount_from_sensor.translation
+    position_std = np.sqrt(hand_eye.covariance.diagonal()[:3])
+    vector, vector_std = rotation_vector_deg(hand_eye)
     return [
-        *((f"{mount}_from_{hand_eye.sensor} {axis}", format_value(float(value), sigma), "mm")
-          for axis, value, sigma in zip("xyz", pose.translation, std[:3], strict=True)),
-        *((f"rotation vector {axis}", format_value(float(value) * deg, sigma * deg), "deg")
-          for axis, value, sigma in zip("xyz", vector, std[3:], strict=True)),
+        *((f"{mount}_from_{hand_eye.sensor} {axis}", format_value(float(value), float(std)), "mm")
+          for axis, value, std in zip("xyz", position, position_std, strict=True)),
+        *((f"rotation vector {axis}", format_value(float(value), float(std)), "deg")
+          for axis, value, std in zip("xyz", vector, vector_std, strict=True)),
         *accuracy_rows(hand_eye),
     ]  # fmt: skip
 

@@ -1,6 +1,9 @@
 """Conversions of stacks of rotations, arrays with any leading axes ``...``.
 
 Scipy's `Rotation`, with which the conversions are made, takes a single leading axis.
+
+Small changes of a rotation R from frame b to frame a, and their covariances, are left-hand
+rotations in this package: vectors w (rad) along the axes of frame a, R -> exp([w]x) R.
 """
 
 import itertools
@@ -38,6 +41,26 @@ def vectors_from_rotations(rotations: FloatArray) -> FloatArray:
 
     rotation_vectors: FloatArray = Rotation.from_matrix(rotations.reshape(-1, 3, 3)).as_rotvec()
     return rotation_vectors.reshape(rotations.shape[:-1])
+
+
+def rotation_vector_jacobian(vector: FloatArray) -> FloatArray:
+    """Return the derivative (3, 3) of a rotation vector by a left-hand rotation.
+
+    This is the inverse of the left Jacobian of SO(3).
+
+    Parameters
+    ----------
+    vector : (3,) ndarray
+        Rotation vector with an angle below 2 pi. Units: rad.
+    """
+    angle = float(np.linalg.norm(vector))
+    cross = cross_matrices(vector)
+    if angle < 1e-6:
+        small: FloatArray = np.eye(3) - 0.5 * cross
+        return small
+    factor = 1 / angle**2 - 1 / (2 * angle * np.tan(angle / 2))
+    jacobian: FloatArray = np.eye(3) - 0.5 * cross + factor * cross @ cross
+    return jacobian
 
 
 def find_nearest_rotations(matrices: FloatArray) -> FloatArray:

@@ -11,7 +11,8 @@ from lsvision.calibration.hand_eye import (
     calibrate_hand_eye_sphere,
 )
 from lsvision.geometry import Pose
-from lsvision.simulate.hand_eye import noisy_pose
+from lsvision.io.pose_numbers import propagate_to_numbers
+from lsvision.simulate.hand_eye import noisy_pose, rotation_from_vector
 from tests.calibration.hand_eye_scenes import (
     FEW_TRIALS,
     MOUNT,
@@ -134,6 +135,16 @@ def test_the_error_at_the_working_point_is_smaller_than_at_the_origin():
     found = calibrate_hand_eye_sphere(*sphere_scene(8), settings=FEW_TRIALS)
     assert found.working_point[1] == pytest.approx(STANDOFF, abs=45)
     assert found.working_point_std < 0.6 * found.std_at((0, 0))
+
+
+def test_the_std_of_the_rotation_vector_is_that_of_its_numbers():
+    calibration = calibrate_hand_eye_sphere(*sphere_scene(5), RADIUS)
+    rotation = rotation_from_vector(np.array([1.2, -1.5, 1.4]))
+    turned = replace(calibration, mount_from_sensor=Pose(rotation, (1.0, 2.0, 3.0)))
+    # A UR controller writes the rotation vector in rad; its std is a difference quotient.
+    std = propagate_to_numbers(turned.mount_from_sensor, turned.covariance, "ur")[3:]
+    record = turned.to_dict()
+    np.testing.assert_allclose(record["rotation_vector_std_deg"], np.degrees(std), rtol=1e-5)
 
 
 def test_rotating_the_base_rotates_the_target_and_not_the_sensor():

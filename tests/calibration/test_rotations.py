@@ -6,13 +6,14 @@ import pytest
 from lsvision.calibration.rotations import (
     find_nearest_rotations,
     list_cube_rotations,
+    rotation_vector_jacobian,
     rotations_from_vectors,
     vectors_from_rotations,
 )
 from tests.alike import rotation_series
 
 MACHINE = 1e-12
-
+QUOTIENT = 1e-7  # of central difference quotients with a step of 1e-4 rad
 
 VECTORS = [(0, 0, 0), (1e-10, 0, 0), (1e-5, -2e-5, 0), (0.3, -1, 2), (3.1, 0.2, 0), (0, np.pi, 0)]
 
@@ -23,6 +24,15 @@ def test_rotation_equals_its_power_series_and_rotation_vectors_is_the_inverse(ve
     np.testing.assert_allclose(rotation, rotation_series(vector), rtol=0, atol=MACHINE)
     again = rotations_from_vectors(vectors_from_rotations(rotation))
     np.testing.assert_allclose(again, rotation, rtol=0, atol=MACHINE)
+
+
+@pytest.mark.parametrize("vector", [(0, 0, 0), (1e-5, -2e-5, 0), (0.3, -1, 2), (2.9, 0.2, 0)])
+def test_rotation_vector_jacobian_is_its_difference_quotient(vector):
+    vector = np.array(vector, dtype=float)
+    steps = rotations_from_vectors(1e-4 * np.stack([np.eye(3), -np.eye(3)]))
+    ahead, behind = vectors_from_rotations(steps @ rotations_from_vectors(vector))
+    quotient = (ahead - behind).T / 2e-4
+    np.testing.assert_allclose(rotation_vector_jacobian(vector), quotient, rtol=0, atol=QUOTIENT)
 
 
 def test_stacks_equal_single_rotations():
