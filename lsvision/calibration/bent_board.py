@@ -23,9 +23,10 @@ of views."""
 MAX_STEPS = 300
 """Maximum number of steps; about six are needed, and up to 200 with a tilted sensor."""
 MIN_DAMPING, MAX_DAMPING, DAMPING_FACTOR = 1e-8, 1e2, 3.0
-"""Damping relative to the scaled normal equations: after the first step that increased the cost, at
-which the iteration stops, and the factor from one step to the next. With a factor of 10,
-half of the simulated sets of views with a tilted sensor do not reach the minimum."""
+"""Damping added to the diagonal of the normal equations, which is scaled to 1: its value after the
+first step that increased the cost, the value at which the iteration stops, and the factor by which
+it changes from step to step. With a factor of 10, half of the simulated sets of views with a tilted
+sensor do not reach the minimum."""
 RELATIVE_TOLERANCE = 1e-10
 """Relative decrease of the sum of squares below which the iteration stops."""
 
@@ -81,9 +82,9 @@ def fit_bent_board(
     shape = BoardShape.of(np.concatenate([view.points for view in views]))
     start = _State.of(camera, poses)
     transfer = intrinsics_jacobian(camera, free)
+    # Both minima are found by the same code: OpenCV's, in which points are float32, is less exact.
     flat, flat_normal = _minimise(_Problem(views, shape, transfer, 0), start)
-    problem = _Problem(views, shape, transfer, SHAPE_TERMS)
-    bent, normal = _minimise(problem, flat)
+    bent, normal = _minimise(_Problem(views, shape, transfer, SHAPE_TERMS), flat)
     dof = 2 * sum(len(view.points) for view in views) - 6 * len(views) - len(normal.reduced)
     variance = normal.chi2 / max(dof, 1)
     if not flat_normal.chi2 - normal.chi2 > MIN_F_RATIO * SHAPE_TERMS * variance:
@@ -102,7 +103,7 @@ def fit_bent_board(
 
 @dataclass(frozen=True, eq=False)
 class _State:
-    """Intrinsics (4 + k,), rotation vectors and translations (v, 6), and shape (3,)."""
+    """Intrinsics (4 + k,), rotation vectors (rad) and translations (mm) (v, 6), and shape (3,)."""
 
     intrinsics: FloatArray
     poses: FloatArray
@@ -131,7 +132,18 @@ class _State:
 
 @dataclass(frozen=True, eq=False)
 class _NormalEquations:
-    """Normal equations of the common parameters (poses eliminated), and those of each pose."""
+    """Normal equations of the common parameters (poses eliminated), and those of each pose.
+
+    Parameters
+    ----------
+    reduced, gradient : (p, p) and (p,) ndarray
+        Matrix and right-hand side of the p common parameters: free intrinsics and shape.
+    pose_equations : list of tuple of ndarray
+        Matrix (6, 6) of each pose, its block (6, p) with the common parameters, and right-hand side
+        (6,).
+    chi2 : float
+        Sum of squared residuals. Units: px^2.
+    """
 
     reduced: FloatArray
     gradient: FloatArray
@@ -140,11 +152,13 @@ class _NormalEquations:
 
     @property
     def scaled(self) -> tuple[FloatArray, FloatArray]:
+        """The matrix `reduced`, scaled to a unit diagonal, and the scale (p,)."""
         scale = 1 / np.sqrt(np.diag(self.reduced))
         return self.reduced * np.outer(scale, scale), scale
 
     @property
     def inverse(self) -> FloatArray:
+        """Inverse of `reduced`: covariance of the common parameters for a noise of 1 px."""
         return invert_normal_matrix(self.reduced)
 
     def step(self, damping: float) -> tuple[FloatArray, FloatArray]:
@@ -189,7 +203,7 @@ class _Problem:
     def _linearise_view(
         self, state: _State, view: TargetView, vector: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the Jacobians by pose and by common parameters, and the negative residuals."""
+        """Return the Jacobians by pose and common parameters, and observed minus projected."""
         fx, fy, cx, cy = state.intrinsics[:4]
         matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
         points = self.shape.bend(view.points, state.bow)

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from lsvision.calibration.board_pose import estimate_board_pose, guess_camera_from_board
 from lsvision.calibration.target import Target, TargetView, board_homography, find_target
+from lsvision.calibration.views import require_size
 from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import FloatArray, Plane, Pose
 from lsvision.results.quantities import Record, json_numbers
@@ -22,6 +23,8 @@ from lsvision.sensors.light_section import LightSection
 
 DEFAULT_FOCAL_LENGTH = 1.2
 """Focal length in image widths that is assumed where the image does not determine it."""
+MAX_FOCAL_LENGTH_FACTOR = 4.0
+"""Largest factor by which an estimated focal length may differ from the default."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -88,9 +91,9 @@ def calibrate_board_in_plane(
     target : Target
         Board whose face lies in the laser plane.
     camera : Camera, optional
-        If None, the result contains an equivalent pinhole camera, which images the plane exactly as
-        the real one does. Points in the laser plane are correct; lens distortion is neglected, and
-        the pose of the camera is a guess.
+        Calibrated camera. If None, the result contains a pinhole camera with the homography of the
+        board: points in the laser plane are correct, apart from lens distortion, but the pose of
+        the camera is a guess.
 
     Returns
     -------
@@ -101,6 +104,8 @@ def calibrate_board_in_plane(
     ------
     TargetNotFound
         If the board is not found.
+    CalibrationFailed
+        If the image is not of the camera's size.
     DegenerateGeometry
         If the camera looks along the plane.
 
@@ -113,6 +118,8 @@ def calibrate_board_in_plane(
     >>> calibration.rms_px < 1.0
     True
     """
+    if camera is not None:
+        require_size(camera, image, "image")
     view = find_target(image, target)
     if camera is None:
         camera, pose = _equivalent_pinhole_camera(view)
@@ -129,7 +136,7 @@ def calibrate_board_in_plane(
 
 
 def _equivalent_pinhole_camera(view: TargetView) -> tuple[Camera, Pose]:
-    """Return a pinhole camera and board pose that reproduce the image's homography."""
+    """Return a pinhole camera and ``camera_from_board`` that reproduce the board's homography."""
     homography = board_homography(view)
     centre = _camera_centre(homography, view)
     a, b, h = centre
@@ -144,7 +151,10 @@ def _equivalent_pinhole_camera(view: TargetView) -> tuple[Camera, Pose]:
 
 
 def _camera_centre(homography: FloatArray, view: TargetView) -> FloatArray:
-    """Return the centre of a camera with square pixels and central axis, board frame. Units: mm."""
+    """Return the centre (3,) of a camera with square pixels whose axis meets the image's middle.
+
+    Board frame. Units: mm.
+    """
     width, height = view.size
     centred_from_pixels = np.array([[1, 0, (1 - width) / 2], [0, 1, (1 - height) / 2], [0, 0, 1]])
     H = centred_from_pixels @ homography
@@ -155,7 +165,13 @@ def _camera_centre(homography: FloatArray, view: TargetView) -> FloatArray:
     inverse_square = -float(A @ C) / max(float(A @ A), 1e-300)
     focal = DEFAULT_FOCAL_LENGTH * width
     if inverse_square > 0:
-        focal = float(np.clip(inverse_square**-0.5, focal / 4, focal * 4))
+        focal = float(
+            np.clip(
+                inverse_square**-0.5,
+                focal / MAX_FOCAL_LENGTH_FACTOR,
+                focal * MAX_FOCAL_LENGTH_FACTOR,
+            )
+        )
     normalised = (view.pixels - (np.array([width, height]) - 1) / 2) / focal
     pose = guess_camera_from_board(view, np.column_stack([normalised, np.ones(len(normalised))]))
     return pose.inverse().translation

@@ -1,9 +1,9 @@
 """Check of the stated size of a board by the motion of the robot.
 
 A wrong size multiplies all distances from the camera to the board by one factor, but not the
-robot's motion, which is in mm. The hand-eye solution absorbs most of the difference by a shift of
-the camera along its optical axis (4 mm for a board 400 mm away whose stated size is 1 % wrong), so
-that the residuals increase by less than the error.
+robot's motion, which is in mm. The hand-eye solution absorbs most of this by a shift of the camera
+along its optical axis (4 mm for a board 400 mm away whose stated size is 1 % wrong): the residuals
+increase by much less.
 """
 
 from dataclasses import dataclass
@@ -33,8 +33,8 @@ class BoardScale:
     factor, std : float
         Estimate and its standard deviation.
     step : (6,) ndarray
-        Change of the sensor's translation (mm) and left-hand rotation (rad) if the factor was
-        applied.
+        Change of the sensor's translation (mm) and left-hand rotation (rad) by which the solution
+        would differ if the factor were applied.
     """
 
     factor: float
@@ -72,10 +72,10 @@ def estimate_board_scale(
     fit : ErrorsInVariablesFit
         Solution with the stated size.
     origins : (n, 3) ndarray
-        Origins of the board in the camera frame. Units: mm.
+        Origin of the board in the camera frame, in each of the n poses. Units: mm.
     camera_modes : (m, n, 6) ndarray
-        Shifts of the n boards by m independent errors of the camera, which also change the scale:
-        origin (mm) and left-hand rotation (rad).
+        Shifts of the board's n poses, origin (mm) and left-hand rotation (rad), by m independent
+        errors of the camera, one standard deviation each. They look like an error of the scale.
     robot_is_stated : bool
         Whether the standard deviation of the robot was stated. An estimated one contains the
         effect of a wrong size; then the noise is estimated from the residuals without that effect.
@@ -85,10 +85,11 @@ def estimate_board_scale(
     BoardScale
         Factor with its standard deviation; not checked, see `BoardScale.require_plausible`.
     """
+    # An error e of the size shifts the board's poses by e times this.
     scale_shift = np.concatenate([origins, np.zeros_like(origins)], axis=1)
     shifts = np.concatenate([scale_shift[None], camera_modes])
     steps = fit.steps_by_shifts(shifts)
-    # Change of the whitened residuals by each shift, after the solution is refined.
+    # Change of the whitened residuals by each shift, of which the solution absorbs a part.
     whitened_changes = fit.mask[:, None] * (
         np.einsum("nij,knj->kni", fit.whitening, shifts)
         + np.einsum("nij,kj->kni", fit.jacobian, steps)

@@ -1,7 +1,7 @@
 """Shape of a board that is not flat: bowed along x, along y, and twisted.
 
-z = b1 (1 - X^2) + b2 (1 - Y^2) + b3 X Y with X, Y = -1 to 1 over the corners: the two-parameter bow
-of mrcal, and the twist of a sheet that lies on two opposite corners.
+z = b1 (1 - X^2) + b2 (1 - Y^2) + b3 X Y with X, Y = -1 to 1 over the corners, z away from the
+camera: the two-parameter bow of mrcal, and the twist of a sheet that lies on two opposite corners.
 """
 
 from dataclasses import dataclass
@@ -42,7 +42,7 @@ class BoardShape:
         return cls((low + high) / 2, (high - low) / 2)
 
     def terms(self, points: Points) -> FloatArray:
-        """Return the height at points (n, 2) per unit of each parameter, (n, 3)."""
+        """Return the derivatives (n, 3) of the heights at points (n, 2) by the parameters."""
         scaled = (points - self.middle) / self.half
         terms: FloatArray = np.column_stack([1 - scaled**2, scaled.prod(axis=1)])
         return terms

@@ -15,12 +15,12 @@ from lsvision.calibration.target import Chessboard, CircleGrid, Target
 from lsvision.errors import CalibrationFailed
 from lsvision.geometry import FloatArray, IntArray, Pose
 
-CAPPED_ANGLE = np.radians(10.0)
+MAX_ANGLE_DIFFERENCE = np.radians(10.0)
 """Limit to which differences of two angles are clipped, so that a wrong pose has limited influence.
 Units: rad."""
 MIN_MARGIN = np.radians(2.0)
-"""Smallest mean difference by which every other turn of a view must fit worse; errors of robots and
-boards are tenths of a degree. Units: rad."""
+"""Smallest amount by which the mean angle difference of every other turn of a view must be larger;
+errors of robots and boards are tenths of a degree. Units: rad."""
 MAX_SWEEPS = 20
 """Maximum number of sweeps over the views; two or three are needed."""
 
@@ -36,29 +36,32 @@ def pattern_turns(target: Target) -> tuple[Pose, ...]:
     Returns
     -------
     tuple of Pose
-        ``board_from_turned``: half a turn, and quarters where there are as many rows as columns;
-        empty for a board that has one orientation only.
+        ``board_from_turned`` about the middle of the board: half a turn, or a quarter, half and
+        three quarters of a turn; empty for a board that has one orientation only.
 
     Examples
     --------
     >>> len(pattern_turns(Chessboard(7, 6, 10.0))), len(pattern_turns(Chessboard(9, 7, 10.0)))
     (0, 1)
     """
-    if isinstance(target, Chessboard):
-        unique, quarters = (target.columns + target.rows) % 2 == 1, target.columns % 2 == 0
-    elif isinstance(target, CircleGrid):
-        unique, quarters = target.asymmetric, True
-    else:
+    match target:
+        case Chessboard():
+            is_unique = (target.columns + target.rows) % 2 == 1
+            # With an odd number of corners per side, a quarter of a turn swaps black and white.
+            has_quarters = target.columns == target.rows and target.columns % 2 == 0
+        case CircleGrid():
+            is_unique, has_quarters = target.asymmetric, target.columns == target.rows
+        case _:
+            is_unique, has_quarters = True, False
+    if is_unique:
         return ()
-    if unique:
-        return ()
-    quarters = quarters and target.columns == target.rows
     middle = (target.points.min(axis=0) + target.points.max(axis=0)) / 2
-    return tuple(_turn_about(middle, angle) for angle in ((90, 180, 270) if quarters else (180,)))
+    angles_deg = (90, 180, 270) if has_quarters else (180,)
+    return tuple(_turn_about(middle, angle_deg) for angle_deg in angles_deg)
 
 
 def _turn_about(middle: FloatArray, angle_deg: float) -> Pose:
-    """Return the turn about the normal through a point of the board."""
+    """Return the turn about the normal through a point of the board, by a multiple of 90 deg."""
     cos, sin = np.round(np.cos(np.radians(angle_deg))), np.round(np.sin(np.radians(angle_deg)))
     rotation = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1.0]])
     return Pose(rotation, middle - rotation @ middle)
@@ -66,30 +69,30 @@ def _turn_about(middle: FloatArray, angle_deg: float) -> Pose:
 
 @dataclass(frozen=True, eq=False)
 class TurnedBoards:
-    """Board poses of all views, numbered from the same end.
+    """Board poses of n views, numbered from the same end.
 
     Parameters
     ----------
     poses : tuple of Pose
         ``camera_from_board`` of each view.
-    maps : (n, 6, 6) ndarray
-        Jacobians of `poses` by the original poses; origin (mm), left-hand rotation (rad).
+    jacobians : (n, 6, 6) ndarray
+        Derivatives of `poses` by the original poses: origin (mm), left-hand rotation (rad).
     turned : tuple of int
         Indices of the views that were numbered from another end than most.
     """
 
     poses: tuple[Pose, ...]
-    maps: FloatArray
+    jacobians: FloatArray
     turned: tuple[int, ...]
 
     def covariances(self, original: FloatArray) -> FloatArray:
         """Return the covariances (n, 6, 6) of `poses` from those of the original poses."""
-        covariances: FloatArray = self.maps @ original @ np.swapaxes(self.maps, 1, 2)
+        covariances: FloatArray = self.jacobians @ original @ np.swapaxes(self.jacobians, 1, 2)
         return covariances
 
     def shifts(self, original: FloatArray) -> FloatArray:
-        """Return shifts (m, n, 6) of `poses` from those of the original poses."""
-        shifts: FloatArray = np.einsum("nij,mnj->mni", self.maps, original)
+        """Return shifts (m, n, 6) of `poses`, by m errors, from those of the original poses."""
+        shifts: FloatArray = np.einsum("nij,mnj->mni", self.jacobians, original)
         return shifts
 
     @property
@@ -133,23 +136,30 @@ def turn_boards(
     """
     group = [Pose(), *turns]
     costs = _angle_differences(camera_from_boards, flanges, group)
+    # The label of a view is the index of its turn in the group. Each view in turn is the one from
+    # which the initial labels of the others follow.
     labels = min(
-        (_consistent_labels(costs, costs[first].argmin(axis=1)) for first in range(len(flanges))),
+        (_consistent_labels(costs, costs[view].argmin(axis=1)) for view in range(len(flanges))),
         key=lambda labels: _total_cost(costs, labels),
     )
     _require_certain(costs, labels)
-    counts = np.bincount(labels, minlength=len(group))
-    labels = _relative_labels(labels, int(counts.argmax()), len(group))
-    poses, maps = [], []
+    most_frequent = int(np.bincount(labels).argmax())
+    labels = _relative_labels(labels, most_frequent, len(group))
+    poses, jacobians = [], []
     for pose, label in zip(camera_from_boards, labels, strict=True):
         poses.append(pose @ group[label])
-        lever = pose.rotation @ group[label].translation
-        maps.append(np.block([[np.eye(3), -cross_matrices(lever)], [np.zeros((3, 3)), np.eye(3)]]))
-    return TurnedBoards(tuple(poses), np.array(maps), tuple(np.flatnonzero(labels).tolist()))
+        lever_arm = pose.rotation @ group[label].translation
+        jacobian = np.eye(6)
+        jacobian[:3, 3:] = -cross_matrices(lever_arm)
+        jacobians.append(jacobian)
+    return TurnedBoards(tuple(poses), np.array(jacobians), tuple(np.flatnonzero(labels).tolist()))
 
 
-def _relative_labels(labels: IntArray, reference: int, size: int) -> IntArray:
-    """Return the turns relative to one of them; the turns are a cyclic group in order."""
+def _relative_labels(labels: IntArray, reference: int | IntArray, size: int) -> IntArray:
+    """Return the turns that lead from a reference turn to others.
+
+    The `size` turns are a cyclic group, in the order of their angles.
+    """
     relative: IntArray = (labels - reference) % size
     return relative
 
@@ -157,16 +167,17 @@ def _relative_labels(labels: IntArray, reference: int, size: int) -> IntArray:
 def _angle_differences(
     boards: Sequence[Pose], flanges: Sequence[Pose], group: Sequence[Pose]
 ) -> FloatArray:
-    """Return the capped difference (n, n, g) of the angles between views i and j.
+    """Return the clipped differences (n, n, g) of two angles between views i and j. Units: rad.
 
-    The board of view j is turned by the g-th turn relative to that of view i.
+    One is the angle by which the flange rotates between the views, the other that by which the
+    board does if it is turned in view j by the g-th turn relative to view i.
     """
     board = np.array([pose.rotation for pose in boards])
     flange = np.array([pose.rotation for pose in flanges])
     flange_angles = _angles(np.einsum("iba,jbc->ijac", flange, flange))
     turned = np.einsum("jab,gbc->jgac", board, np.array([turn.rotation for turn in group]))
     board_angles = _angles(np.einsum("iab,jgcb->ijgac", board, turned))
-    differences = np.minimum(np.abs(board_angles - flange_angles[:, :, None]), CAPPED_ANGLE)
+    differences = np.minimum(np.abs(board_angles - flange_angles[:, :, None]), MAX_ANGLE_DIFFERENCE)
     diagonal = np.arange(len(board))
     differences[diagonal, diagonal] = 0.0
     return differences
@@ -183,16 +194,15 @@ def _label_costs(costs: FloatArray, labels: IntArray) -> FloatArray:
     """Return the mean cost (n, g) of each turn of each view, the others turned by `labels`."""
     count, _, size = costs.shape
     others = np.arange(count)
-    return np.array(
+    sums = [
         [
-            [
-                costs[others, view, _relative_labels(np.full(count, turn) - labels, 0, size)].sum()
-                / (count - 1)
-                for turn in range(size)
-            ]
-            for view in range(count)
+            costs[others, view, _relative_labels(np.full(count, turn), labels, size)].sum()
+            for turn in range(size)
         ]
-    )
+        for view in range(count)
+    ]
+    mean_costs: FloatArray = np.array(sums) / (count - 1)  # the cost of a view with itself is 0
+    return mean_costs
 
 
 def _consistent_labels(costs: FloatArray, labels: IntArray) -> IntArray:

@@ -19,7 +19,8 @@ from lsvision.sensors.camera import Camera
 from lsvision.statistics.normal_matrix import invert_normal_matrix
 
 MIN_VARIANCE_RATIO = 1e-8
-"""Fraction of the largest variance below which a principal axis is left out."""
+"""Fraction of the largest eigenvalue of the correlation matrix below which a principal axis is left
+out."""
 
 
 def intrinsics_covariance(
@@ -77,7 +78,16 @@ def intrinsics_jacobian(camera: Camera, free: BoolArray) -> FloatArray:
 
 
 def camera_modes(camera: Camera, covariance: FloatArray) -> list[Camera]:
-    """Return cameras, each changed by one standard deviation along a principal axis."""
+    """Return cameras, each changed by one standard deviation along a principal axis.
+
+    The axes are those of the correlation matrix of the intrinsics; the sum over the cameras of the
+    squared changes is the covariance (4 + k, 4 + k).
+
+    Raises
+    ------
+    ValueError
+        If the covariance is not of the size of the camera's intrinsics.
+    """
     if covariance.shape != (4 + len(camera.distortion),) * 2:
         raise ValueError(
             f"expected a covariance of {4 + len(camera.distortion)} intrinsics, got shape "
@@ -109,13 +119,13 @@ def board_pose_modes(
     camera : Camera
         Calibrated camera.
     covariance : (4 + k, 4 + k) ndarray
-        Covariance of the intrinsics, from `CameraCalibration`.
+        Covariance of fx, fy, cx, cy (px) and the k coefficients, from `CameraCalibration`.
 
     Returns
     -------
     (m, n, 6) ndarray
-        Shift of the origin (mm), and vector w (rad) of the rotation R -> exp([w]x) R, for m errors
-        and n views.
+        Shift of the origin (mm), and vector w (rad) of the rotation R -> exp([w]x) R, for n views
+        and m errors, one standard deviation each.
     """
     modes = camera_modes(camera, covariance)
     shifts = np.zeros((len(modes), len(views), 6))

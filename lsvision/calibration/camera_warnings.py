@@ -19,7 +19,7 @@ CELLS = 5
 RECOMMENDED_COVERAGE = 0.6
 """Fraction of the cells with corners below which a warning is given."""
 PLAUSIBLE_DISTANCE = (20.0, 20_000.0)
-"""Range of plausible board distances; outside it the target's size was not given in mm.
+"""Range of plausible board distances; outside it the target's size was probably not given in mm.
 Units: mm."""
 MAX_ASPECT_DEVIATION = 0.02
 """Deviation of fx / fy from 1 above which a warning is given: with square pixels and a print at
@@ -36,8 +36,8 @@ def check_camera(
 ) -> tuple[str, ...]:
     """Return warnings about a calibrated camera, with numbers and remedy; empty if there are none.
 
-    `views` are those of the target; `std` are the standard deviations of fx, fy, ... in px,
-    `poses` are ``camera_from_board``.
+    `std` (4 + k,) are the standard deviations of fx, fy, cx, cy in px and of the k coefficients;
+    `poses` are ``camera_from_board`` of each view.
     """
     warnings = [
         *_view_warnings(len(views), max_tilt(poses)),

@@ -40,7 +40,8 @@ from lsvision.results.result import Result
 from lsvision.sensors.camera import Camera
 
 MIN_VIEWS = 3
-"""Two views do not determine a full camera matrix (Zhang 2000, section 3.1)."""
+"""Smallest number of views: two do not determine a full camera matrix (Zhang 2000, section 3.1).
+"""
 MIN_BOW_VIEWS = 6
 """Smallest number of views from which the shape of the board is estimated."""
 OUTLIER_FACTOR = 2.5
@@ -135,7 +136,7 @@ class CameraCalibration(Result):
     views : tuple of CalibratedView
         Views that were used.
     rejected : tuple of RejectedView
-        Images without the target.
+        Images without the target, and repeated ones.
     outliers : tuple of RejectedView
         Views that were used and have large residuals: check them, leave them out, calibrate again.
     warnings : tuple of str
@@ -175,7 +176,9 @@ class CameraCalibration(Result):
         Returns
         -------
         dict
-            ``fx_px``, ``fx_std_px`` and so on; coefficients of distortion have no unit.
+            ``fx_px``, ``fx_std_px`` and so on (coefficients of distortion have no unit, tau_x and
+            tau_y are in rad), ``rms_px`` of the residuals, number of views, rejected views,
+            outliers and warnings.
         """
         return result_tables.camera_record(self)
 
@@ -212,8 +215,10 @@ def calibrate_camera(
 
     Raises
     ------
+    TypeError, ValueError
+        If an item is not an image.
     CalibrationFailed
-        If the images differ in size, or fewer than three show the target.
+        If the images differ in size, fewer than three show the target, or no camera explains them.
     DegenerateGeometry
         If all boards are parallel.
 
@@ -242,7 +247,8 @@ def fit_camera(
 ) -> CameraCalibration:
     """Return a camera calibrated from the points of at least three views of one image size.
 
-    `sources` are the image indices of the views. See `calibrate_camera` for result and errors.
+    `sources` are the image indices of the views, and the rejected images for the result. See
+    `calibrate_camera` for result and errors.
     """
     sources = sources or ViewSources()
     require_views(len(views), MIN_VIEWS, "the target", "add images of the board", sources)
@@ -260,7 +266,7 @@ def fit_camera(
         [view.index for view in calibrated_views],
         [view.rms_px for view in calibrated_views],
         OUTLIER_FACTOR,
-        ("", "blurred, moved, or wrong points; leave it out and calibrate again"),
+        remedy="blurred, moved, or wrong points; leave it out and calibrate again",
     )
     return CameraCalibration(
         camera,
@@ -284,7 +290,12 @@ def _independent_mask(std: FloatArray, settings: CameraSettings) -> BoolArray:
 
 @dataclass(frozen=True, eq=False)
 class _Solution:
-    """Camera with its std and covariance, poses, and the points and shape of the board."""
+    """Camera, poses and board of a set of views, by least squares.
+
+    `std` and `covariance` are those of fx, fy, cx, cy (px) and the coefficients; `poses` are
+    ``camera_from_board`` and `points` the points (n, 3) of the possibly bent board, one of each per
+    view; `bow` and `bow_std` are as in `CameraCalibration`.
+    """
 
     camera: Camera
     std: FloatArray
@@ -328,16 +339,16 @@ def _one_opencv_thread() -> Iterator[None]:
 
 
 def _solve_from_initial_guesses(views: Sequence[TargetView], flags: int) -> list[Any]:
-    """Return OpenCV's solutions from two initial guesses, those that are finite.
+    """Return OpenCV's solutions from its own initial guess and a linear one, if they are finite.
 
-    Without an initial guess OpenCV 5 sometimes converges to a wrong minimum.
+    From its own initial guess OpenCV 5 sometimes converges to a wrong minimum.
     """
     points = [np.ascontiguousarray(view.points, dtype=np.float32) for view in views]
     pixels = [view.pixels.astype(np.float32).reshape(-1, 1, 2) for view in views]
     size = views[0].size
     linear_guess = cv2.initCameraMatrix2D(points, pixels, size, 1.0)
     initial_guesses: list[tuple[Any, int]] = [
-        (np.eye(3), 0),
+        (np.eye(3), 0),  # without the flag OpenCV uses only the ratio of fx and fy
         (linear_guess, cv2.CALIB_USE_INTRINSIC_GUESS),
     ]
     solutions = []
@@ -357,7 +368,11 @@ def _solve_from_initial_guesses(views: Sequence[TargetView], flags: int) -> list
 def _solve_flat(
     views: Sequence[TargetView], settings: CameraSettings
 ) -> tuple[FloatArray, FloatArray, FloatArray, list[Pose]]:
-    """Return camera matrix, distortion, standard deviations and poses by least squares."""
+    """Return camera matrix, distortion, standard deviations and poses, with a flat board.
+
+    The standard deviations (4 + k,) are those of fx, fy, cx, cy and the k coefficients; 0 for those
+    that are not estimated.
+    """
     solutions = _solve_from_initial_guesses(views, settings.flags)
     if not solutions:
         raise CalibrationFailed(

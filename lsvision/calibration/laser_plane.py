@@ -343,7 +343,7 @@ def _outliers(views: Sequence[CalibratedLaserView]) -> tuple[RejectedView, ...]:
             ("corners", [rms(view.corner_residuals) for view in views]),
         )
         for outlier in outlier_views(
-            indices, rms_values, OUTLIER_FACTOR, (f"{name} off by ", remedy)
+            indices, rms_values, OUTLIER_FACTOR, prefix=f"{name} off by ", remedy=remedy
         )
     ]
     return tuple(sorted(outliers, key=lambda view: view.index))

@@ -9,7 +9,7 @@ def find_repeated(contents: Iterable[bytes]) -> dict[int, int]:
     Parameters
     ----------
     contents : iterable of bytes
-        Numbers of an observation to the last digit.
+        The numbers of each observation, to the last digit, as bytes.
 
     Returns
     -------

@@ -18,12 +18,12 @@ Image = TypeVar("Image")
 View = TypeVar("View")
 
 MIN_OUTLIER_PX = 0.15
-"""Rms residual up to which a view is never an outlier: sets of good views have 0.05 to 0.3 px.
-Units: px."""
+"""Rms residual up to which a view is never an outlier, whatever the others have: good views have
+0.05 to 0.3 px. Units: px."""
 MAX_REPEATED = 2
 """Largest number of images with the same reason for rejection that are listed one by one."""
 MIN_TILT = np.radians(5.0)
-"""Largest angle between two boards below which all boards count as parallel. Units: rad."""
+"""Boards are parallel if no two of their normals differ by this angle. Units: rad."""
 
 
 @dataclass(frozen=True)
@@ -154,15 +154,19 @@ def require_tilted(camera_from_boards: Sequence[Pose], undetermined: str) -> Non
 
 
 def outlier_views(
-    indices: Sequence[int], rms_values: Sequence[float], factor: float, texts: tuple[str, str]
+    indices: Sequence[int],
+    rms_values: Sequence[float],
+    factor: float,
+    *,
+    remedy: str,
+    prefix: str = "",
 ) -> list[RejectedView]:
     """Return the views whose residual exceeds `factor` times the median, and `MIN_OUTLIER_PX`.
 
-    `rms_values` are the root mean square residuals in px; `texts` are the beginning of the message
-    and the remedy.
+    `indices` are the image indices, `rms_values` the root mean square residuals in px; each reason
+    starts with `prefix` and ends with `remedy`.
     """
     median = float(np.median(rms_values))
-    prefix, remedy = texts
     return [
         RejectedView(
             index, f"{prefix}{rms:.2f} px rms where the median view has {median:.2f} px: {remedy}"
@@ -173,7 +177,7 @@ def outlier_views(
 
 
 def max_tilt(poses: Sequence[Pose]) -> float:
-    """Return the largest angle between a board and the mean board. Units: rad."""
+    """Return the largest angle between a board's normal and the mean normal. Units: rad."""
     normals = np.array([pose.rotation[:, 2] for pose in poses])
     mean = normals.mean(axis=0)
     return float(np.arccos(np.clip(normals @ (mean / np.linalg.norm(mean)), -1, 1)).max())

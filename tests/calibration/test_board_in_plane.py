@@ -7,6 +7,7 @@ from scipy.optimize import least_squares
 
 from lsvision.calibration.board_in_plane import calibrate_board_in_plane
 from lsvision.calibration.target import Chessboard, TargetNotFound
+from lsvision.errors import CalibrationFailed
 from lsvision.laser_line.extraction import LineSettings
 from lsvision.sensors.camera import Camera
 
@@ -70,6 +71,12 @@ def test_light_section_of_a_board_is_unchanged_by_saving(tmp_path):
 def test_image_without_board_is_rejected():
     with pytest.raises(TargetNotFound, match="no chessboard of 7 x 6"):
         calibrate_board_in_plane(np.full((480, 640), 128, np.uint8), TARGET)
+
+
+def test_an_image_of_another_size_than_the_cameras_is_rejected():
+    image, camera = photo((0.7, 0.1, 0.05))[0], Camera(MATRIX, [], (640, 480))
+    with pytest.raises(CalibrationFailed, match="image is 320 x 240 px and the camera 640 x 480"):
+        calibrate_board_in_plane(image[::2, ::2], TARGET, camera)
 
 
 def circle_radius(points):
