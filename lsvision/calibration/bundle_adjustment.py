@@ -4,7 +4,7 @@ All unknowns are refined together, because most of the error of the laser plane 
 boards' poses and the camera: refining the plane alone does not improve on its linear estimate.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +14,7 @@ from lsvision.calibration.bundle_adjustment_problem import (
     BundleAdjustmentProblem,
     BundleAdjustmentState,
     LaserView,
+    Refinement,
     tilt_axes,
 )
 from lsvision.calibration.laser_plane_initial_guess import (
@@ -25,7 +26,8 @@ from lsvision.statistics.correlation import debiased_autocorrelation_time
 from lsvision.statistics.robust import mad_std
 
 HUBER_THRESHOLD = 3.0
-"""Normalised residual above which the loss is linear, which limits the influence of a bad view."""
+"""Normalised residual above which the Huber loss is linear, which limits the influence of a bad
+view."""
 
 GROUPS, MIN_GROUP_SIZE = 4, 40
 """Number of groups of line points by predicted std, and smallest size of one."""
@@ -75,7 +77,7 @@ class BundleAdjustmentResult:
 def adjust_bundle(
     views: Sequence[LaserView],
     initial_guess: BundleAdjustmentState,
-    refine: tuple[bool, bool],
+    refinement: Refinement,
     corner_std: float = 0.1,
 ) -> BundleAdjustmentResult:
     """Return all unknowns, refined jointly and weighted by the noise of corners and lines.
@@ -84,8 +86,8 @@ def adjust_bundle(
     line is its deviation from a smooth curve. Then all is refined together. If this increases the
     corner residuals beyond noise, or the line residuals exceed the line's noise, the line does not
     lie in the plane of the corners (a sheet that is not flat beside the pattern, a wide saturated
-    line): then camera and boards stay as the corners determine them, and the plane is fitted to the
-    lines.
+    line): then the same is tried with flat boards, and if that does not help, camera and boards
+    stay as the corners determine them, and the plane is fitted to the lines.
 
     Parameters
     ----------
@@ -93,8 +95,8 @@ def adjust_bundle(
         At least two; see `calibrate_laser_plane` for what they must span.
     initial_guess : BundleAdjustmentState
         Accurate to a few px.
-    refine : tuple of bool
-        Whether the camera, and the bow, are refined.
+    refinement : Refinement
+        Parts of the state that are refined beside plane and poses.
     corner_std : float
         Initial guess of the corners' standard deviation. Units: px.
 
@@ -103,46 +105,91 @@ def adjust_bundle(
     BundleAdjustmentResult
         Minimum of the Huber loss with its covariance.
     """
-    corner_problem = BundleAdjustmentProblem(
-        [replace(view, line_std=LINE_DOWNWEIGHTING * view.line_std) for view in views],
-        initial_guess,
-        refine,
-        [corner_std] * len(views),
-    )
-    vector, _ = _minimise(corner_problem, 1e-6)
-    initial_guess = corner_problem.state(vector)
-    corner, line = corner_problem.residuals_in_pixels(vector)
-    corner_std, line_residuals = _mad_std(corner), corner_problem.split_views(line, line=True)
-    corner_stds = [_huber_std(values) for values in corner_problem.split_views(corner, line=False)]
-    line_noise = estimate_line_noise(views, line_residuals)
+    corner_fit = _fit_corners(views, initial_guess, refinement, corner_std)
     problem = BundleAdjustmentProblem(
-        [
-            replace(view, line_std=std)
-            for view, std in zip(views, line_noise.effective_stds, strict=True)
-        ],
-        initial_guess,
-        refine,
-        corner_stds,
+        _with_line_stds(views, corner_fit.line_noise.effective_stds),
+        corner_fit.state,
+        refinement,
+        corner_fit.view_stds,
     )
     vector, information = _minimise(problem, 1e-9)
     corner, line = problem.residuals_in_pixels(vector)
-    max_std_ratio = MAX_CORNER_STD_RATIO + 2 / np.sqrt(corner.size)
-    corners_worse = _mad_std(corner) > corner_std * max_std_ratio
-    if corners_worse or _mad_std(line / np.concatenate(line_noise.point_stds)) > MAX_LINE_STD_RATIO:
-        if refine[1]:
+    if not _is_consistent(corner, line, corner_fit):
+        if refinement.bow:
             # Where the line does not lie on the boards, it does not determine their bow.
-            flat_boards = replace(initial_guess, bow=np.zeros(SHAPE_TERMS))
-            return adjust_bundle(views, flat_boards, (refine[0], False), corner_std)
-        return _solve_plane_only(views, initial_guess)
+            flat_boards = replace(corner_fit.state, bow=np.zeros(SHAPE_TERMS))
+            flat = replace(refinement, bow=False)
+            return adjust_bundle(views, flat_boards, flat, corner_fit.std)
+        return _solve_plane_only(views, corner_fit.state)
     covariance, bow_std = _plane_covariance_and_bow_std(problem, information)
     return BundleAdjustmentResult(
         problem.state(vector),
-        problem.split_views(corner, line=False),
-        problem.split_views(line, line=True),
+        problem.split_corners(corner),
+        problem.split_lines(line),
         covariance,
         bow_std,
         line_inconsistent=False,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _CornerFit:
+    """Camera and boards from the corners alone, with the noise of corners and line.
+
+    Parameters
+    ----------
+    state : BundleAdjustmentState
+        Unknowns; the plane follows from the lines on these boards.
+    std : float
+        Standard deviation of a corner coordinate of all views. Units: px.
+    view_stds : list of float
+        That of each view, valid for heavy tails, too. Units: px.
+    line_noise : LineNoise
+        Noise of the lines.
+    """
+
+    state: BundleAdjustmentState
+    std: float
+    view_stds: list[float]
+    line_noise: "LineNoise"
+
+
+def _fit_corners(
+    views: Sequence[LaserView],
+    initial_guess: BundleAdjustmentState,
+    refinement: Refinement,
+    corner_std: float,
+) -> _CornerFit:
+    """Return the fit to the corners, to which the lines, with hardly any weight, add the plane."""
+    problem = BundleAdjustmentProblem(
+        _with_line_stds(views, [LINE_DOWNWEIGHTING * view.line_std for view in views]),
+        initial_guess,
+        refinement,
+        [corner_std] * len(views),
+    )
+    vector, _ = _minimise(problem, 1e-6)
+    corner, line = problem.residuals_in_pixels(vector)
+    return _CornerFit(
+        problem.state(vector),
+        _mad_std(corner),
+        [_huber_std(values) for values in problem.split_corners(corner)],
+        estimate_line_noise(views, problem.split_lines(line)),
+    )
+
+
+def _with_line_stds(views: Sequence[LaserView], stds: Iterable[FloatArray]) -> list[LaserView]:
+    """Return the views with other standard deviations of their line points. Units: px."""
+    return [replace(view, line_std=std) for view, std in zip(views, stds, strict=True)]
+
+
+def _is_consistent(corner: Points, line: FloatArray, corner_fit: _CornerFit) -> bool:
+    """Return whether joint residuals in px are as small as those of corners and line alone."""
+    # The second term is the noise of the ratio for few corners.
+    max_std_ratio = MAX_CORNER_STD_RATIO + 2 / np.sqrt(corner.size)
+    if _mad_std(corner) > corner_fit.std * max_std_ratio:
+        return False
+    normalised = line / np.concatenate(corner_fit.line_noise.point_stds)
+    return _mad_std(normalised) <= MAX_LINE_STD_RATIO
 
 
 def _solve_plane_only(
@@ -151,12 +198,14 @@ def _solve_plane_only(
     """Return the plane fitted to the lines, with camera and boards from the corners alone."""
     laser_points = intersect_laser_rays_with_boards(state.camera, state.camera_from_boards, views)
     state = replace(state, plane=fit_plane(np.concatenate(laser_points)), bow=np.zeros(SHAPE_TERMS))
-    problem = BundleAdjustmentProblem(views, state, (False, False), [1.0] * len(views))
+    # Only for its residuals, in px: the standard deviation of the corners is not used.
+    fixed = Refinement(camera=False, bow=False)
+    problem = BundleAdjustmentProblem(views, state, fixed, [1.0] * len(views))
     corner, line = problem.residuals_in_pixels(np.zeros(problem.size))
     return BundleAdjustmentResult(
         state,
-        problem.split_views(corner, line=False),
-        problem.split_views(line, line=True),
+        problem.split_corners(corner),
+        problem.split_lines(line),
         _cluster_robust_covariance(state, laser_points),
         np.zeros(SHAPE_TERMS),
         line_inconsistent=True,
@@ -166,7 +215,10 @@ def _solve_plane_only(
 def _cluster_robust_covariance(
     state: BundleAdjustmentState, laser_points: Sequence[Points]
 ) -> FloatArray:
-    """Return the covariance of a plane whose errors are correlated within a view (sandwich)."""
+    """Return the covariance (3, 3) of a plane whose errors are correlated within a view (sandwich).
+
+    Order and units are those of `BundleAdjustmentResult.plane_covariance`.
+    """
     design = [
         np.column_stack([points @ tilt_axes(state).T, -np.ones(len(points))])
         for points in laser_points
@@ -200,7 +252,7 @@ def _plane_covariance_and_bow_std(
 def _minimise(
     problem: BundleAdjustmentProblem, relative_tolerance: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the minimum of the Huber loss by Levenberg-Marquardt, and J'WJ there.
+    """Return the minimum of the Huber loss by Levenberg-Marquardt, and J'WJ before the last step.
 
     `scipy.optimize.least_squares` needs twice the iterations here, with an SVD in each.
     """
@@ -226,7 +278,7 @@ def _minimise(
 
 
 def _huber(residuals: FloatArray) -> float:
-    """Return the sum of the Huber loss of normalised residuals."""
+    """Return the sum of the Huber loss of normalised residuals; the square of a small one."""
     size = np.abs(residuals)
     return float(
         np.where(

@@ -27,10 +27,18 @@ DISTORTION_PRIOR = 0.3
 BOW_PRIOR = 2.0
 """Standard deviation of the prior on each bow parameter. Units: mm."""
 
+FOCAL_AND_CENTRE = slice(0, 4)
+DISTORTION = slice(4, 4 + COEFFICIENTS)
+TILT = slice(DISTORTION.stop, DISTORTION.stop + 2)
+DISTANCE = TILT.stop
+BOW = slice(DISTANCE + 1, DISTANCE + 1 + SHAPE_TERMS)
+"""Indices of the parameters that all views share: fx fy cx cy, coefficients of distortion, tilts of
+the plane about the section's X and Y, its distance, and bow and twist of the board."""
+
 DIFFERENCE_STEPS = np.array(
     [1e-3] * 4 + [1e-6] * COEFFICIENTS + [1e-6] * 2 + [1e-3] + [1e-3] * SHAPE_TERMS
 )
-"""Steps of the difference quotients. Units: px, 1, rad, mm, mm."""
+"""Steps of the difference quotients by these parameters. Units: px, 1, rad, mm, mm."""
 
 POSE_DIFFERENCE_STEPS = np.array([1e-6] * 3 + [1e-4] * 3)
 """Steps of the difference quotients by a pose. Units: rad, mm."""
@@ -73,6 +81,22 @@ class LaserView:
             raise ValueError("expected positive line_std in px")
 
 
+@dataclass(frozen=True, slots=True)
+class Refinement:
+    """Parts of the state that are refined beside the plane and the poses, which always are.
+
+    Parameters
+    ----------
+    camera : bool
+        Whether the intrinsics are refined.
+    bow : bool
+        Whether bow and twist of the board are refined.
+    """
+
+    camera: bool
+    bow: bool
+
+
 @dataclass(frozen=True, eq=False)
 class BundleAdjustmentState:
     """Unknowns of the bundle adjustment.
@@ -80,11 +104,11 @@ class BundleAdjustmentState:
     Parameters
     ----------
     camera : Camera
-        Camera with at least the coefficients that are refined.
+        Intrinsics.
     plane : Plane
         Laser plane, camera frame. Units: mm.
     camera_from_boards : tuple of Pose
-        Pose of the board in each view.
+        Pose of the board in each view. Units: mm.
     bow : (3,) array_like
         Bow along x and along y, and twist of the board. Units: mm.
     """
@@ -98,9 +122,9 @@ class BundleAdjustmentState:
 class BundleAdjustmentProblem:
     """Residuals and Jacobian of all views as functions of increments to an initial guess.
 
-    The vector is [fx fy cx cy, 14 coefficients, plane tilt (2), plane distance, bow (3)], of which
-    only the `free` elements are present, then six for each pose (rotation vector in the camera
-    frame, translation).
+    The vector has the refined ones (`free`) of the parameters that all views share, in the order
+    `FOCAL_AND_CENTRE`, `DISTORTION`, `TILT`, `DISTANCE`, `BOW`, then six for each pose: left-hand
+    rotation (rad) and translation (mm).
 
     Parameters
     ----------
@@ -108,8 +132,8 @@ class BundleAdjustmentProblem:
         Corners and line of each view.
     initial_guess : BundleAdjustmentState
         State to which the increments are added.
-    refine : tuple of bool
-        Whether the camera, and the bow, are refined.
+    refinement : Refinement
+        Parts of the state that are refined.
     corner_stds : sequence of float
         Standard deviation of a corner coordinate in each view. Units: px.
     """
@@ -118,7 +142,7 @@ class BundleAdjustmentProblem:
         self,
         views: Sequence[LaserView],
         initial_guess: BundleAdjustmentState,
-        refine: tuple[bool, bool],
+        refinement: Refinement,
         corner_stds: Sequence[float],
     ) -> None:
         self.initial_guess, self._count = initial_guess, len(views)
@@ -130,7 +154,7 @@ class BundleAdjustmentProblem:
         self._line_std = line_std[:, 0]
         self._shape = BoardShape.of(self._corners)
         self._axes = tilt_axes(initial_guess)
-        self.free = np.flatnonzero(_refined_mask(initial_guess.camera, *refine))
+        self.free = np.flatnonzero(_refined_mask(initial_guess.camera, refinement))
         self._cached_camera, self._cached_rays = b"", np.empty((0, 3))
         self._rows_of_view = np.concatenate([np.repeat(self._corner_view, 2), self._line_view])
 
@@ -156,12 +180,10 @@ class BundleAdjustmentProblem:
         )
 
     def __call__(self, vector: FloatArray) -> FloatArray:
-        """Return the whitened residuals, those of the priors last."""
+        """Return the whitened residuals, those of the priors last (0 for one without a prior)."""
         corner, line = self.residuals_in_pixels(vector)
         prior = vector[: len(self.free)] / _priors(self.initial_guess.camera)[self.free]
-        return np.concatenate(
-            [(corner / self._corner_std).ravel(), line / self._line_std, prior[np.isfinite(prior)]]
-        )
+        return np.concatenate([(corner / self._corner_std).ravel(), line / self._line_std, prior])
 
     def jacobian(self, vector: FloatArray) -> FloatArray:
         """Return the Jacobian by difference quotients.
@@ -184,16 +206,19 @@ class BundleAdjustmentProblem:
 
     def plane_columns(self) -> IntArray:
         """Return the indices of the plane's tilt about X, about Y, and distance."""
-        return np.flatnonzero((self.free >= 18) & (self.free < 21))
+        return np.flatnonzero((self.free >= TILT.start) & (self.free <= DISTANCE))
 
     def bow_columns(self) -> IntArray:
         """Return the indices of the bow; empty where it is fixed."""
-        return np.flatnonzero(self.free >= 21)
+        return np.flatnonzero(self.free >= BOW.start)
 
-    def split_views(self, values: FloatArray, line: bool) -> tuple[FloatArray, ...]:
-        """Return values of all corners, or of all line points, as one array per view."""
-        view = self._line_view if line else self._corner_view
-        return tuple(values[view == index] for index in range(self._count))
+    def split_corners(self, values: FloatArray) -> tuple[FloatArray, ...]:
+        """Return values of the corners of all views as one array per view."""
+        return tuple(values[self._corner_view == index] for index in range(self._count))
+
+    def split_lines(self, values: FloatArray) -> tuple[FloatArray, ...]:
+        """Return values of the line points of all views as one array per view."""
+        return tuple(values[self._line_view == index] for index in range(self._count))
 
     def _common_parameters(self, vector: FloatArray) -> tuple[Camera, Plane, FloatArray]:
         """Return camera, laser plane and bow at a parameter vector."""
@@ -201,18 +226,17 @@ class BundleAdjustmentProblem:
         change[self.free] = vector[: len(self.free)]
         initial_guess = self.initial_guess
         matrix = initial_guess.camera.matrix.copy()
-        matrix[[0, 1, 0, 1], [0, 1, 2, 2]] += change[:4]
-        distortion = (
-            initial_guess.camera.distortion + change[4:18][: len(initial_guess.camera.distortion)]
-        )
+        matrix[[0, 1, 0, 1], [0, 1, 2, 2]] += change[FOCAL_AND_CENTRE]
+        distortion = initial_guess.camera.distortion
+        distortion = distortion + change[DISTORTION][: len(distortion)]
         camera = replace(initial_guess.camera, matrix=matrix, distortion=distortion)
-        normal = initial_guess.plane.normal + change[18:20] @ self._axes
+        normal = initial_guess.plane.normal + change[TILT] @ self._axes
         # Plane scales normal and distance together; the distance here is that to a unit normal.
         normal = normal / np.linalg.norm(normal)
         return (
             camera,
-            Plane(normal, initial_guess.plane.distance + change[20]),
-            initial_guess.bow + change[21:],
+            Plane(normal, initial_guess.plane.distance + change[DISTANCE]),
+            initial_guess.bow + change[BOW],
         )
 
     def _poses(self, vector: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -246,7 +270,11 @@ class BundleAdjustmentProblem:
         rotations: FloatArray,
         translations: FloatArray,
     ) -> FloatArray:
-        """Return the height of the laser points over the board, in px normal to the line."""
+        """Return the distance (m,) in px of each line point from the line that plane and board cut.
+
+        To first order: the height over the board of the point in which the pixel's ray meets the
+        laser plane, divided by the gradient of this height by the pixel.
+        """
         rays, view = self._rays(camera), self._line_view
         ray_dot_normal = rays @ plane.normal
         laser_points = rays * (plane.distance / ray_dot_normal)[:, None]
@@ -255,7 +283,8 @@ class BundleAdjustmentProblem:
         height = on_board[:, 2] - self._shape.heights(on_board[:, :2], bow)
         slopes = self._shape.slopes(on_board[:, :2], bow)
         up = R[:, :, 2] - np.einsum("nij,nj->ni", R[:, :, :2], slopes)
-        # X = z m with z = D / (n . m): d height / d m_j = z (up_j - (up . m) n_j / (n . m)).
+        # A laser point is z m with the ray m and z = D / (n . m), D and n the plane's distance and
+        # normal: d height / d m_j = z (up_j - (up . m) n_j / (n . m)).
         depth = plane.distance / ray_dot_normal
         up_ratio = np.einsum("ni,ni->n", up, rays) / ray_dot_normal
         gradient = depth[:, None] * (up[:, :2] - up_ratio[:, None] * plane.normal[:2])
@@ -271,28 +300,28 @@ class BundleAdjustmentProblem:
 
 
 def tilt_axes(initial_guess: BundleAdjustmentState) -> FloatArray:
-    """Return the change (2, 3) of the plane's normal per rad of tilt about the section's X, Y."""
+    """Return the changes (2, 3) of the plane's normal per rad of tilt about the section's X, Y."""
     x, y, z = LightSection(initial_guess.camera, initial_guess.plane).camera_from_section.rotation.T
     axes: FloatArray = np.stack([-y, x]) * np.sign(float(z @ initial_guess.plane.normal))
     return axes
 
 
-def _refined_mask(camera: Camera, refine_camera: bool, refine_bow: bool) -> BoolArray:
+def _refined_mask(camera: Camera, refinement: Refinement) -> BoolArray:
     """Return the mask of the parameters that are refined."""
     free = np.zeros(len(DIFFERENCE_STEPS), dtype=bool)
-    if refine_camera:
-        free[:4] = True
-        coefficients = len(camera.distortion)
-        # k3 and beyond are fixed unless the camera's model uses them.
-        free[4 : 4 + min(coefficients, 4)] = True
-        free[8 : 4 + coefficients] = camera.distortion[4:] != 0
-    free[18:21] = True
-    free[21:] = refine_bow
+    if refinement.camera:
+        free[FOCAL_AND_CENTRE] = True
+        # k1, k2, p1, p2 if the camera has them; k3 and beyond if its calibration used them.
+        coefficients = camera.distortion != 0
+        coefficients[:4] = True
+        free[DISTORTION][: len(coefficients)] = coefficients
+    free[TILT] = free[DISTANCE] = True
+    free[BOW] = refinement.bow
     return free
 
 
 def _priors(camera: Camera) -> FloatArray:
-    """Return the standard deviation of the prior on each parameter."""
+    """Return the standard deviation of the prior on each shared parameter; infinite: no prior."""
     focal = camera.focal_length
     return np.concatenate(
         [

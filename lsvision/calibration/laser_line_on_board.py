@@ -28,7 +28,11 @@ from lsvision.laser_line.mosaic import interpolate_grey
 from lsvision.sensors.camera import Camera
 
 EDGE_INFLUENCE_SIGMAS = 2.5
-"""Distance in line widths (sigma) within which the background shifts the line's centre."""
+"""Distance from the line, in standard deviations of its cross section, within which the background
+shifts its centre."""
+
+OUTER_EDGE_CLEARANCE = 0.2
+"""Distance beyond the pattern, in squares, at which its outer edges no longer shift the line."""
 
 MIN_OUTSIDE_BRIGHTNESS_RATIO = 3.0
 """Ratio of the brightness of a line outside the board to that of a line on it, above which the line
@@ -49,6 +53,8 @@ LINE_REMEDY = (
 class LineOnBoardSettings:
     """Settings of the detection of the laser line on the board.
 
+    A square, as a unit, is the distance of neighbouring points of the target.
+
     Parameters
     ----------
     extraction : LineSettings, optional
@@ -60,9 +66,9 @@ class LineOnBoardSettings:
         Smallest distance of a line point from the edge of a square or disc, which shifts the line's
         centre; applies within the pattern. Units: squares.
     max_background_variation : float
-        Largest change of the board image within the line's width, as a fraction of the contrast
-        of black and white: excludes edges of markers, discs, scratches. Does not apply where the
-        line is in the board image, too.
+        Largest change of the board image across the line, within its width, as a fraction of the
+        contrast of black and white: excludes edges of markers, discs, scratches. Does not apply
+        where the line is in the board image, too.
     max_line_deviation_px : float
         Largest distance from the straight line through the other points. Units: px.
     max_points : int
@@ -158,7 +164,7 @@ def find_laser_view(
     outside = _find_line_outside(camera, target, board_view, line_image, settings)
     try:
         low = np.maximum(np.floor(outline.min(axis=0)), 0).astype(int)
-        low -= low % 2  # A part of a mosaic begins with the same colour as the whole.
+        low -= low % 2  # a part of a mosaic must begin with the same colour as the whole
         high = np.ceil(outline.max(axis=0)).astype(int) + 1
         window = np.asarray(line_image)[low[1] : high[1], low[0] : high[0]]
         line = _extract(window, settings)
@@ -174,14 +180,14 @@ def find_laser_view(
         line.intensity[indices]
     ):
         raise CalibrationFailed(outside.message(settings.margin))
-    indices = indices[:: max(1, len(indices) // settings.max_points)]
+    indices = indices[:: math.ceil(len(indices) / settings.max_points)]
     return LaserView(
         board_view.points, board_view.pixels, line.pixels[indices] + low, line.std[indices]
     )
 
 
 def _extract(window: npt.ArrayLike, settings: LineOnBoardSettings) -> LaserLine:
-    """Return the line in a window; an error names the settings and options of a calibration."""
+    """Return the line in a window of the image; an error has the remedy for a calibration."""
     try:
         return extract_laser_line(window, _extraction_settings(settings))
     except NoLaserLine as error:
@@ -249,10 +255,15 @@ def _find_indices_on_board(
     line_and_corner: tuple[LaserLine, IntArray],
     settings: LineOnBoardSettings,
 ) -> IntArray:
-    """Return the indices of the line's points on the board, or raise `CalibrationFailed`.
+    """Return the indices of the line's points on the board, clear of edges.
 
     `background` is the board without the line, None if there is no such image; `line_and_corner`
     are the line in a window of the image, and the window's first pixel (u, v).
+
+    Raises
+    ------
+    CalibrationFailed
+        If there are fewer than ``settings.min_points``.
     """
     line, low = line_and_corner
     pixels, outline = line.pixels + low, _outline(board_view, target, settings.margin)
@@ -262,8 +273,9 @@ def _find_indices_on_board(
         pixels[usable], board_view, target, settings.edge_clearance
     )
     if background is not None:
+        change = _change_across_line(background, line, usable)
         usable[usable] &= _on_uniform_background(
-            background, pixels[usable], line.width[usable], settings.max_background_variation
+            background, change, pixels[usable], settings.max_background_variation
         )
     usable[usable] &= _line_inliers(camera, pixels[usable], settings.max_line_deviation_px)
     indices = np.flatnonzero(usable)
@@ -328,22 +340,43 @@ def _is_clear_of_edges(
         far: BoolArray = np.abs(distance - target.diameter / 2) >= clearance * pitch
         return far
     low, high = _bounds(target)
-    outside = ((on_board < low - 1.2 * pitch) | (on_board > high + 1.2 * pitch)).any(axis=1)
+    # The outermost squares end one pitch beyond the corners.
+    reach = (1 + OUTER_EDGE_CLEARANCE) * pitch
+    outside = ((on_board < low - reach) | (on_board > high + reach)).any(axis=1)
     squares = (on_board - low) / pitch
     edge_distance = np.abs(squares - np.round(squares)).min(axis=1)
     clear: BoolArray = outside | (edge_distance >= clearance)
     return clear
 
 
+def _change_across_line(
+    grey: npt.NDArray[np.uint8], line: LaserLine, usable: BoolArray
+) -> npt.NDArray[np.int16]:
+    """Return the change of the image around each pixel, across the line and within its width.
+
+    The width is the median one of the `usable` points. Units: DN.
+    """
+    if not usable.any():
+        return np.zeros(grey.shape, dtype=np.int16)
+    reach = int(np.ceil(EDGE_INFLUENCE_SIGMAS * float(np.median(line.width[usable]))))
+    across, along = 2 * reach + 1, 3
+    # A line with a point in each row runs down the image.
+    shape = (across, along) if line.direction == "columns" else (along, across)
+    window = np.ones(shape, dtype=np.uint8)
+    change: npt.NDArray[np.int16] = cv2.dilate(grey, window).astype(np.int16)
+    change -= cv2.erode(grey, window)
+    return change
+
+
 def _on_uniform_background(
-    grey: npt.NDArray[np.uint8], pixels: Points, widths: FloatArray, max_variation: float
+    grey: npt.NDArray[np.uint8],
+    change: npt.NDArray[np.int16],
+    pixels: Points,
+    max_variation: float,
 ) -> BoolArray:
     """Return the mask of points on uniform background; all if the line is in the board image."""
     if not len(pixels):
         return np.zeros(0, dtype=bool)
-    window_size = 2 * int(np.ceil(EDGE_INFLUENCE_SIGMAS * float(np.median(widths)))) + 1
-    window = np.ones((window_size, 3), dtype=np.uint8)
-    change = cv2.dilate(grey, window).astype(np.int16) - cv2.erode(grey, window)
     u, v = np.clip(np.round(pixels).astype(int), 0, np.array(grey.shape)[::-1] - 1).T
     black, white = np.percentile(grey[v, u], [5, 95])
     uniform: BoolArray = change[v, u] <= max_variation * max(float(white - black), 1.0)
@@ -351,7 +384,10 @@ def _on_uniform_background(
 
 
 def _line_inliers(camera: Camera, pixels: Points, tolerance: float) -> BoolArray:
-    """Return the mask of the largest set of points on one straight line, distortion removed."""
+    """Return the mask of the largest set of points on one straight line, distortion removed.
+
+    `tolerance` is the largest distance of a point from the line. Units: px.
+    """
     if len(pixels) < 2:
         return np.zeros(len(pixels), dtype=bool)
     undistorted = camera.rays(pixels)[:, :2] * camera.focal_length

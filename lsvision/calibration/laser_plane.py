@@ -19,6 +19,7 @@ from lsvision.calibration.bundle_adjustment import BundleAdjustmentResult, adjus
 from lsvision.calibration.bundle_adjustment_problem import (
     BundleAdjustmentState,
     LaserView,
+    Refinement,
     tilt_axes,
 )
 from lsvision.calibration.camera_uncertainty import covariance_by_camera
@@ -50,18 +51,24 @@ from lsvision.laser_line.mosaic import colour_planes
 from lsvision.sensors.camera import Camera
 from lsvision.sensors.light_section import LightSection
 
+RECOMMENDED_VIEWS = 10
+"""Number of views below which a warning is given."""
+
 RECOMMENDED_TILT = np.radians(25.0)
-"""Largest tilt from the mean board below which a warning is given: at 5 deg the error is 7 times
-larger. Units: rad."""
+"""A warning is given if no board is tilted by more than this from the mean board: at 5 deg the
+error is 7 times larger. Units: rad."""
 
 MIN_ON_PATTERN_FRACTION = 0.6
-"""Smallest fraction of line points between the corners with which the bow is fitted."""
+"""Smallest fraction of line points within the outline of the corners with which the bow is fitted.
+"""
 
 MIN_CROSSING_FRACTION = 0.2
-"""Smallest fraction of line points between the corners with which the line crosses the pattern."""
+"""Fraction of line points within the outline of the corners up to which the line counts as lying
+beside the pattern."""
 
 TWO_VIEWS_STD_FACTOR = 3.0
-"""Factor on the standard deviations of a plane from two views, which cannot check each other."""
+"""Factor on the standard deviations of a plane from two views, none of which reveals an error of
+the other."""
 
 OUTLIER_FACTOR = 3.0
 """Smallest ratio of an outlier view's rms residual to the median."""
@@ -77,8 +84,8 @@ class LaserPlaneSettings:
         Settings of the detection of the line on the board.
     refine_camera_from, fit_bow_from : int
         Smallest number of views with which the camera's intrinsics, and the board's bow, are
-        refined. A large number keeps them fixed. The bow is also fixed if the line lies outside
-        the patterns.
+        refined. A large number keeps them fixed. The bow is also fixed if much of the line lies
+        outside the outline of the corners.
     """
 
     line: LineOnBoardSettings = field(default_factory=LineOnBoardSettings)
@@ -99,7 +106,7 @@ def calibrate_laser_plane(
     Parameters
     ----------
     camera : Camera
-        Camera from `calibrate_camera`; refined together with the plane.
+        Camera from `calibrate_camera`; refined together with the plane if there are enough views.
     target : Target
         Board in the images.
     board_images : sequence of images
@@ -121,11 +128,13 @@ def calibrate_laser_plane(
     Raises
     ------
     ValueError
-        If the numbers of line images and board images differ.
+        If the numbers of line images and board images differ, or the covariance does not belong to
+        the camera.
     CalibrationFailed
-        If the images differ in size from the camera's, or fewer than two show board and line.
+        If the images differ in size from the camera's, fewer than two show board and line, or the
+        laser lines do not lie in one plane.
     DegenerateGeometry
-        If the laser lines do not span a plane, or all boards are parallel.
+        If the laser lines lie on one line, or all boards are parallel and the camera is refined.
 
     Examples
     --------
@@ -166,7 +175,8 @@ def fit_laser_plane(
     """Return the laser plane calibrated from corners and line points of at least two views.
 
     `camera` is an initial guess; ``settings.line`` is not used; `sources` are the image indices of
-    the views. See `calibrate_laser_plane` for result and errors.
+    the views, and the rejected images for the result. See `calibrate_laser_plane` for result and
+    errors.
     """
     settings, sources = settings or LaserPlaneSettings(), sources or ViewSources()
     require_views(
@@ -184,14 +194,15 @@ def fit_laser_plane(
     rejected = _rejected_views(image_indices, inlier_mask, distances)
     plane = fit_plane(np.concatenate([laser_points[k] for k in inliers]))
     views, boards = [views[k] for k in inliers], tuple(poses[k] for k in inliers)
-    refine = (
-        len(views) >= settings.refine_camera_from,
-        len(views) >= settings.fit_bow_from and _pattern_fraction(views) > MIN_ON_PATTERN_FRACTION,
+    refinement = Refinement(
+        camera=len(views) >= settings.refine_camera_from,
+        bow=len(views) >= settings.fit_bow_from
+        and _pattern_fraction(views) > MIN_ON_PATTERN_FRACTION,
     )
-    if refine[0]:
+    if refinement.camera:
         require_tilted(boards, "camera and distance")
     initial_guess = BundleAdjustmentState(camera, plane, boards, np.zeros(SHAPE_TERMS))
-    solution = adjust_bundle(views, initial_guess, refine)
+    solution = adjust_bundle(views, initial_guess, refinement)
     calibrated_views = _calibrated_views([image_indices[k] for k in inliers], views, solution)
     _require_one_plane(calibrated_views)
     return LaserPlaneCalibration(
@@ -200,7 +211,7 @@ def fit_laser_plane(
             solution.state.plane,
             {"method": f"laser line on a board in {len(views)} poses"},
         ),
-        _plane_covariance(views, solution, None if refine[0] else camera_covariance),
+        _plane_covariance(views, solution, None if refinement.camera else camera_covariance),
         calibrated_views,
         solution.state.bow,
         solution.bow_std,
@@ -215,30 +226,32 @@ def _plane_covariance(
     solution: BundleAdjustmentResult,
     camera_covariance: FloatArray | None,
 ) -> FloatArray:
-    """Return the covariance of the plane, with that of the camera; larger for two views."""
+    """Return the covariance (3, 3) of the plane, with the effect of that of a camera (if given).
+
+    It is larger by `TWO_VIEWS_STD_FACTOR` squared for two views.
+    """
     covariance = solution.plane_covariance
     if camera_covariance is not None:
-        solve = partial(_refit_plane, views, solution)
-        camera_covariance_of_plane = covariance_by_camera(
-            solve, solution.state.camera, camera_covariance
+        refit = partial(_refit_plane, views, solution)
+        covariance = covariance + covariance_by_camera(
+            refit, solution.state.camera, camera_covariance
         )
-        covariance = covariance + camera_covariance_of_plane
     return covariance * (TWO_VIEWS_STD_FACTOR**2 if len(views) == 2 else 1.0)
 
 
 def _refit_plane(
     views: Sequence[LaserView], solution: BundleAdjustmentResult, camera: Camera
 ) -> FloatArray:
-    """Return the change of the plane's tilts (rad) and distance (mm) with another camera."""
+    """Return the change (3,) of the plane's tilts (rad) and distance (mm) with another camera."""
     state = solution.state
     guess = BundleAdjustmentState(camera, state.plane, guess_board_poses(camera, views), state.bow)
-    plane = adjust_bundle(views, guess, (False, False)).state.plane
+    plane = adjust_bundle(views, guess, Refinement(camera=False, bow=False)).state.plane
     tilts = tilt_axes(state) @ (plane.normal - state.plane.normal)
     return np.append(tilts, plane.distance - state.plane.distance)
 
 
 def _pattern_fraction(views: Sequence[LaserView]) -> float:
-    """Return the fraction of line points on the patterns."""
+    """Return the fraction of line points within the outline (convex hull) of the corners."""
     on_pattern = []
     for view in views:
         hull = cv2.convexHull(view.pixels.astype(np.float32))
@@ -248,10 +261,11 @@ def _pattern_fraction(views: Sequence[LaserView]) -> float:
 
 
 def _outside_warning(views: Sequence[LaserView], margin: float) -> list[str]:
-    """Return a warning about lines outside the patterns; none if no margin was set for them.
+    """Return a warning about lines beside the pattern; none for a margin of up to one square.
 
-    A surface 1 mm off the pattern's plane moves the plane by 1 mm at line residuals of 0.1 px (8
-    boards tilted by 30 deg): only a margin that was set is used.
+    A surface 1 mm off the pattern's plane moves the laser plane by 1 mm, at line residuals of
+    0.1 px (8 boards tilted by 30 deg). Within one square of the corners lie the pattern's own
+    outermost squares.
     """
     if margin <= 1 or _pattern_fraction(views) > MIN_CROSSING_FRACTION:
         return []
@@ -284,7 +298,8 @@ def _with_line_blur(
 ) -> LaserPlaneCalibration:
     """Return the calibration with the blur along the line, or a warning why it is unknown.
 
-    In a mosaic it is that of the laser's own pixels; an interpolated image is blurred further.
+    In the raw image of a colour camera it is measured with the pixels of the laser's colour alone:
+    an interpolated image is blurred further.
     """
     spacing = 1 if line.bayer is None else 2
     if line.bayer is not None:
@@ -357,7 +372,7 @@ def _warnings(solution: BundleAdjustmentResult, count: int, tilt: float) -> list
             "two views cannot check each other, a wrong line or a moved board is not noticed: the "
             f"standard deviations are multiplied by {TWO_VIEWS_STD_FACTOR:g}; add poses"
         )
-    elif count < 10:
+    elif count < RECOMMENDED_VIEWS:
         warnings.append(f"{count} views; the error of 15 views is half that of 4")
     if tilt < RECOMMENDED_TILT:
         warnings.append(

@@ -7,9 +7,13 @@ import numpy as np
 import pytest
 
 from lsvision.calibration.bundle_adjustment import adjust_bundle
-from lsvision.calibration.bundle_adjustment_problem import BundleAdjustmentState
+from lsvision.calibration.bundle_adjustment_problem import BundleAdjustmentState, Refinement
 from lsvision.calibration.intrinsics import calibrate_camera
-from lsvision.calibration.laser_line_on_board import LineOnBoardSettings, find_laser_views
+from lsvision.calibration.laser_line_on_board import (
+    LineOnBoardSettings,
+    find_laser_view,
+    find_laser_views,
+)
 from lsvision.calibration.laser_plane import LaserPlaneSettings, calibrate_laser_plane
 from lsvision.calibration.laser_plane_initial_guess import guess_board_poses
 from lsvision.calibration.target import Chessboard
@@ -23,6 +27,7 @@ REAL = Path(__file__).parents[2] / "../shared/real"
 SIZE = (640, 480)
 MATRIX = np.array([[900.0, 0.0, 319.5], [0.0, 900.0, 239.5], [0.0, 0.0, 1.0]])
 CAMERA = Camera(MATRIX, [], SIZE)
+TURNED_MATRIX = np.array([[900.0, 0.0, 239.5], [0.0, 900.0, 319.5], [0.0, 0.0, 1.0]])
 PLANE = Plane((0.0, np.cos(np.pi / 6), 0.5), 140.0)
 TARGET = Chessboard(7, 6, 10.0)
 RENDERED = 0.5  # mm: 0.05 px of the line are 0.03 mm here; six small boards extrapolate it
@@ -68,6 +73,26 @@ def test_plane_of_rendered_images_is_correct(images):
     assert np.degrees(np.arccos(min(1.0, found.plane.normal @ PLANE.normal))) < 0.2
     assert found.plane.distance == pytest.approx(PLANE.distance, abs=RENDERED)
     assert found.line_rms < 0.3
+
+
+def test_a_line_that_runs_down_the_image_is_cleared_of_the_same_edges(images):
+    board, line = (np.array(group[3]) for group in images)
+    board[230:232, 260:380] = 120  # scratches across and along the line
+    board[:, 330:332] = 120
+    settings = LineOnBoardSettings(max_points=10_000)
+    view = find_laser_view(CAMERA, TARGET, board, line, settings)
+    turned = replace(CAMERA, size=SIZE[::-1], matrix=TURNED_MATRIX)
+    turned_view = find_laser_view(turned, TARGET, np.rot90(board), np.rot90(line), settings)
+    u, v = turned_view.line_pixels[::-1].T
+    turned_back = np.column_stack([SIZE[0] - 1 - v, u])
+    np.testing.assert_allclose(turned_back, view.line_pixels, rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("max_points", [20, 60, 61])
+def test_a_line_has_no_more_than_the_stated_number_of_points(images, max_points):
+    settings = LineOnBoardSettings(max_points=max_points)
+    views, _ = find_laser_views(CAMERA, TARGET, *images, settings)
+    assert all(max_points / 2 <= len(view.line_pixels) <= max_points for view in views)
 
 
 def mosaic_pairs(pattern="GRBG", blur=0.0):
@@ -185,7 +210,7 @@ def test_two_views_give_a_warning_and_three_times_the_sigma(images):
     assert found.warnings[0].startswith("two views cannot check each other")
     views, _ = find_laser_views(CAMERA, TARGET, boards, lines, HELD.line)
     guess = BundleAdjustmentState(CAMERA, PLANE, guess_board_poses(CAMERA, views), np.zeros(3))
-    claimed = adjust_bundle(views, guess, (False, False)).plane_covariance
+    claimed = adjust_bundle(views, guess, Refinement(camera=False, bow=False)).plane_covariance
     np.testing.assert_allclose(found.covariance, 9 * claimed, rtol=0.05, atol=1e-12)
 
 
