@@ -17,7 +17,7 @@ REQUESTED_DEPTH_RATIO = 1.15
 FOCAL_GUESS = 1.2
 """Assumed focal length of a camera that is not calibrated yet, relative to the image's width: a
 field of view of 45 deg. If it is 30 to 60 deg, a tilt of 20 deg is estimated as 14 to 30 deg."""
-# Name, image axis, and sign along it in which the board's normal is tilted.
+# Side of the board that is nearer, image axis along which its normal (z) is tilted, and sign.
 _SIDES = (("right", 0, 1), ("left", 0, -1), ("lower", 1, 1), ("upper", 1, -1))
 _ROWS, _COLUMNS = ("upper", "middle", "lower"), ("left", "middle", "right")
 
@@ -69,7 +69,7 @@ def rough_camera(size: tuple[int, int]) -> Camera:
 def _empty_areas(views: Sequence[TargetView]) -> list[str]:
     """Return the corners, sides and the middle of the image without any corner of a board."""
     covered = covered_cells(views[0].size, views)
-    # The outermost cells on each side are the first and the last block.
+    # Blocks of cells along a side: the first cell, all between, and the last cell.
     blocks = np.array([0, *[1] * (CELLS - 2), 2])
     return [
         " ".join(dict.fromkeys((row_name, column_name)))
@@ -80,5 +80,5 @@ def _empty_areas(views: Sequence[TargetView]) -> list[str]:
 
 
 def _rough_pose(view: TargetView) -> Pose:
-    """Return the approximate ``camera_from_board``."""
+    """Return the approximate ``camera_from_board`` (mm), as seen by the `rough_camera`."""
     return guess_camera_from_board(view, rough_camera(view.size).rays(view.pixels))

@@ -88,14 +88,14 @@ class Pair:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CaptureState:
-    """Pairs taken so far, and the board in the previous frame.
+    """Pairs taken so far, the board in the previous frame, and one that awaits its laser line.
 
     Parameters
     ----------
     pairs : tuple of TargetView
-        Board in each complete pair.
+        View of the board in each complete pair.
     previous_view : TargetView, optional
-        Board in the previous frame; None if it was not found.
+        View of the board in the previous frame; None if it was not found.
     pending : tuple of (ndarray, TargetView), optional
         Image and view of the board whose laser line is still missing.
     """
@@ -150,9 +150,9 @@ def next_state(
 
 
 def _view_problem(
-    state: CaptureState, frame: Image, view: TargetView, target: Target, settings: CaptureSettings
+    state: CaptureState, grey: Image, view: TargetView, target: Target, settings: CaptureSettings
 ) -> str | None:
-    """Return why a board is not accepted yet; None if it is."""
+    """Return the instruction for a board that is not accepted yet; None if it is."""
     if any(movement(pair, view) < settings.min_change * view.size[0] for pair in state.pairs):
         return "as in an earlier pair: move the board"
     movement_px = np.inf if state.previous_view is None else movement(state.previous_view, view)
@@ -160,7 +160,7 @@ def _view_problem(
         return "board seen: hold it still"
     if isinstance(target, CircleGrid):  # no straight edges
         return None
-    return _focus_problem(frame, view, settings.max_blur_px)
+    return _focus_problem(grey, view, settings.max_blur_px)
 
 
 def movement(first: TargetView, second: TargetView) -> float:
@@ -192,13 +192,13 @@ def _find_board(frame: Image, target: Target) -> TargetView | None:
         return None
 
 
-def _focus_problem(frame: Image, view: TargetView, limit: float) -> str | None:
+def _focus_problem(grey: Image, view: TargetView, max_blur_px: float) -> str | None:
     """Return the instruction for a board whose edges are blurred; None if they are sharp."""
     sigmas = []
     for along in ("u", "v"):
         with suppress(CalibrationFailed):
-            sigmas.append(estimate_blur_from_views([frame], [view], along).sigma)
-    if sigmas and max(sigmas) <= limit:
+            sigmas.append(estimate_blur_from_views([grey], [view], along).sigma)
+    if sigmas and max(sigmas) <= max_blur_px:
         return None
     blur = f"board blurred by {max(sigmas):.1f} px" if sigmas else "board's edges not sharp"
     return f"{blur}: focus the lens, bring it nearer"
@@ -218,7 +218,7 @@ def _shows_line(
         ).line_pixels
     except LsvisionError:
         return False
-    # With the lamps off (no board found) the board is dark in the image: nothing to subtract.
+    # If no board is found, the lamps are off and the board is dark: nothing to subtract.
     laser_grey = _grey(frame) - (0.0 if view is None else _grey(board))
     u, v = np.round(line).astype(int).T
     (left, top), (right, bottom) = line.min(axis=0), line.max(axis=0)
@@ -233,4 +233,5 @@ def _shows_line(
 
 
 def _grey(image: Image) -> FloatArray:
+    """Return a grey image as floats, so that differences may be negative. Units: DN of 255."""
     return grey_image(image).astype(np.float64)

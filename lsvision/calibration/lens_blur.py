@@ -42,9 +42,14 @@ MIN_EDGES = 20
 """Smallest number of edges in all images."""
 MAX_EDGES_PER_IMAGE = 40
 """Largest number of edges in each image."""
+MIN_SIGMA_PX = 0.1
+"""Smallest sigma; that of a pixel alone is 0.29 px, and sharpening may reduce it. Units: px."""
 MAX_SIGMA_FRACTION = 0.4
 """Largest sigma as a fraction of the window's half width: beyond it the brightness is not constant
 at the sides of the window."""
+SIDE_FRACTION, MIN_SIDE_PIXELS = 0.6, 5
+"""Distance from the edge, as a fraction of the window's half width, beyond which pixels give the
+brightness of a side, and the smallest number of them."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -111,16 +116,19 @@ def measure_lens_blur(
 
     Raises
     ------
+    TypeError, ValueError
+        If an item is not an image, or `along` is another string.
     CalibrationFailed
-        If fewer than 20 edges can be measured.
+        If fewer than `MIN_EDGES` edges can be measured.
 
     Notes
     -----
     Between neighbouring corners whose edge is within 45 deg of the normal to `along`, the pixels
-    are fitted by low + contrast * Phi((d - d0 - k t) / sigma) with the distance d from the chord
-    and the position t along it. Sigma includes the pixel's own width (1 / sqrt(12) px). It is too
-    small where the camera sharpens its images, too large where the print is unsharp, the board
-    was moving, or the focus differs between the light's colour and the laser's.
+    are fitted by low + contrast * Phi((d - d0 - k t) / sigma), with the normal distribution
+    function Phi, the distance d from the chord and the position t along it. Sigma includes the
+    pixel's own width (1 / sqrt(12) px). It is too small where the camera sharpens its images, too
+    large where the print is unsharp, the board was moving, or the focus differs between the light's
+    colour and the laser's.
 
     Examples
     --------
@@ -148,11 +156,10 @@ def estimate_blur_from_views(
 ) -> LensBlur:
     """Return the blur from images and the views of the board in them, one for each image.
 
-    Raises
-    ------
-    CalibrationFailed
-        If fewer than 20 edges can be measured.
+    See `measure_lens_blur` for parameters, result and errors.
     """
+    if along not in ("u", "v"):
+        raise ValueError(f"expected along 'u' or 'v', got {along!r}")
     sigmas = [
         sigma
         for image, view in zip(images, views, strict=True)
@@ -176,10 +183,11 @@ def _edge_sigmas(image: npt.ArrayLike, view: TargetView | LaserView, along: str)
     chords = _chords(view, 0 if along == "u" else 1)
     step = max(1, math.ceil(len(chords) / MAX_EDGES_PER_IMAGE))
     for start, stop in chords[::step]:
-        sigmas = (_edge_sigma(grey, start, stop, fraction) for fraction in ACROSS_FRACTIONS)
-        sigma = next((value for value in sigmas if value is not None), None)
-        if sigma is not None:
-            yield sigma
+        for fraction in ACROSS_FRACTIONS:
+            sigma = _edge_sigma(grey, start, stop, fraction)
+            if sigma is not None:
+                yield sigma
+                break
 
 
 def _chords(view: TargetView | LaserView, axis: int) -> FloatArray:
@@ -202,8 +210,8 @@ def _edge_sigma(grey: FloatArray, start: Points, stop: Points, fraction: float) 
 
     values, coordinates, length = _pixels_around_edge(grey, start, stop, fraction)
     half_width = float(np.abs(coordinates[0]).max()) if len(values) else 0.0
-    sides = [values[coordinates[0] * sign > 0.6 * half_width] for sign in (-1, 1)]
-    if min(len(side) for side in sides) < 5:
+    sides = [values[coordinates[0] * sign > SIDE_FRACTION * half_width] for sign in (-1, 1)]
+    if min(len(side) for side in sides) < MIN_SIDE_PIXELS:
         return None
     low, high = (float(np.median(side)) for side in sides)
     if abs(high - low) < MIN_CONTRAST or max(low, high) > SATURATION_LEVEL:
@@ -218,10 +226,12 @@ def _edge_sigma(grey: FloatArray, start: Points, stop: Points, fraction: float) 
         return residuals
 
     initial_guess = [low, high - low, 0.0, 0.0, 0.8]
+    # The full output turns off the warning about a fit that has not converged: its rms decides.
     fit, *_ = leastsq(residuals_at, initial_guess, maxfev=120, full_output=True)
     rms, sigma = float(np.sqrt(np.mean(residuals_at(fit) ** 2))), abs(float(fit[4]))
     is_plain_edge = (
-        rms < MAX_RELATIVE_RMS * abs(fit[1]) and 0.1 < sigma < MAX_SIGMA_FRACTION * half_width
+        rms < MAX_RELATIVE_RMS * abs(fit[1])
+        and MIN_SIGMA_PX < sigma < MAX_SIGMA_FRACTION * half_width
     )
     return sigma if is_plain_edge else None
 

@@ -81,3 +81,8 @@ def test_blur_does_not_depend_on_bit_depth_and_colour():
 def test_images_without_edges_are_rejected(drawn, target):
     with pytest.raises(CalibrationFailed, match="edges of squares are sharp enough"):
         measure_lens_blur(drawn(), target)
+
+
+def test_an_unknown_axis_is_rejected():
+    with pytest.raises(ValueError, match="expected along 'u' or 'v', got 'x'"):
+        measure_lens_blur([board_image(0.7)], TARGET, "x")
