@@ -14,6 +14,8 @@ BLOCK_STATES = 300
 """Number of initial guesses solved at once: the arrays of thousands leave the processor's cache."""
 RELATIVE_COST_TOLERANCE = 1e-10
 """Relative decrease of the cost below which a solution has converged."""
+PERFECT_COST = 1e-20
+"""Cost below which there is nothing to improve: data without noise."""
 
 SEARCH_ROBOT_STD_MM = 0.2
 """Standard deviation of the robot that is assumed in the search. Units: mm."""
@@ -91,7 +93,7 @@ def _solve_block(
         converged = (
             (decrease <= RELATIVE_COST_TOLERANCE * costs)
             | (damping[active] > 1e8)
-            | (costs < 1e-20)
+            | (costs < PERFECT_COST)
         )
         active = active[~converged]
         if not len(active):
@@ -113,14 +115,14 @@ def whitened_jacobian_and_residuals(
 
 
 def search_whitening(observations: Observations, masks: FloatArray) -> FloatArray:
-    """Return whitening matrices for the search for initial guesses.
+    """Return whitening matrices (q, n, m, m) for the search for initial guesses.
 
     The covariance is that of the observation plus a robot error of `SEARCH_ROBOT_STD_MM` in each
-    residual, which needs no state.
+    residual, which needs no state. `masks` (q, n) are 1 for the poses to use, 0 for others.
     """
-    factors = observations.mm_per_residual
-    robot = np.diag((SEARCH_ROBOT_STD_MM / factors) ** 2)
-    return masks[..., None, None] * whitening_matrices(observations.covariances + robot)
+    robot_std = SEARCH_ROBOT_STD_MM / observations.mm_per_residual
+    covariances = observations.covariances + np.diag(robot_std**2)
+    return masks[..., None, None] * whitening_matrices(covariances)
 
 
 def whitening_matrices(covariances: FloatArray) -> FloatArray:
@@ -155,7 +157,7 @@ def prior_jacobian_and_residuals(
 
 
 def _expand_target_columns(jacobian: FloatArray, groups: IntArray, count: int) -> FloatArray:
-    """Return the Jacobian by all targets: zero but for the target that each pose observes."""
+    """Return the Jacobian by all targets: zero except by the target that each pose observes."""
     if count == 1:
         return jacobian
     one_hot = (groups[:, None] == np.arange(count)).astype(np.float64)

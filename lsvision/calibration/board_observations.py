@@ -1,7 +1,8 @@
 """Hand-eye observations of a board: its pose in the camera frame.
 
-``base_from_flange X = Z board_from_camera`` at every pose, with X the camera on its mount and Z the
-board. Initial guess: Park and Martin (IEEE Trans. Robotics and Automation 10, 1994).
+Eye in hand, ``base_from_flange @ X = Z @ board_from_camera`` at every pose, with
+X = ``flange_from_camera`` and Z = ``base_from_board``. Initial guess: Park and Martin (IEEE Trans.
+Robotics and Automation 10, 1994).
 """
 
 from dataclasses import dataclass
@@ -58,7 +59,7 @@ class BoardObservations:
 
     @property
     def target_prior(self) -> tuple[FloatArray, FloatArray]:
-        """Mean and standard deviation of the prior on a board's pose: infinite, no prior."""
+        """Mean and infinite standard deviation of a board's pose: no prior."""
         return np.zeros(6), np.full(6, np.inf)
 
     def linearise(self, states: States) -> Linearisation:
@@ -92,7 +93,7 @@ class BoardObservations:
         )
 
     def update_targets(self, targets: FloatArray, steps: FloatArray) -> FloatArray:
-        """Return the boards translated and rotated from the left."""
+        """Return the boards after steps of translation (mm) and left-hand rotation (rad)."""
         board = targets[..., 3:].reshape(*targets.shape[:-1], 3, 3)
         rotated = find_nearest_rotations(rotations_from_vectors(steps[..., 3:]) @ board)
         flat = rotated.reshape(*targets.shape[:-1], 9)
@@ -114,6 +115,7 @@ class BoardObservations:
         RB, tB = self.flanges.rotations, self.flanges.origins
         flange = np.swapaxes(RB[first], -1, -2) @ RB[second]
         camera = self.rotations[first] @ np.swapaxes(self.rotations[second], -1, -2)
+        # alpha = X beta (Park and Martin) for the rotation vectors of each pair and the rotation X.
         alpha, beta = vectors_from_rotations(flange), vectors_from_rotations(camera)
         angle = np.linalg.norm(alpha, axis=1)
         usable = (angle > PAIR_ANGLES[0]) & (angle < PAIR_ANGLES[1])

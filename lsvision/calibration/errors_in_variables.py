@@ -105,7 +105,11 @@ class ErrorsInVariablesFit:
         return redundancy
 
     def steps_by_shifts(self, shifts: FloatArray) -> FloatArray:
-        """Return the change (k, p) of the solution by shifts (k, n, m) of the observations."""
+        """Return the change (k, p) of the solution by shifts (k, n, m) of the observations.
+
+        The first six of the p numbers are translation (mm) and left-hand rotation (rad) of the
+        sensor, the others the step coordinates of the targets.
+        """
         used = self.mask[:, None, None] * self.jacobian
         gradients = np.einsum("nrp,nrm,knm->kp", used, self.whitening, shifts)
         steps: FloatArray = -gradients @ self.cofactors
@@ -252,6 +256,7 @@ def _estimate_robot_std_scales(
     """
     likelihood = _restricted_likelihood(observations, states, mask)
     z = np.linspace(-2.0, 2.0, 9)  # of the ratio's logarithm, in standard deviations of its prior
+    # Both scales are the geometric mean times such a factor; their ratio is ROBOT_RATIO_PRIOR^z.
     ratio_factors = ROBOT_RATIO_PRIOR ** (0.5 * np.stack([z, -z], axis=-1))
     means = np.geomspace(*ROBOT_STD_SCALE_BOUNDS, 30)
     mean_log_likelihoods = likelihood(means[:, None, None] * ratio_factors).max(axis=1)
@@ -277,8 +282,8 @@ def _restricted_likelihood(
     """Return the log-likelihood of robot scales (..., 2), marginalised over the unknowns."""
     used = mask > 0
     parts = _robot_covariance_parts(observations, states)[0, used]
-    unit = np.ones((1, 1, 1, 1)) * np.eye(observations.covariances.shape[-1])
-    jacobian, residual = whitened_jacobian_and_residuals(observations, states, unit)
+    no_whitening = np.eye(observations.covariances.shape[-1])[None, None]
+    jacobian, residual = whitened_jacobian_and_residuals(observations, states, no_whitening)
     prior, prior_residual = prior_jacobian_and_residuals(observations, states)
     rows = jacobian[0, used]
     column_scales = 1 / np.maximum(np.linalg.norm(jacobian[0], axis=(0, 1)), TINY)
@@ -287,7 +292,7 @@ def _restricted_likelihood(
     prior_rows = np.concatenate([prior[0] * column_scales, prior_residual[0, :, None]], axis=-1)
 
     def likelihood(scales: FloatArray) -> FloatArray:
-        """Return the restricted log-likelihood at scales (..., parts), up to a constant."""
+        """Return the restricted log-likelihood at scales (..., 2), up to a constant."""
         covariances = observations.covariances[used] + np.tensordot(scales**2, parts, axes=(-1, 1))
         # Normal matrix, right-hand side and sum of squares in one symmetric matrix.
         weighted = np.linalg.solve(covariances, rows).reshape(*scales.shape[:-1], -1, columns)
@@ -310,7 +315,7 @@ class LeastDeterminedDirection:
     Parameters
     ----------
     std : float
-        Standard deviation for the nominal robot; one radian counts as 100 mm. Units: mm.
+        Standard deviation for the stated or nominal robot; one radian counts as 100 mm. Units: mm.
     description : str
         Direction in words.
     """
@@ -324,8 +329,8 @@ def find_least_determined_direction(
 ) -> LeastDeterminedDirection:
     """Return the motion of the sensor that the inlier poses determine least.
 
-    Its standard deviation is predicted for the nominal or stated robot; infinite where the normal
-    matrix is singular.
+    Its standard deviation does not depend on the residuals: it is predicted for the stated or
+    nominal robot. It is infinite where the normal matrix is singular.
     """
     whitening = fit.mask[:, None, None] * robot_whitening(observations, fit.states, (1.0, 1.0))
     jacobian, _ = whitened_jacobian_and_residuals(observations, fit.states, whitening)

@@ -40,11 +40,18 @@ Shape = TypeVar("Shape", SphereArc, PlaneLine)
 
 EXACT_RADIUS_STD = 1e-4
 """Standard deviation of a given radius. Units: mm."""
+EXACT_BOARD_VARIANCE = 1e-12
+"""Variance (mm^2, rad^2) of boards without stated covariances: the robot's is far larger."""
 MIN_OFFSET = 0.15
 """Smallest root mean square distance of the sections from the sphere's centre, in radii."""
 MIN_SPREAD = 0.05
 """Smallest range of the sphere's positions in the view, in radii."""
-
+MIN_SPHERE_POSES, MIN_KNOWN_SPHERE_POSES = 6, 5
+"""Smallest number of poses that show a sphere of unknown and of known radius, and of inliers."""
+MIN_PLANE_POSES, MIN_PLANE_INLIERS = 8, 6
+"""Smallest number of poses that show a plane, and of inliers among them."""
+MIN_BOARD_POSES, MIN_BOARD_INLIERS = 4, 3
+"""Smallest number of poses that show a board, and of inliers among them."""
 
 DEFAULT_SETTINGS = HandEyeSettings()
 
@@ -69,7 +76,7 @@ def calibrate_hand_eye_sphere(
     profiles : sequence of Profile or (n, 2) array_like
         Profile at each pose; the sphere may be among other objects, and its flanks are not used.
     base_from_flanges : sequence of Pose or (4, 4) array_like
-        Flange pose at each observation.
+        Flange pose at each observation. Units: mm.
     radius : float, optional
         Radius of the sphere, where it is known accurately; otherwise it is estimated, with little
         loss of accuracy and as a check. Units: mm.
@@ -87,7 +94,8 @@ def calibrate_hand_eye_sphere(
     Raises
     ------
     ValueError
-        If the numbers of profiles and poses differ, or the radius is not positive.
+        If the numbers of profiles and poses differ, the radius is not positive, or the mounting is
+        another string.
     CalibrationFailed
         If too few poses show a sphere, poses do not belong to the profiles, or the sphere moved.
     DegenerateGeometry
@@ -117,7 +125,7 @@ def calibrate_hand_eye_sphere(
     arcs, observed, unobserved = _observe(
         profiles, flanges, lambda profile: find_sphere_arc(profile, radius, settings.arc), "sphere"
     )
-    min_poses = 5 if radius is not None else 6
+    min_poses = MIN_SPHERE_POSES if radius is None else MIN_KNOWN_SPHERE_POSES
     _require_count(len(observed), min_poses, "a sphere in the profile", unobserved)
     poses = [flanges[index] for index in observed]
     largest = max(float(arc.circle[2]) for arc in arcs)
@@ -131,9 +139,9 @@ def calibrate_hand_eye_sphere(
     )
     _require_distinct_cuts(observations.circles, radius)
     solution = solve_hand_eye(observations, poses, min_poses, settings)
-    state = solution.fit.states
-    radius_std, height_scale_std = np.sqrt(np.diag(solution.fit.covariance)[9:11]).tolist()
-    *centre, fitted_radius, height_scale_error = state.targets[0, 0].tolist()
+    *centre, fitted_radius, height_scale_error = solution.fit.states.targets[0, 0].tolist()
+    target_std = np.sqrt(np.diag(solution.fit.covariance)[6:])
+    *_, radius_std, height_scale_std = target_std.tolist()
     target = Sphere(np.array(centre), fitted_radius, radius_std if radius is None else 0.0)
     working_point = np.append(observations.circles[:, :2].mean(axis=0), 0.0)
     context = ResultContext(observed, unobserved, working_point, mounting, "section", settings)
@@ -191,7 +199,7 @@ def calibrate_hand_eye_plane(
     _require_pairs(len(profiles), len(base_from_flanges), "profiles")
     flanges = as_poses(base_from_flanges)
     lines, observed, unobserved = _observe(profiles, flanges, find_plane_line, "line")
-    _require_count(len(observed), 8, "a straight line in the profile", unobserved)
+    _require_count(len(observed), MIN_PLANE_POSES, "a straight line in the profile", unobserved)
     poses = [flanges[index] for index in observed]
     observations = PlaneObservations(
         np.array([line.midpoint for line in lines]),
@@ -201,7 +209,7 @@ def calibrate_hand_eye_plane(
         stack_flange_poses(poses, mounting, settings.robot_std or NOMINAL_ROBOT_STD),
         np.zeros(len(observed), dtype=np.int64),
     )
-    solution = solve_hand_eye(observations, poses, 6, settings)
+    solution = solve_hand_eye(observations, poses, MIN_PLANE_INLIERS, settings)
     normal_distance = solution.fit.states.targets[0, 0]
     target = Plane(normal_distance[:3], float(normal_distance[3]))
     working_point = observations.midpoints.mean(axis=0)
@@ -227,8 +235,9 @@ def calibrate_hand_eye_board(
     base_from_flanges : sequence of Pose or (4, 4) array_like
         Flange pose at each observation.
     covariances : (n, 6, 6) array_like, optional
-        Covariances of the boards' origins (mm) and left-hand rotations (rad), from
-        `estimate_board_pose`. Without them all errors are attributed to the robot.
+        Covariances of the boards' origins (mm) and left-hand rotations (rad; vectors w in
+        R -> exp([w]x) R) in the camera frame, from `estimate_board_pose`. Without them all errors
+        are attributed to the robot.
     camera_modes : (m, n, 6) array_like, optional
         Shifts of the boards' origins (mm) and left-hand rotations (rad) by each of m independent
         errors of the camera, one standard deviation each, from `board_pose_modes`. Without them
@@ -265,19 +274,20 @@ def calibrate_hand_eye_board(
     repeated = _find_repeated_pairs([pose.matrix for pose in boards], flanges)
     observed = [index for index in range(count) if index not in repeated]
     unobserved = [_reject_repeated_pose(*pair, "board") for pair in repeated.items()]
-    _require_count(len(observed), 4, "a board in the image", unobserved)
-    matrices = np.full((count, 6, 6), 1e-12) * np.eye(6) if covariances is None else covariances
+    _require_count(len(observed), MIN_BOARD_POSES, "a board in the image", unobserved)
+    if covariances is None:
+        covariances = np.tile(EXACT_BOARD_VARIANCE * np.eye(6), (count, 1, 1))
     shifts = np.zeros((0, count, 6)) if camera_modes is None else camera_modes
     shifts = as_readonly_array(shifts, ("m", count, 6), "camera_modes")[:, observed]
     poses = [flanges[index] for index in observed]
     observations = BoardObservations(
         np.array([boards[index].rotation for index in observed]),
         np.array([boards[index].translation for index in observed]),
-        as_readonly_array(matrices, (count, 6, 6), "covariances")[observed],
+        as_readonly_array(covariances, (count, 6, 6), "covariances")[observed],
         stack_flange_poses(poses, mounting, settings.robot_std or NOMINAL_ROBOT_STD),
         np.zeros(len(observed), dtype=np.int64),
     )
-    solution = solve_hand_eye(observations, poses, 3, settings)
+    solution = solve_hand_eye(observations, poses, MIN_BOARD_INLIERS, settings)
     board = solution.fit.states.targets[0, 0]
     target = Pose(board[3:].reshape(3, 3), board[:3])
     working_point = observations.origins.mean(axis=0)

@@ -23,7 +23,7 @@ HandEyeClass = TypeVar("HandEyeClass", bound="HandEye")
 
 SCHEMA = "lsvision/hand-eye/1"
 MAX_VALUE = 1e9
-"""Largest number of a hand-eye file: a kilometre, in mm; larger ones overflow later."""
+"""Largest number of a hand-eye file: 1000 km, in mm; larger ones overflow later."""
 SYMMETRY_TOLERANCE = 1e-6
 """Largest asymmetry or negative eigenvalue of a covariance, relative to its largest entry."""
 UNITS = {"length": "mm", "angle": "rad", "covariance": "translation mm, left-hand rotation rad"}
@@ -204,6 +204,7 @@ def check_covariance(covariance: npt.NDArray[np.float64]) -> None:
 
 
 def _scale_from_document(value: Any) -> tuple[float, float] | None:
+    """Return a scale and its standard deviation; None where the file states none."""
     if value is None:
         return None
     factor, std = value
@@ -236,5 +237,6 @@ def _target_from_document(document: dict[str, Any]) -> Sphere | Plane | Pose:
     raise ValueError(f"expected a target of kind sphere, plane or board, got {kind!r}")
 
 
-def _replace_nan_by_null(lengths: "np.ndarray[Any, np.dtype[np.float64]]") -> list[float | None]:
+def _replace_nan_by_null(lengths: npt.NDArray[np.float64]) -> list[float | None]:
+    """Return the lengths with None, which JSON writes as null, for NaN."""
     return [float(value) if np.isfinite(value) else None for value in lengths]

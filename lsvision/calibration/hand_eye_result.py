@@ -79,7 +79,7 @@ class HandEye(Result):
         Norm of each pose's residual, observed minus predicted; NaN where the target was not found.
         Units: mm.
     leave_one_out_residuals : (n,) array_like
-        Residual of each pose from a fit without this pose. Units: mm.
+        The same with respect to a fit without this pose. Units: mm.
     rejected : tuple of RejectedPose
         Poses that were not used.
     target : Sphere or Plane or Pose
@@ -98,9 +98,9 @@ class HandEye(Result):
     least_determined_direction : str
         Description of that direction.
     mounting : {"eye_in_hand", "eye_to_hand"}
-        Frame that carries the sensor.
+        Whether the flange or the base carries the sensor.
     sensor : {"section", "camera"}
-        Frame of the sensor.
+        Frame of the sensor: the section frame of a profile sensor, or the camera frame.
     height_scale : tuple of float, optional
         Factor by which the profiles' heights must be multiplied, about the working point, and its
         standard deviation; a check of the sensor, 1 for a correct one. None where the target does
@@ -196,7 +196,7 @@ class HandEye(Result):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings about large residuals, the sensor's heights, and the size of a board."""
+        """Warnings about large residuals, the sensor's heights, and the stated size of a board."""
         return hand_eye_warnings(
             self.residual_rms, self.robot_std, self.height_scale, self.target_scale
         )
@@ -218,6 +218,11 @@ class HandEye(Result):
         -------
         (3, 3) ndarray
             Along the mount's axes. Units: mm^2.
+
+        Raises
+        ------
+        ValueError
+            If the point is of another shape.
         """
         p = np.zeros(3)
         coordinates = np.asarray(point, dtype=np.float64)

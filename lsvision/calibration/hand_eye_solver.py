@@ -47,10 +47,13 @@ residuals. Units: mm."""
 MAX_RMS_RATIO = 0.35
 """Largest ratio of the rms residual under a reported hypothesis (moved target, mispaired poses) to
 that without it."""
+MAX_EXPLAINED_RMS_MM = 1.5
+"""Largest rms residual under a reported hypothesis. Units: mm."""
 SIGNIFICANCE = 1e-4
 """Probability, over all splits of the poses, of reporting a moved target that did not move."""
-MAX_EXPLAINED_RMS_MM = 1.5
-"""Largest rms residual under such a reported hypothesis. Units: mm."""
+MIN_MOVED_TARGET_POSES, MIN_POSES_PER_TARGET = 8, 3
+"""Smallest number of poses with which a moved target is looked for, and smallest number of them
+before and after the move."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,9 +63,9 @@ class ResultContext:
     Parameters
     ----------
     observed_poses : list of int
-        Indices of the poses with an observation.
+        Indices, among the poses of the caller, of those with an observation.
     unobserved_poses : list of RejectedPose
-        Poses without an observation.
+        The others, with the reason.
     working_point : (3,) ndarray
         Mean position of the target in the sensor frame. Units: mm.
     mounting, sensor, settings
@@ -82,8 +85,8 @@ def solve_hand_eye(
 ) -> RobustHandEyeFit:
     """Return the solution on the inlier poses, or raise an error with the most likely cause.
 
-    `poses` are ``base_from_flange`` of each observation, `min_poses` the smallest number of them
-    that determines the problem.
+    `poses` are ``base_from_flange`` of each observation, `min_poses` is the smallest number of
+    inlier poses.
 
     Raises
     ------
@@ -104,16 +107,7 @@ def solve_hand_eye(
     except FitFailed as error:
         raise DegenerateGeometry(str(error)) from error
     fit = solution.fit
-    count = len(poses)
-    inliers = int(fit.mask.sum())
-    norms = residual_norms(observations, observations.linearise(fit.states).residuals[0])
-    inlier_rms = float(np.sqrt((norms**2 * fit.mask).sum() / max(inliers, 1)))
-    too_few = inliers < max(min_poses, count * (1 - settings.outliers.max_outlier_fraction))
-    limit = settings.max_residual_rms or _explained_residual_rms(observations, fit, settings)
-    if too_few or inlier_rms > limit:
-        raise CalibrationFailed(
-            _explain_large_residuals(observations, norms, (inlier_rms, limit), inliers)
-        )
+    _require_consistent_poses(observations, fit, min_poses, settings)
     least_determined = find_least_determined_direction(observations, fit)
     if least_determined.std > settings.max_least_determined_std:
         raise DegenerateGeometry(
@@ -121,10 +115,38 @@ def solve_hand_eye(
             f"{least_determined.description}: add poses tilted 20 to 35 deg about two axes, with "
             "the target at other positions in the view"
         )
-    motion = detect_moved_target(observations, fit.mask, fit) if inliers >= 8 else None
-    if motion:
-        raise CalibrationFailed(motion)
+    if fit.mask.sum() >= MIN_MOVED_TARGET_POSES:
+        motion = detect_moved_target(observations, fit.mask, fit)
+        if motion:
+            raise CalibrationFailed(motion)
     return solution
+
+
+def _require_consistent_poses(
+    observations: Observations,
+    fit: ErrorsInVariablesFit,
+    min_poses: int,
+    settings: HandEyeSettings,
+) -> None:
+    """Require enough inlier poses, with residuals that the noise explains.
+
+    Raises
+    ------
+    CalibrationFailed
+        With the most likely cause.
+    """
+    inliers = int(fit.mask.sum())
+    norms = residual_norms(observations, observations.linearise(fit.states).residuals[0])
+    inlier_rms = float(np.sqrt((norms**2 * fit.mask).sum() / max(inliers, 1)))
+    min_inlier_fraction = 1 - settings.outliers.max_outlier_fraction
+    too_few = inliers < max(min_poses, len(norms) * min_inlier_fraction)
+    limit = settings.max_residual_rms or _explained_residual_rms(observations, fit, settings)
+    if too_few or inlier_rms > limit:
+        raise CalibrationFailed(
+            _explain_large_residuals(
+                observations, norms, inliers=inliers, inlier_rms=inlier_rms, limit=limit
+            )
+        )
 
 
 def _explained_residual_rms(
@@ -144,17 +166,22 @@ def _explained_residual_rms(
 
 
 def _explain_large_residuals(
-    observations: Observations, norms: FloatArray, rms_and_limit: tuple[float, float], inliers: int
+    observations: Observations,
+    norms: FloatArray,
+    *,
+    inliers: int,
+    inlier_rms: float,
+    limit: float,
 ) -> str:
     """Return the message with the most likely cause of large residuals.
 
-    `norms` are the residuals of all poses in mm, `rms_and_limit` those of the `inliers` poses.
+    `norms` are the residuals of all poses, `inlier_rms` is that of the `inliers` poses. Units: mm.
     """
-    inlier_rms, limit = rms_and_limit
     count = len(norms)
-    finding = (
-        detect_moved_target(observations, np.ones(count)) if count >= 8 else None
-    ) or detect_mispaired_poses(observations, rms(norms))
+    finding = None
+    if count >= MIN_MOVED_TARGET_POSES:
+        finding = detect_moved_target(observations, np.ones(count))
+    finding = finding or detect_mispaired_poses(observations, rms(norms))
     if finding:
         return finding
     return (
@@ -246,23 +273,13 @@ def detect_moved_target(
     (n,) excludes outlying poses, which must not be mistaken for a moved target. Without `fit` all
     initial guesses are tried, weighted by `search_whitening`.
     """
-    initial_guess = (
-        fit.states if fit else solve_from_all_guesses(observations, mask)[0].select(np.array([0]))
-    )
+    initial_guess = fit.states if fit else _best_state(observations, mask)
     one_target = _fit_hypothesis(observations, initial_guess, mask, fit)
-    two_targets = {}
-    for split in range(1, len(mask)):
-        if min(mask[:split].sum(), mask[split:].sum()) < 3:
-            continue
-        split_observations = replace(
-            observations, groups=(np.arange(len(mask)) >= split).astype(np.int64)
-        )
-        split_guess = (
-            _duplicate_target(initial_guess)
-            if fit
-            else solve_from_all_guesses(split_observations, mask)[0].select(np.array([0]))
-        )
-        two_targets[split] = _fit_hypothesis(split_observations, split_guess, mask, fit)
+    two_targets = {
+        first_moved: _fit_two_targets(observations, first_moved, mask, fit)
+        for first_moved in range(1, len(mask))
+        if min(mask[:first_moved].sum(), mask[first_moved:].sum()) >= MIN_POSES_PER_TARGET
+    }
     if not two_targets:
         return None
     first_moved, best = min(two_targets.items(), key=lambda item: item[1].chi2)
@@ -279,12 +296,42 @@ def detect_moved_target(
 
 @dataclass(frozen=True, slots=True)
 class _TargetHypothesis:
-    """Fit of all poses with one target, or with two."""
+    """Fit of all poses with one target, or with two.
+
+    Parameters
+    ----------
+    rms : float
+        Root mean square residual. Units: mm.
+    chi2 : float
+        Sum of squared whitened residuals.
+    dof : int
+        Degrees of freedom.
+    target_distance : float
+        Distance between the two targets; 0 for one. Units: mm.
+    """
 
     rms: float
     chi2: float
     dof: int
     target_distance: float
+
+
+def _best_state(observations: Observations, mask: FloatArray) -> States:
+    """Return the state of lowest cost from all initial guesses."""
+    return solve_from_all_guesses(observations, mask)[0].select(np.array([0]))
+
+
+def _fit_two_targets(
+    observations: Observations,
+    first_moved: int,
+    mask: FloatArray,
+    fit: ErrorsInVariablesFit | None,
+) -> _TargetHypothesis:
+    """Return the fit with one target before pose `first_moved` and another from it on."""
+    groups = (np.arange(len(mask)) >= first_moved).astype(np.int64)
+    observations = replace(observations, groups=groups)
+    guess = _duplicate_target(fit.states) if fit else _best_state(observations, mask)
+    return _fit_hypothesis(observations, guess, mask, fit)
 
 
 def _fit_hypothesis(
@@ -324,25 +371,29 @@ def _f_test_p_value(one_target: _TargetHypothesis, two_targets: _TargetHypothesi
 
 
 def detect_mispaired_poses(observations: Observations, rms: float) -> str | None:
-    """Return the message that poses and profiles are shifted or reversed; None if not."""
+    """Return the message that poses and profiles are shifted or reversed; None if not.
+
+    `rms` is the root mean square residual of the pairs as they are. Units: mm.
+    """
     observation = "board" if isinstance(observations, BoardObservations) else "profile"
-    all_poses = np.ones(len(observations.flanges))
-    order = np.arange(len(all_poses))
-    for explanation, permutation in (
-        (f"each {observation} belongs to the next pose", np.roll(order, -1)),
-        (f"each {observation} belongs to the pose before", np.roll(order, 1)),
-        ("the poses are in reverse order", order[::-1]),
+    count = len(observations.flanges)
+    order, shifted = np.arange(count), "pairs shifted against each other"
+    # A shift by one pairs the first pose with the last: that pair is left out.
+    for explanation, permutation, left_out in (
+        (
+            f"each {observation} belongs to the next pose: {shifted}",
+            np.roll(order, -1),
+            [count - 1],
+        ),
+        (f"each {observation} belongs to the pose before: {shifted}", np.roll(order, 1), [0]),
+        (f"the poses are in reverse order of the {observation}s: reverse one", order[::-1], []),
     ):
         trial = replace(observations, flanges=observations.flanges.select(permutation))
-        # A shift by one pairs the first pose with the last: leave that pair out.
-        mask = (
-            np.where(np.abs(permutation - order) > 1, 0.0, 1.0)
-            if "each" in explanation
-            else all_poses
-        )
+        mask = np.ones(count)
+        mask[left_out] = 0.0
         states, _ = solve_from_all_guesses(trial, mask)
         if _residual_rms(trial, states, mask) < min(MAX_RMS_RATIO * rms, MAX_EXPLAINED_RMS_MM):
-            return f"{explanation}: pairs shifted against each other"
+            return explanation
     return None
 
 

@@ -4,11 +4,15 @@ Each kind of target (`sphere_observations`, `plane_observations`, `board_observa
 the data of a pose to a few numbers with a covariance, and linearises them by the sensor
 pose, the target and the flange pose. `batched_least_squares`, `errors_in_variables` and
 `pose_outliers` work on any kind by the protocol `Observations`.
+
+Frames: the sensor is at ``mount_from_sensor`` in the frame that carries it, the mount. Eye in hand,
+the mount is the flange and the target is fixed in the base frame; eye to hand, the mount is the
+base frame and the target is fixed to the flange.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, Protocol
+from typing import Any, ClassVar, Literal, Protocol, get_args
 
 import numpy as np
 
@@ -35,12 +39,13 @@ class FlangePoses:
     Parameters
     ----------
     rotations : (n, 3, 3) ndarray
-        Rotations from the mount (frame that carries the sensor) to the frame of the target.
+        Rotations from the mount to the frame in which the target is fixed.
     origins : (n, 3) ndarray
-        Origin of the mount in the frame of the target. Units: mm.
+        Origin of the mount in that frame. Units: mm.
     covariances : (n, 2, 6, 6) ndarray
-        Covariances of translation (mm) and left-hand rotation (rad) by the robot's errors of
-        position and by those of orientation, for its stated or nominal standard uncertainty.
+        Covariances of translation (mm) and left-hand rotation (rad): first that by the robot's
+        errors of position, then that by its errors of orientation, for its stated or nominal
+        standard uncertainty.
     """
 
     rotations: FloatArray
@@ -144,11 +149,15 @@ class Observations(Protocol):
         ...
 
     def update_targets(self, targets: FloatArray, steps: FloatArray) -> FloatArray:
-        """Return targets (s, g, k) after steps (s, g, d)."""
+        """Return targets (s, g, k) after steps (s, g, d).
+
+        A target has d degrees of freedom and is described by k numbers, which may be more: a plane
+        by 4, its normal and its distance, of 3 degrees of freedom.
+        """
         ...
 
     def prior_residuals(self, targets: FloatArray) -> FloatArray:
-        """Return target minus prior mean, (s, g, d)."""
+        """Return target minus prior mean, (s, g, d); any number where there is no prior."""
         ...
 
     def target_distance(self, first: FloatArray, second: FloatArray) -> float:
@@ -163,7 +172,7 @@ class Observations(Protocol):
 def stack_flange_poses(
     base_from_flanges: Sequence[Pose], mounting: Mounting, robot_std: tuple[float, float]
 ) -> FlangePoses:
-    """Return stacked poses ``target frame from mount`` with the covariance of the robot's error.
+    """Return stacked poses of the mount in the target's frame, with covariances.
 
     Parameters
     ----------
@@ -174,12 +183,19 @@ def stack_flange_poses(
         and target on the flange; for the latter, poses and covariances are inverted.
     robot_std : tuple of float
         Standard deviation in each axis of position (mm) and orientation (rad).
+
+    Raises
+    ------
+    ValueError
+        If the mounting is another string.
     """
+    if mounting not in get_args(Mounting):
+        raise ValueError(f"expected mounting {' or '.join(get_args(Mounting))}, got {mounting!r}")
     R = np.array([pose.rotation for pose in base_from_flanges])
     t = np.array([pose.translation for pose in base_from_flanges])
-    unit = np.zeros((2, 6, 6))
-    unit[0, :3, :3], unit[1, 3:, 3:] = np.square(robot_std)[:, None, None] * np.eye(3)
-    covariances = np.broadcast_to(unit, (len(t), 2, 6, 6))
+    parts = np.zeros((2, 6, 6))
+    parts[0, :3, :3], parts[1, 3:, 3:] = np.square(robot_std)[:, None, None] * np.eye(3)
+    covariances = np.broadcast_to(parts, (len(t), 2, 6, 6))
     if mounting == "eye_in_hand":
         return FlangePoses(R, t, covariances)
     inverse = np.swapaxes(R, -1, -2)
@@ -193,7 +209,10 @@ def stack_flange_poses(
 
 
 def _find_main_axis(vectors: FloatArray) -> tuple[FloatArray, float]:
-    """Return the main axis (3,) of rotation vectors (n, 3), and the ratio of the second to it."""
+    """Return the main axis (3,) of rotation vectors (n, 3), and how far they are from it.
+
+    The second value is the ratio of their root sums of squares along the second and the main axis.
+    """
     eigenvalues, axes = np.linalg.eigh(vectors.T @ vectors)
     main = axes[:, -1] * np.sign(axes[np.abs(axes[:, -1]).argmax(), -1])
     return main, float(np.sqrt(max(eigenvalues[-2], 0.0) / eigenvalues[-1]))
@@ -236,20 +255,21 @@ def points_in_sensor_frame(
         Points in the sensor frame. Units: mm.
     mount_jacobian, point_jacobian, flange_jacobian : ndarray
         Derivatives by the sensor pose (s, n, 3, 6), the point (s, n, 3, 3) and the flange pose
-        (s, n, 3, 6); rotations act from the left.
+        (s, n, 3, 6); poses by translation (mm) and left-hand rotation (rad).
     """
     to_mount = np.swapaxes(flanges.rotations, -1, -2)
     to_sensor = np.swapaxes(states.rotations, -1, -2)[:, None]
-    offset = points - flanges.origins
-    in_mount = (to_mount @ offset[..., None])[..., 0] - states.translations[:, None]
-    in_sensor = (to_sensor @ in_mount[..., None])[..., 0]
+    # Lever arms of rotations: from the mount's origin, and from the sensor's in the mount's axes.
+    from_mount = points - flanges.origins
+    from_sensor = (to_mount @ from_mount[..., None])[..., 0] - states.translations[:, None]
+    in_sensor = (to_sensor @ from_sensor[..., None])[..., 0]
     point_jacobian = to_sensor @ to_mount
     shape = point_jacobian.shape
     mount_jacobian = np.concatenate(
-        [np.broadcast_to(-to_sensor, shape), to_sensor @ cross_matrices(in_mount)], axis=-1
+        [np.broadcast_to(-to_sensor, shape), to_sensor @ cross_matrices(from_sensor)], axis=-1
     )
     flange_jacobian = np.concatenate(
-        [-point_jacobian, point_jacobian @ cross_matrices(offset)], axis=-1
+        [-point_jacobian, point_jacobian @ cross_matrices(from_mount)], axis=-1
     )
     return in_sensor, mount_jacobian, point_jacobian, flange_jacobian
 

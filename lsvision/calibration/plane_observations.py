@@ -54,7 +54,7 @@ class PlaneObservations:
 
     @property
     def mm_per_residual(self) -> FloatArray:
-        """Factors (2,) that convert residuals to mm: 1, and half length for the slope."""
+        """Factors (2,) that convert residuals to mm: 1, and the mean rms length for the slope."""
         return np.array([1.0, float(self.rms_lengths.mean())])
 
     @property
@@ -65,12 +65,16 @@ class PlaneObservations:
     def linearise(self, states: States) -> Linearisation:
         """Return offset (n.p - d) / |n_xy| at the midpoint and slope n.u / |n_xy|, with Jacobians.
 
-        The derivative of |n_xy| is neglected: it is multiplied by the residual (Gauss-Newton).
+        p is the midpoint and u the direction of the line, n and d are normal and distance of the
+        plane, and n_xy is the part of the normal in the section plane. The derivative of |n_xy| is
+        neglected: it is multiplied by the residual (Gauss-Newton).
         """
         targets = states.targets[:, self.groups]
         normal, distance = targets[..., :3], targets[..., 3]
         mount_from_target = np.swapaxes(self.flanges.rotations, -1, -2)
         normal_in_mount = (mount_from_target @ normal[..., None])[..., 0]
+        # Axis 2 of the following arrays: the midpoint, which gives the offset, and the direction,
+        # which gives the slope and is not translated.
         vectors_in_mount = np.stack(
             [_rotate_to_mount(states, v) for v in (self.midpoints, self.directions)], axis=2
         )
@@ -127,7 +131,7 @@ class PlaneObservations:
         """Return a linear solution for each selection of poses and each of many normals.
 
         With the normal n given, n.(B X p) = d is linear in the first two columns of X's rotation,
-        its translation and d.
+        its translation and d; B is the pose of the mount, X that of the sensor on it.
         """
         normals = _hemisphere_directions(INITIAL_NORMALS)
         count = int(self.groups.max()) + 1
@@ -142,7 +146,11 @@ class PlaneObservations:
         )
 
     def _states_with_normal(self, normal: FloatArray, masks: FloatArray, count: int) -> States:
-        """Return the linear solution of each selection for one normal (n in the mount)."""
+        """Return the linear solution of each selection of poses for one normal.
+
+        The normal is given in the target's frame; `count` is the number of planes.
+        """
+        # In the frame of the mount.
         n = self.flanges.rotations.transpose(0, 2, 1) @ normal
         one_hot = (self.groups[:, None] == np.arange(count)).astype(np.float64)
         p, u = self.midpoints, self.directions * self.rms_lengths[:, None]
@@ -236,9 +244,9 @@ class PlanePlanningTarget:
         return (1.0, 1.0, 1000.0)
 
     def visibility(self, sections: Sequence[Pose]) -> tuple[FloatArray, BoolArray]:
-        """Return the midpoint of each line, and whether its slope is allowed.
+        """Return the midpoint of each line, and whether its slope is at most `MAX_LINE_SLOPE`.
 
-        The midpoint lies below the section's origin, (n, 3) in the section frame. Units: mm.
+        The midpoint, (n, 3) in the section frame in mm, is where the plane cuts the section's Y.
         """
         normals = self._normals(sections)
         visible = normals[:, 1] > np.cos(MAX_LINE_SLOPE) * np.hypot(normals[:, 0], normals[:, 1])
@@ -258,7 +266,7 @@ class PlanePlanningTarget:
         return PlaneObservations(
             positions,
             directions / np.maximum(np.hypot(x, y), 1e-9)[:, None],
-            np.full(count, offset / slope),
+            np.full(count, offset / slope),  # the rms length by which the two are related
             np.tile(np.diag([offset**2, slope**2]), (count, 1, 1)),
             flanges,
             np.zeros(count, dtype=np.int64),

@@ -19,6 +19,14 @@ from lsvision.geometry import FloatArray
 GROSS_OUTLIER_FACTOR = 5.0
 """Multiple of the median pose residual beyond which a pose is a gross outlier."""
 
+MIN_MEDIAN_RESIDUAL = 0.4
+"""Smallest median to which this factor is applied, in standard deviations of the search: gross
+errors exceed 2 of them even if the other residuals are tiny."""
+
+SEARCH_STEPS, CANDIDATES, CONCENTRATION_STEPS = 12, 8, 4
+"""Least trimmed squares: iterations from each initial guess, solutions that are then refined, and
+refits to the poses of smallest residual."""
+
 DISTINCT_ROTATION, DISTINCT_TRANSLATION_MM = np.radians(2.0), 5.0
 """Minima further apart than this (rad, mm) are different solutions."""
 
@@ -74,16 +82,16 @@ def fit_with_outlier_rejection(
 ) -> RobustHandEyeFit:
     """Return the sensor pose, estimated without initial guess and without outlying robot poses.
 
-    Least trimmed squares, then leave-one-out F tests. `min_poses` is the smallest number of poses
-    that determine the problem; for `estimate_robot_std` see `fit_errors_in_variables`.
+    Least trimmed squares, then leave-one-out F tests. `min_poses` is the smallest number of inlier
+    poses; for `estimate_robot_std` see `fit_errors_in_variables`.
     """
     state = _least_trimmed_squares_guess(observations, settings, min_poses)
     mask = _reject_gross_outliers(observations, state)
     fit = fit_errors_in_variables(observations, state, mask, estimate_robot_std=estimate_robot_std)
     fit = _reject_outliers(
-        observations, fit, settings, min_poses=min_poses, estimate=estimate_robot_std
+        observations, fit, settings, min_poses=min_poses, estimate_robot_std=estimate_robot_std
     )
-    fit = _restore_inliers(observations, fit, settings, estimate=estimate_robot_std)
+    fit = _restore_inliers(observations, fit, settings, estimate_robot_std=estimate_robot_std)
     return RobustHandEyeFit(fit, _outlier_p_values(fit))
 
 
@@ -106,22 +114,17 @@ def _least_trimmed_squares_guess(
     trimmed_count = max(min_poses, count - int(settings.max_outlier_fraction * count))
     masks = _selections(count, settings, min_poses)
     states = observations.initial_guesses(masks)
-    repeated = np.repeat(masks, len(states) // len(masks), axis=0)
-    states = solve_least_squares(
-        observations, states, search_whitening(observations, repeated), 12
-    ).states
-    states = states.select(
-        np.argsort(_trimmed_costs(observations, states, trimmed_count), kind="stable")[:8]
-    )
-    for _ in range(4):
+    masks_of_states = np.repeat(masks, len(states) // len(masks), axis=0)
+    whitening = search_whitening(observations, masks_of_states)
+    states = solve_least_squares(observations, states, whitening, SEARCH_STEPS).states
+    states = _least_trimmed(observations, states, trimmed_count, CANDIDATES)
+    for _ in range(CONCENTRATION_STEPS):
         order = np.argsort(_pose_residuals(observations, states), axis=1, kind="stable")
         masks = np.zeros((len(states), count))
         np.put_along_axis(masks, order[:, :trimmed_count], 1.0, axis=1)
         whitening = search_whitening(observations, masks)
         states = solve_least_squares(observations, states, whitening).states
-    return states.select(
-        np.argsort(_trimmed_costs(observations, states, trimmed_count), kind="stable")[:1]
-    )
+    return _least_trimmed(observations, states, trimmed_count, 1)
 
 
 def _selections(count: int, settings: OutlierSettings, min_poses: int) -> FloatArray:
@@ -144,18 +147,22 @@ def _pose_residuals(observations: Observations, states: States) -> FloatArray:
     return norms
 
 
-def _trimmed_costs(observations: Observations, states: States, trimmed_count: int) -> FloatArray:
-    """Return the sum (s,) of the smallest squared residuals."""
+def _least_trimmed(
+    observations: Observations, states: States, trimmed_count: int, count: int
+) -> States:
+    """Return the `count` states of least trimmed cost, lowest first.
+
+    The cost is the sum of the `trimmed_count` smallest squared residuals.
+    """
     squares = np.sort(_pose_residuals(observations, states) ** 2, axis=1)
-    total: FloatArray = squares[:, :trimmed_count].sum(axis=1)
-    return total
+    costs = squares[:, :trimmed_count].sum(axis=1)
+    return states.select(np.argsort(costs, kind="stable")[:count])
 
 
 def _reject_gross_outliers(observations: Observations, state: States) -> FloatArray:
     """Return the mask of poses without a gross error."""
     norms = _pose_residuals(observations, state)[0]
-    # Gross errors exceed 2 standard deviations of the search, even if the other residuals are tiny.
-    limit = GROSS_OUTLIER_FACTOR * max(float(np.median(norms)), 0.4)
+    limit = GROSS_OUTLIER_FACTOR * max(float(np.median(norms)), MIN_MEDIAN_RESIDUAL)
     mask: FloatArray = (norms <= limit).astype(np.float64)
     return mask
 
@@ -166,16 +173,23 @@ def _reject_outliers(
     settings: OutlierSettings,
     *,
     min_poses: int,
-    estimate: bool,
+    estimate_robot_std: bool,
 ) -> ErrorsInVariablesFit:
-    """Return the fit without the poses of smallest p-value, until all are above significance."""
+    """Return the fit without the poses of smallest p-value, until all are above significance.
+
+    No more are rejected than the settings allow, and `min_poses` remain.
+    """
     min_inliers = max(min_poses, int(np.ceil(len(fit.mask) * (1 - settings.max_outlier_fraction))))
     while fit.mask.sum() > min_inliers:
         p_values = np.where(fit.mask > 0, _outlier_p_values(fit), 1.0)
         rejected = int(p_values.argmin())
         if p_values[rejected] * fit.mask.sum() > settings.significance:
             break
-        fit = _refit(observations, fit, rejected, 0.0, estimate)
+        mask = fit.mask.copy()
+        mask[rejected] = 0.0
+        fit = fit_errors_in_variables(
+            observations, fit.states, mask, estimate_robot_std=estimate_robot_std
+        )
     return fit
 
 
@@ -184,7 +198,7 @@ def _restore_inliers(
     fit: ErrorsInVariablesFit,
     settings: OutlierSettings,
     *,
-    estimate: bool,
+    estimate_robot_std: bool,
 ) -> ErrorsInVariablesFit:
     """Return the fit with poses above the significance restored, largest p-value first."""
     while not fit.mask.all():
@@ -192,21 +206,19 @@ def _restore_inliers(
         restored = int(p_values.argmax())
         if p_values[restored] * len(fit.mask) <= settings.significance:
             break
-        fit = _refit(observations, fit, restored, 1.0, estimate)
+        mask = fit.mask.copy()
+        mask[restored] = 1.0
+        fit = fit_errors_in_variables(
+            observations, fit.states, mask, estimate_robot_std=estimate_robot_std
+        )
     return fit
 
 
-def _refit(
-    observations: Observations, fit: ErrorsInVariablesFit, pose: int, used: float, estimate: bool
-) -> ErrorsInVariablesFit:
-    """Return the fit with one element of its mask changed."""
-    mask = fit.mask.copy()
-    mask[pose] = used
-    return fit_errors_in_variables(observations, fit.states, mask, estimate_robot_std=estimate)
-
-
 def _outlier_p_values(fit: ErrorsInVariablesFit) -> FloatArray:
-    """Return each pose's p-value (n,) by the F test of its leave-one-out residual."""
+    """Return each pose's p-value (n,) by the F test of its leave-one-out residual.
+
+    It is 1 where the other poses leave no degree of freedom for the test.
+    """
     from scipy.special import fdtrc
 
     size = fit.residuals.shape[1]

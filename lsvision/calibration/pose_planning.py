@@ -109,7 +109,8 @@ class PosePlan(Result):
         Returns
         -------
         dict
-            ``poses``, a record each: candidate's index, 4x4 matrix (mm), ``predicted_std_mm``.
+            ``poses``, a record each: candidate's index, 4x4 matrix (mm), ``predicted_std_mm`` and
+            ``predicted_origin_std_mm``.
         """
         names = ("index", "base_from_flange", "predicted_std_mm", "predicted_origin_std_mm")
         matrices = [pose.matrix.tolist() for pose in self.base_from_flanges]
@@ -179,8 +180,9 @@ class PlanningTarget(Protocol):
 
 
 SPHERE_DEFAULTS = PosePlanSettings()
+"""Settings by default for a sphere."""
 PLANE_DEFAULTS = PosePlanSettings(max_tilt=np.radians(40.0))
-"""Larger tilts than for a sphere: they add information."""
+"""Settings by default for a plate. Larger tilts than for a sphere: they add information."""
 
 
 def plan_hand_eye_poses(
@@ -338,6 +340,8 @@ def _random_poses(target: PlanningTarget, nominal: Pose, settings: PosePlanSetti
     spin = rng.uniform(-settings.max_spin, settings.max_spin, size)
     tilts = rng.uniform(-settings.max_tilt, settings.max_tilt, (size, 2))
     zero = np.zeros(size)
+    # From the right: the section upright, tilted about the base's X and Y, turned about its Z,
+    # which then becomes the viewing direction.
     spun = target.viewing_rotation @ rotations_from_vectors(np.column_stack([zero, zero, spin]))
     rotations = spun @ rotations_from_vectors(np.column_stack([tilts, zero])) @ UPRIGHT
     targets_in_section = rng.uniform(-1, 1, (size, 3)) * (
@@ -379,7 +383,12 @@ def _select_greedily(
     count: int,
     lever_arm: FloatArray,
 ) -> tuple[IntArray, list[tuple[float, float]]]:
-    """Return the selected poses, and the predicted std at the working point and the origin."""
+    """Return the indices of the selected poses, and two predicted std (mm) after each of them.
+
+    `information` (p, p) is that of the prior and the measured poses, `information_matrices`
+    (n, p, p) that of each pose. The std are those of the point at `lever_arm` (mm) from the
+    sensor's origin, along the axes of the flange, and of the origin.
+    """
     available = available.copy()
     weights = np.array([1.0] * 3 + [MM_PER_RADIAN**2] * 3)
     point_jacobian = np.hstack([np.eye(3), -cross_matrices(lever_arm)])

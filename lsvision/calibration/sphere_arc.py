@@ -25,7 +25,7 @@ class SphereArcSettings:
     tolerance : float
         Largest distance of an inlier from the circle during the search. Units: mm.
     max_incidence : float
-        Largest angle of an inlier's normal from the sensor's Y; points on the flanks, seen at
+        Largest angle of an inlier's normal from the section's Y; points on the flanks, seen at
         grazing incidence, are biased. Units: rad.
     min_coverage : float
         Smallest angle of the circle that an arc covers. Units: rad.
@@ -156,14 +156,17 @@ def find_sphere_arc(
 def _best_hypothesis(
     points: Points, max_radius: float | None, settings: SphereArcSettings
 ) -> FloatArray:
-    """Return the circle through three points with the largest support (RANSAC)."""
+    """Return the circle through three points with the largest support (RANSAC).
+
+    The support of a point falls with its squared distance from the circle, to 0 at the tolerance.
+    """
     rng = np.random.default_rng(settings.seed)
     circles = _circles_through_triples(points[_near_triples(len(points), settings.trials, rng)])
     limit = np.inf if max_radius is None else 1.02 * max_radius + settings.tolerance
     allowed = np.isfinite(circles).all(axis=1)
     allowed &= (circles[:, 2] >= settings.min_radius) & (circles[:, 2] <= limit)
     circles = circles[allowed]
-    sample = points[:: max(1, len(points) // MAX_SCORED_POINTS)]
+    sample = points[:: math.ceil(len(points) / MAX_SCORED_POINTS)]
     offset = sample[None] - circles[:, None, :2]
     distance = np.hypot(offset[..., 0], offset[..., 1])
     cost = np.minimum(((distance - circles[:, 2:]) / settings.tolerance) ** 2, 1.0)
@@ -298,7 +301,7 @@ def _build_arc(
 
 
 def _height_scale_gradient(points: Points, circle: FloatArray, variances: FloatArray) -> FloatArray:
-    """Return first and second difference quotients of the circle by the height scale."""
+    """Return first and half of the second difference quotient of the circle by the height scale."""
     low, high = (
         _fit_circle(circle[:2] + (points - circle[:2]) * (1.0, 1.0 + s), circle, variances)
         for s in (-HEIGHT_SCALE_STEP, HEIGHT_SCALE_STEP)

@@ -70,12 +70,15 @@ class SphereObservations:
 
     @property
     def target_prior(self) -> tuple[FloatArray, FloatArray]:
-        """Prior mean and standard deviation (5,) of centre and radius (mm) and height scale."""
+        """Prior mean and standard deviation (5,): centre and radius (mm), error of height scale."""
         values = np.array([0, 0, 0, self.radius[0], 0])
         return values, np.array([np.inf, np.inf, np.inf, self.radius[1], HEIGHT_SCALE_PRIOR_STD])
 
     def linearise(self, states: States) -> Linearisation:
-        """Return residuals x - q_x, y - q_y and (r^2 - R^2 + q_z^2) / 2r, with Jacobians."""
+        """Return residuals x - q_x, y - q_y and (r^2 - R^2 + q_z^2) / 2r, with Jacobians.
+
+        The third is the residual of the radius, r - sqrt(R^2 - q_z^2), to first order.
+        """
         targets = states.targets[:, self.groups]
         q, mount_jacobian, centre_jacobian, flange_jacobian = points_in_sensor_frame(
             self.flanges, states, targets[..., :3]
@@ -91,6 +94,7 @@ class SphereObservations:
         residuals[..., 2] = (r**2 - targets[..., 3] ** 2 + q[..., 2] ** 2) / (2 * r)
         radius_jacobian = np.zeros((*q.shape, 1))
         radius_jacobian[..., 2, 0] = -targets[..., 3] / r
+        # The height scale changes the circle; d (third residual) / dr is 1 - residual / r.
         scale_jacobian[..., 2] *= 1 - residuals[..., 2] / r
         target_jacobian = np.concatenate(
             [slopes[..., None] * centre_jacobian, radius_jacobian, scale_jacobian[..., None]],
@@ -112,7 +116,7 @@ class SphereObservations:
         )
 
     def update_targets(self, targets: FloatArray, steps: FloatArray) -> FloatArray:
-        """Return centre, radius and scale after a step (addition)."""
+        """Return centre, radius and error of the height scale after a step (addition)."""
         return targets + steps
 
     def prior_residuals(self, targets: FloatArray) -> FloatArray:
@@ -126,10 +130,11 @@ class SphereObservations:
     def initial_guesses(self, masks: FloatArray) -> States:
         """Return 25 guesses for each selection: a linear solution and the 24 rotations of a cube.
 
-        The linear solution neglects the distance of the sections from the centre: B (X p) - c = 0
-        with p the circle's centre is linear in the first two columns of X's rotation, its
-        translation and c; the distances average out where they are balanced. It needs four poses; a
-        given rotation with linear translation and c needs three.
+        The linear solution neglects the distance of the sections from the centre: B (X p) - c = 0,
+        with B the pose of the mount, X that of the sensor on it, p the circle's centre and c the
+        sphere's, is linear in the first two columns of X's rotation, its translation and c. The
+        distances average out where they are balanced. It needs four poses; with the rotation given,
+        X's translation and c need three.
         """
         linear = self._linear_rotations(masks)[:, None]
         cube = np.broadcast_to(list_cube_rotations(), (len(masks), 24, 3, 3))
@@ -139,8 +144,7 @@ class SphereObservations:
     def _linear_rotations(self, masks: FloatArray) -> FloatArray:
         """Return the rotation of the linear solution of each selection."""
         xy, R = self.circles[:, :2], self.flanges.rotations
-        eye = np.eye(3)[None]
-        columns = [R * xy[:, :1, None], R * xy[:, 1:, None], R, *self._minus_centres(eye)]
+        columns = [R * xy[:, :1, None], R * xy[:, 1:, None], R, *self._centre_columns()]
         design = np.concatenate(columns, axis=-1)
         solution = masked_least_squares(design, -self.flanges.origins, masks)
         first, second = solution[:, 0:3], solution[:, 3:6]
@@ -151,9 +155,8 @@ class SphereObservations:
     def _states_with_rotations(self, rotations: FloatArray, masks: FloatArray) -> States:
         """Return states with given rotations (q, k, 3, 3), all else by linear least squares."""
         count = rotations.shape[1]
-        eye = np.eye(3)[None]
         R = self.flanges.rotations
-        design = np.concatenate([R, *self._minus_centres(eye)], axis=-1)
+        design = np.concatenate([R, *self._centre_columns()], axis=-1)
         centres_in_sensor = np.column_stack([self.circles[:, :2], np.zeros(len(self.circles))])
         centres_in_target_frame = np.einsum("nij,qkjl,nl->qkni", R, rotations, centres_in_sensor)
         rhs = -(self.flanges.origins + centres_in_target_frame).reshape(
@@ -167,10 +170,10 @@ class SphereObservations:
         targets = np.concatenate([centres, sizes], axis=-1)
         return States(rotations.reshape(-1, 3, 3), solution[:, :3], targets)
 
-    def _minus_centres(self, eye: FloatArray) -> list[FloatArray]:
-        """Return the columns of the design matrix for the centre of each sphere."""
+    def _centre_columns(self) -> list[FloatArray]:
+        """Return the columns (n, 3, 3) of the design matrix for the centre of each sphere."""
         groups = range(int(self.groups.max()) + 1)
-        return [-eye * (self.groups == group)[:, None, None] for group in groups]
+        return [-np.eye(3) * (self.groups == group)[:, None, None] for group in groups]
 
 
 @dataclass(frozen=True, eq=False)

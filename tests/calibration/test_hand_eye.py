@@ -137,6 +137,12 @@ def test_the_error_at_the_working_point_is_smaller_than_at_the_origin():
     assert found.working_point_std < 0.6 * found.std_at((0, 0))
 
 
+def test_an_unknown_mounting_is_rejected():
+    boards, flanges = board_scene(3, 6)
+    with pytest.raises(ValueError, match="mounting eye_in_hand or eye_to_hand, got 'eye-in-hand'"):
+        calibrate_hand_eye_board(boards, flanges, mounting="eye-in-hand")
+
+
 def test_the_std_of_the_rotation_vector_is_that_of_its_numbers():
     calibration = calibrate_hand_eye_sphere(*sphere_scene(5), RADIUS)
     rotation = rotation_from_vector(np.array([1.2, -1.5, 1.4]))
