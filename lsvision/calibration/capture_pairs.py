@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.calibration.capture_needs import rough_camera
+from lsvision.calibration.grey_image import grey_image
 from lsvision.calibration.laser_line_on_board import LineOnBoardSettings, find_laser_view
 from lsvision.calibration.lens_blur import estimate_blur_from_views
 from lsvision.calibration.target import (
@@ -22,7 +23,6 @@ from lsvision.calibration.target import (
     TargetNotFound,
     TargetView,
     find_target,
-    grey_image,
 )
 from lsvision.errors import CalibrationFailed, LsvisionError
 from lsvision.geometry import FloatArray

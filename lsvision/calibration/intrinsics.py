@@ -40,8 +40,7 @@ from lsvision.results.result import Result
 from lsvision.sensors.camera import Camera
 
 MIN_VIEWS = 3
-"""Smallest number of views: two do not determine a full camera matrix (Zhang 2000, section 3.1).
-"""
+"""Smallest number of views: two determine no full camera matrix (Zhang 2000, section 3.1)."""
 MIN_BOW_VIEWS = 6
 """Smallest number of views from which the shape of the board is estimated."""
 OUTLIER_FACTOR = 2.5
@@ -177,8 +176,7 @@ class CameraCalibration(Result):
         -------
         dict
             ``fx_px``, ``fx_std_px`` and so on (coefficients of distortion have no unit, tau_x and
-            tau_y are in rad), ``rms_px`` of the residuals, number of views, rejected views,
-            outliers and warnings.
+            tau_y are in rad), ``rms_px``, number of views, rejected views, outliers and warnings.
         """
         return result_tables.camera_record(self)
 
@@ -247,8 +245,7 @@ def fit_camera(
 ) -> CameraCalibration:
     """Return a camera calibrated from the points of at least three views of one image size.
 
-    `sources` are the image indices of the views, and the rejected images for the result. See
-    `calibrate_camera` for result and errors.
+    `sources` are the images of the views and the rejected ones; see `calibrate_camera`.
     """
     sources = sources or ViewSources()
     require_views(len(views), MIN_VIEWS, "the target", "add images of the board", sources)
@@ -290,11 +287,9 @@ def _independent_mask(std: FloatArray, settings: CameraSettings) -> BoolArray:
 
 @dataclass(frozen=True, eq=False)
 class _Solution:
-    """Camera, poses and board of a set of views, by least squares.
+    """Camera, poses and board of a set of views; see `CameraCalibration` for uncertainties and bow.
 
-    `std` and `covariance` are those of fx, fy, cx, cy (px) and the coefficients; `poses` are
-    ``camera_from_board`` and `points` the points (n, 3) of the possibly bent board, one of each per
-    view; `bow` and `bow_std` are as in `CameraCalibration`.
+    `poses` are ``camera_from_board``, `points` those of the possibly bent board, one per view.
     """
 
     camera: Camera

@@ -9,13 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.calibration.bundle_adjustment_problem import LaserView
+from lsvision.calibration.grey_image import grey_image
 from lsvision.calibration.target import (
     CircleGrid,
     Target,
     TargetView,
     board_homography,
     find_target,
-    grey_image,
 )
 from lsvision.calibration.views import ViewSources, collect_views, require_size
 from lsvision.errors import CalibrationFailed, LsvisionError, NoLaserLine
@@ -255,15 +255,10 @@ def _find_indices_on_board(
     line_and_corner: tuple[LaserLine, IntArray],
     settings: LineOnBoardSettings,
 ) -> IntArray:
-    """Return the indices of the line's points on the board, clear of edges.
+    """Return the indices of the line's points on the board, or raise `CalibrationFailed`.
 
     `background` is the board without the line, None if there is no such image; `line_and_corner`
     are the line in a window of the image, and the window's first pixel (u, v).
-
-    Raises
-    ------
-    CalibrationFailed
-        If there are fewer than ``settings.min_points``.
     """
     line, low = line_and_corner
     pixels, outline = line.pixels + low, _outline(board_view, target, settings.margin)

@@ -194,11 +194,7 @@ def fit_laser_plane(
     rejected = _rejected_views(image_indices, inlier_mask, distances)
     plane = fit_plane(np.concatenate([laser_points[k] for k in inliers]))
     views, boards = [views[k] for k in inliers], tuple(poses[k] for k in inliers)
-    refinement = Refinement(
-        camera=len(views) >= settings.refine_camera_from,
-        bow=len(views) >= settings.fit_bow_from
-        and _pattern_fraction(views) > MIN_ON_PATTERN_FRACTION,
-    )
+    refinement = _select_refinement(views, settings)
     if refinement.camera:
         require_tilted(boards, "camera and distance")
     initial_guess = BundleAdjustmentState(camera, plane, boards, np.zeros(SHAPE_TERMS))
@@ -218,6 +214,15 @@ def fit_laser_plane(
         (*sources.rejected, *rejected),
         _outliers(calibrated_views),
         tuple(_warnings(solution, len(views), max_tilt(boards))),
+    )
+
+
+def _select_refinement(views: Sequence[LaserView], settings: LaserPlaneSettings) -> Refinement:
+    """Return what is refined beside plane and poses with these views."""
+    enough_for_bow = len(views) >= settings.fit_bow_from
+    return Refinement(
+        camera=len(views) >= settings.refine_camera_from,
+        bow=enough_for_bow and _pattern_fraction(views) > MIN_ON_PATTERN_FRACTION,
     )
 
 

@@ -274,6 +274,12 @@ def points_in_sensor_frame(
     return in_sensor, mount_jacobian, point_jacobian, flange_jacobian
 
 
+def residual_norms(observations: Observations, residuals: FloatArray) -> FloatArray:
+    """Return the norms (n,) of residuals (n, m) in mm."""
+    norms: FloatArray = np.linalg.norm(residuals * observations.mm_per_residual, axis=-1)
+    return norms
+
+
 def masked_least_squares(design: FloatArray, rhs: FloatArray, masks: FloatArray) -> FloatArray:
     """Return the solution of a linear least-squares problem for each selection of poses.
 

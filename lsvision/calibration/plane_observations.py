@@ -73,8 +73,7 @@ class PlaneObservations:
         normal, distance = targets[..., :3], targets[..., 3]
         mount_from_target = np.swapaxes(self.flanges.rotations, -1, -2)
         normal_in_mount = (mount_from_target @ normal[..., None])[..., 0]
-        # Axis 2 of the following arrays: the midpoint, which gives the offset, and the direction,
-        # which gives the slope and is not translated.
+        # Axis 2: the midpoint, for the offset, and the direction, which is not translated.
         vectors_in_mount = np.stack(
             [_rotate_to_mount(states, v) for v in (self.midpoints, self.directions)], axis=2
         )

@@ -109,8 +109,7 @@ class PosePlan(Result):
         Returns
         -------
         dict
-            ``poses``, a record each: candidate's index, 4x4 matrix (mm), ``predicted_std_mm`` and
-            ``predicted_origin_std_mm``.
+            ``poses``, a record each: candidate's index, 4x4 matrix and predicted std (mm).
         """
         names = ("index", "base_from_flange", "predicted_std_mm", "predicted_origin_std_mm")
         matrices = [pose.matrix.tolist() for pose in self.base_from_flanges]
@@ -180,9 +179,8 @@ class PlanningTarget(Protocol):
 
 
 SPHERE_DEFAULTS = PosePlanSettings()
-"""Settings by default for a sphere."""
 PLANE_DEFAULTS = PosePlanSettings(max_tilt=np.radians(40.0))
-"""Settings by default for a plate. Larger tilts than for a sphere: they add information."""
+"""Larger tilts than for a sphere: they add information."""
 
 
 def plan_hand_eye_poses(
@@ -211,8 +209,8 @@ def plan_hand_eye_poses(
     measured : sequence of Pose or (4, 4) array_like
         ``base_from_flange`` of poses already measured.
     candidates : sequence of Pose or (4, 4) array_like, optional
-        Reachable ``base_from_flange`` poses to choose from, the target in the sensor's range; by
-        default random ones within `settings` with a view of the sphere.
+        Reachable ``base_from_flange`` poses to choose from, the target in the sensor's range;
+        random ones within `settings` by default.
     settings : PosePlanSettings
         Number of poses, limits and standard deviations.
 
@@ -258,8 +256,7 @@ def plan_hand_eye_poses_plane(
     Parameters
     ----------
     flange_from_section : Pose or (4, 4) array_like
-        Nominal pose of the sensor, from a drawing or a first calibration, accurate to a few degrees
-        and mm.
+        Nominal pose of the sensor, accurate to a few degrees and mm.
     plane : Plane
         Approximate plate in the base frame. The measured side is the one that most of `measured`
         face; without any, the one that the normal points to.
@@ -319,10 +316,9 @@ def _select_poses(
             f"{int(available.sum())} candidate poses {target.requirement} and {count} are "
             "requested: give more candidates, or a better nominal pose of the sensor"
         )
-    information_matrices = _information_matrices(
+    information_matrices = usable[:, None, None] * _information_matrices(
         target, positions, poses, nominal, settings.robot_std
     )
-    information_matrices = information_matrices * usable[:, None, None]
     prior_information = np.diag(np.array([*PRIOR_STD, *target.prior_std]) ** -2)
     information = prior_information + information_matrices[: len(measured)].sum(axis=0)
     lever_arm = nominal.rotation @ positions[usable].mean(axis=0)
@@ -340,8 +336,7 @@ def _random_poses(target: PlanningTarget, nominal: Pose, settings: PosePlanSetti
     spin = rng.uniform(-settings.max_spin, settings.max_spin, size)
     tilts = rng.uniform(-settings.max_tilt, settings.max_tilt, (size, 2))
     zero = np.zeros(size)
-    # From the right: the section upright, tilted about the base's X and Y, turned about its Z,
-    # which then becomes the viewing direction.
+    # From the right: the section upright, tilted about X and Y of the base, turned about its Z.
     spun = target.viewing_rotation @ rotations_from_vectors(np.column_stack([zero, zero, spin]))
     rotations = spun @ rotations_from_vectors(np.column_stack([tilts, zero])) @ UPRIGHT
     targets_in_section = rng.uniform(-1, 1, (size, 3)) * (
@@ -385,9 +380,7 @@ def _select_greedily(
 ) -> tuple[IntArray, list[tuple[float, float]]]:
     """Return the indices of the selected poses, and two predicted std (mm) after each of them.
 
-    `information` (p, p) is that of the prior and the measured poses, `information_matrices`
-    (n, p, p) that of each pose. The std are those of the point at `lever_arm` (mm) from the
-    sensor's origin, along the axes of the flange, and of the origin.
+    They are those of the point at `lever_arm` from the sensor's origin, and of the origin.
     """
     available = available.copy()
     weights = np.array([1.0] * 3 + [MM_PER_RADIAN**2] * 3)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from lsvision.results.quantities import Record
 
 Row = tuple[str, str, str]
-"""Name, number with sigma, unit."""
+"""Name, number with one sigma, unit."""
 
 
 def cells_of_rows(rows: Sequence[Row]) -> list[tuple[str, ...]]:

@@ -17,14 +17,13 @@ import numpy.typing as npt
 
 from lsvision.calibration.chessboard_corners import initial_corners, locate_corners
 from lsvision.calibration.chessboard_numbering import corner_order, reading_order
+from lsvision.calibration.grey_image import grey_image
 from lsvision.errors import CalibrationFailed
 from lsvision.geometry import FloatArray, Points, as_readonly_array
 from lsvision.geometry.equality import ComparedByValue
-from lsvision.laser_line.image_array import as_image
 
 MIN_CHARUCO_CORNERS = 6
-"""Smallest number of inner corners of a visible ChArUco board: four determine its homography, the
-others check it."""
+"""Smallest number of visible inner corners: four determine the homography, two check it."""
 
 
 class TargetNotFound(CalibrationFailed):
@@ -399,22 +398,3 @@ def _check_grid(columns: int, rows: int, length: float, name: str) -> None:
         raise ValueError(f"expected at least 3 columns and rows, got {columns} x {rows}")
     if not (np.isfinite(length) and length > 0):
         raise ValueError(f"expected a positive {name} in mm, got {length}")
-
-
-def grey_image(image: npt.ArrayLike) -> npt.NDArray[np.uint8]:
-    """Return an 8- or 16-bit grey or colour image as 8-bit grey.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If it is not an image.
-    """
-    array = as_image(image)
-    if array.dtype.kind == "f":
-        raise TypeError(f"expected an image of uint8 or uint16, got {np.asarray(image).dtype}")
-    if array.dtype == np.uint16:
-        # 10- and 12-bit cameras leave the upper bits zero: scale by the largest value.
-        array = (array.astype(np.float64) * (255 / max(int(array.max()), 1))).astype(np.uint8)
-    if array.ndim == 3:
-        array = cv2.cvtColor(np.ascontiguousarray(array), cv2.COLOR_BGR2GRAY)
-    return np.ascontiguousarray(array, dtype=np.uint8)

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.calibration.target import grey_image
+from lsvision.calibration.grey_image import grey_image
 from lsvision.geometry import FloatArray, Points
 from lsvision.laser_line.mosaic import Bayer, interpolate_grey
 from lsvision.results.palette import LASER_LINE, LASER_PLANE, OUTLIER

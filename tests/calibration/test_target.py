@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from lsvision.calibration.board_pose import guess_camera_from_board
+from lsvision.calibration.grey_image import grey_image
 from lsvision.calibration.target import (
     ChArUco,
     Chessboard,
@@ -14,7 +15,6 @@ from lsvision.calibration.target import (
     TargetNotFound,
     TargetView,
     find_target,
-    grey_image,
 )
 from lsvision.calibration.target_files import (
     Disc,
