@@ -10,7 +10,7 @@ from steps import run_step
 
 
 def command(folder: Path, results: Path) -> list[str]:
-    """Words of ``lsvision calibrate camera`` for a folder."""
+    """Return the arguments of ``lsvision calibrate`` for a folder with images and its results."""
     return [
         *("camera", str(folder / "boards"), "--out", str(results / "camera.json")),
         *("--ros-yaml", str(results / "camera.yaml"), "--report", str(results / "camera.html")),

@@ -12,7 +12,7 @@ from steps import run_step
 
 
 def command(folder: Path, results: Path) -> list[str]:
-    """Words of ``lsvision calibrate laser-plane`` for a folder."""
+    """Return the arguments of ``lsvision calibrate`` for a folder with images and its results."""
     return [
         *("laser-plane", "--camera", str(results / "camera.json")),
         *("--boards", str(folder / "boards"), "--lines", str(folder / "lines")),

@@ -11,10 +11,11 @@ from pathlib import Path
 from steps import run_step
 
 EXAMPLE_OPTIONS = ("--convention", "kuka", "--radius", "20")
+"""Options that the shipped example needs: how its poses are written, radius of the sphere in mm."""
 
 
 def command(folder: Path, results: Path) -> list[str]:
-    """Words of ``lsvision calibrate hand-eye sphere`` for a folder."""
+    """Return the arguments of ``lsvision calibrate`` for a folder with profiles and its results."""
     return [
         *("hand-eye", "sphere", str(folder / "sphere")),
         *("--poses", str(folder / "sphere_poses.csv"), "--out", str(results / "hand_eye.json")),

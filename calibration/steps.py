@@ -1,4 +1,4 @@
-"""What the three steps share: a command of ``lsvision`` on a folder, its results beside it."""
+"""Run a command ``lsvision calibrate`` on a folder, for the scripts of the three steps."""
 
 import argparse
 import sys
@@ -15,28 +15,28 @@ def run_step(
     command: Callable[[Path, Path], list[str]],
     example_options: tuple[str, ...] = (),
 ) -> None:
-    """Run a step on the folder that is named, or else on the shipped example.
+    """Run a step on the folder of the command line, or else on the shipped example.
 
     Parameters
     ----------
     about : str
         The script's own docstring, for ``--help``.
     command : callable
-        Words behind ``lsvision calibrate``, given the folder and that of the results.
+        Returns the arguments of ``lsvision calibrate`` for a folder and that of its results.
     example_options : tuple of str
-        Options that the shipped example needs beside them.
+        Further options for the shipped example.
     """
     from lsvision.cli import main
 
-    words = argparse.ArgumentParser(description=about)
-    words.add_argument("folder", nargs="?", type=Path)
-    words.add_argument("--results", type=Path)
-    given, options = words.parse_known_args()
-    if given.folder is None:
+    parser = argparse.ArgumentParser(description=about)
+    parser.add_argument("folder", nargs="?", type=Path)
+    parser.add_argument("--results", type=Path)
+    arguments, options = parser.parse_known_args()
+    if arguments.folder is None:
         options = [*example_options, *options]
-    folder = given.folder or EXAMPLE
-    results = given.results or folder / "results"
-    if folder.is_dir():
-        results.mkdir(exist_ok=True)
+    folder = arguments.folder or EXAMPLE
+    results = arguments.results or folder / "results"
+    if folder.is_dir():  # a folder with a wrong name is not made
+        results.mkdir(parents=True, exist_ok=True)
     sys.argv = ["lsvision", "calibrate", *command(folder, results), *options]
     main()

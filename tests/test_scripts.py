@@ -119,6 +119,12 @@ def test_a_folder_of_ones_own_is_taken_and_a_missing_one_is_named(tmp_path):
     assert not (tmp_path / "nowhere").exists()
 
 
+def test_a_missing_folder_of_results_is_made(tmp_path):
+    done = script("camera", "--results", tmp_path / "new" / "results")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "new" / "results" / "camera.json").is_file()
+
+
 def test_poses_of_ones_own_need_their_convention(tmp_path):
     done = script("sensor_to_robot", tmp_path)
     assert done.returncode == 2
