@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from lsvision.calibration.board_pose import estimate_board_pose, guess_camera_from_board
 from lsvision.calibration.target import Target, TargetView, board_homography, find_target
-from lsvision.calibration.views import require_size
+from lsvision.calibration.views import require_size, rms_distance
 from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import FloatArray, Plane, Pose
 from lsvision.results.quantities import Record, json_numbers
@@ -45,7 +45,7 @@ class BoardInPlane(Result):
     @property
     def rms_px(self) -> float:
         """Root mean square distance of projected and observed points. Units: px."""
-        return float(np.sqrt(np.mean(np.sum(self.residuals**2, axis=1))))
+        return rms_distance(self.residuals)
 
     def to_dict(self) -> Record:
         """Return the plane and the residuals, ready for JSON.

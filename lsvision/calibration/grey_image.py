@@ -10,6 +10,8 @@ from lsvision.laser_line.image_array import as_image
 def grey_image(image: npt.ArrayLike) -> npt.NDArray[np.uint8]:
     """Return an 8- or 16-bit grey or colour image as 8-bit grey.
 
+    The largest value of a 16-bit image becomes 255.
+
     Raises
     ------
     TypeError, ValueError

@@ -30,6 +30,7 @@ from lsvision.calibration.views import (
     outlier_views,
     require_tilted,
     require_views,
+    rms_distance,
 )
 from lsvision.errors import CalibrationFailed
 from lsvision.geometry import BoolArray, FloatArray, Pose
@@ -119,7 +120,7 @@ class CalibratedView(ComparedByValue):
     @property
     def rms_px(self) -> float:
         """Root mean square distance of projected and observed points. Units: px."""
-        return float(np.sqrt(np.mean(np.sum(self.residuals**2, axis=1))))
+        return rms_distance(self.residuals)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -161,8 +162,7 @@ class CameraCalibration(Result):
     @property
     def rms_px(self) -> float:
         """Root mean square distance over all points, as in OpenCV. Units: px."""
-        residuals = np.concatenate([view.residuals for view in self.views])
-        return float(np.sqrt(np.mean(np.sum(residuals**2, axis=1))))
+        return rms_distance(np.concatenate([view.residuals for view in self.views]))
 
     @property
     def parameters(self) -> dict[str, tuple[float, float]]:

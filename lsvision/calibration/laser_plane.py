@@ -41,6 +41,7 @@ from lsvision.calibration.views import (
     outlier_views,
     require_tilted,
     require_views,
+    rms_distance,
 )
 from lsvision.errors import CalibrationFailed
 from lsvision.geometry import FloatArray
@@ -360,7 +361,7 @@ def _outliers(views: Sequence[CalibratedLaserView]) -> tuple[RejectedView, ...]:
         outlier
         for name, rms_values in (
             ("laser line", [rms(view.line_residuals) for view in views]),
-            ("corners", [rms(view.corner_residuals) for view in views]),
+            ("corners", [rms_distance(view.corner_residuals) for view in views]),
         )
         for outlier in outlier_views(
             indices, rms_values, OUTLIER_FACTOR, prefix=f"{name} off by ", remedy=remedy

@@ -14,7 +14,7 @@ from lsvision.calibration.result_tables import (
     laser_plane_rows,
     rejection_lines,
 )
-from lsvision.calibration.views import RejectedView
+from lsvision.calibration.views import RejectedView, rms_distance
 from lsvision.geometry import FloatArray, Plane, Pose
 from lsvision.geometry.arrays import rms
 from lsvision.geometry.equality import ComparedByValue
@@ -99,8 +99,7 @@ class LaserPlaneCalibration(Result):
     @property
     def corner_rms(self) -> float:
         """Root mean square residual of the corners, per point as in OpenCV. Units: px."""
-        residuals = np.concatenate([view.corner_residuals for view in self.views])
-        return float(np.sqrt(2)) * rms(residuals)
+        return rms_distance(np.concatenate([view.corner_residuals for view in self.views]))
 
     def to_dict(self) -> Record:
         """Return the plane with its uncertainty and the residuals, ready for JSON.

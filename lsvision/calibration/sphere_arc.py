@@ -285,13 +285,17 @@ def _build_arc(
     indices: IntArray,
     estimate_noise: bool,
 ) -> SphereArc:
-    """Return the arc with covariance and autocorrelation time."""
+    """Return the arc with covariance and autocorrelation time.
+
+    If `estimate_noise`, the `variances` of the points are relative, and their factor is estimated.
+    """
     residuals, jacobian = _residuals(points, circle), _jacobian(points, circle)
     dof = len(points) - 3
     variance_factor = float((residuals**2 / variances).sum()) / dof
     # A stated noise is only increased, where the residuals are larger than it predicts.
     variance_factor = variance_factor if estimate_noise else max(variance_factor, 1.0)
     information = jacobian.T @ (jacobian / variances[:, None])
+    # The floor keeps the covariance of exact points invertible.
     covariance = variance_factor * np.linalg.inv(information) + 1e-12 * np.eye(3)
     gradient = _height_scale_gradient(points, circle, variances)
     autocorrelation_time = debiased_autocorrelation_time(residuals / np.sqrt(variances), 3)

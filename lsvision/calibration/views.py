@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from lsvision.calibration.repeated import find_repeated
 from lsvision.errors import CalibrationFailed, DegenerateGeometry, LsvisionError
-from lsvision.geometry import Pose
+from lsvision.geometry import FloatArray, Pose
 from lsvision.laser_line.image_array import as_image
 from lsvision.results.summaries import counted
 from lsvision.sensors.camera import Camera
@@ -151,6 +151,11 @@ def require_tilted(camera_from_boards: Sequence[Pose], undetermined: str) -> Non
             f"all boards are parallel within {np.degrees(largest_angle):.1f} deg, which leaves "
             f"{undetermined} undetermined: tilt the board by 25 deg and more to all sides"
         )
+
+
+def rms_distance(residuals: FloatArray) -> float:
+    """Return the root mean square length of residuals (n, 2), per point as in OpenCV."""
+    return float(np.sqrt(np.mean(np.sum(residuals**2, axis=1))))
 
 
 def outlier_views(

@@ -115,6 +115,17 @@ def test_outlying_line_is_reported_and_does_not_change_the_plane():
     assert_same_plane(found.plane, BoardScene().plane, 0.5)
 
 
+def test_outlying_corners_are_reported_with_the_rms_of_the_table():
+    scene, rng = BoardScene(), np.random.default_rng(9)
+    views = views_of(scene, 8)
+    noise = rng.normal(0, 0.6, views[3].pixels.shape)
+    views[3] = replace(views[3], pixels=views[3].pixels + noise)
+    found = fit_laser_plane(camera_of(scene), views, HELD)
+    (outlier,) = found.outliers
+    only = replace(found, views=(found.views[3],))
+    assert outlier.reason.startswith(f"corners off by {only.corner_rms:.2f} px rms")
+
+
 def test_boards_with_small_tilt_give_a_warning():
     scene = BoardScene(tilt=np.radians(10))
     found = fit_laser_plane(camera_of(scene), views_of(scene, 10))
