@@ -25,21 +25,21 @@ MARKER_TOLERANCE = 1e-7
 """Largest relative difference at which a coordinate equals a marker of lost points: coordinates in
 single precision are rounded."""
 MAX_NOISE_FACTOR, MAX_ESTIMATED_NOISE_FACTOR = 3.0, 4.0
-"""Largest ratio of the scatter about an ellipse to the standard deviation of a point: for a noise
+"""Largest ratio of the rms residual of an ellipse to the noise of the points: for a given noise
 model, and for an estimated noise, which is too small if the sensor smooths along the line."""
 MAX_RELATIVE_SCATTER = 1e-2
-"""Ratio of scatter to radius that is always accepted: it covers the form deviation of pipes (below
-1e-3) and errors common to neighbours, which the noise estimate does not contain (0.1 mm at a radius
-of 10 mm)."""
+"""Ratio of the rms residual to the radius that is always accepted: it covers the form deviation of
+pipes (below 1e-3) and errors common to neighbours, which the noise estimate does not contain (0.1
+mm at a radius of 10 mm)."""
 
-METRES_EXTENTS, METRES_PITCH, MIN_STEPS = (1e-3, 1.0), 0.002, 5
-"""Range of the extent (mm) and largest pitch (mm) of a profile that is taken to be in metres, and
+METRES_EXTENTS_MM, METRES_PITCH_MM, MIN_STEPS = (1e-3, 1.0), 0.002, 5
+"""Extents between which, and pitch below which, a profile given as mm is taken to be in metres, and
 smallest number of steps between points for that test. No profile sensor reaches these values: the
 smallest fields of view are some mm wide, the finest pitch is 0.0025 mm."""
 
 MAX_PLAUSIBLE_COORDINATE_MM = 1e5
-"""Largest coordinate without a warning: lidars reach 100 m, and a profile in micrometres at a range
-of 0.1 m has this coordinate. Units: mm."""
+"""Largest coordinate without a warning: lidars reach 100 m, and a point at a range of 0.1 m, given
+in micrometres, has this coordinate."""
 MIN_ZERO_ROWS = 3
 """Smallest number of points at (0, 0) that causes the warning of markers of lost points."""
 
@@ -127,9 +127,9 @@ class Profile(ComparedByValue):
     ----------
     points : (n, 2) array_like or data frame
         Section frame: X along the laser line, Y towards the sensor. The index of a point is its
-        column in the sensor. A lost point is a row of NaN; a point with an infinite coordinate, or
-        one beyond 1e9 mm, becomes such a row. A data frame has columns x and z (or y): see
-        `lsvision.geometry.arguments.as_section_points`. Units: mm.
+        column in the sensor. A lost point is a row of NaN; a point with a NaN or infinite
+        coordinate, or one beyond 1e9 mm, becomes such a row. A data frame has columns x and z (or
+        y): see `lsvision.geometry.arguments.as_section_points`. Units: mm.
     noise : NoiseModel, optional
         Noise model of the points.
     lost : float or sequence of float, optional
@@ -205,14 +205,13 @@ def as_profile(points: Profile | npt.ArrayLike) -> Profile:
     Warns
     -----
     UserWarning
-        If the points seem to be in metres: the longer span is 0.001 to 1 mm, with less than
-        0.002 mm from one point to the next along X. The finest profile sensors sold have a pitch
-        of 0.0025 mm; a profile of 376 points over 0.2 m, given in metres, has one of 0.0005.
-        Also if a coordinate exceeds 100 m, which hints at micrometres.
+        If the points seem to be in metres: the longer side of their bounding box is 0.001 to 1 mm,
+        and the median step along X is below 0.002 mm (376 points over 0.2 m, given in metres, have
+        one of 0.0005 mm). Also if a coordinate exceeds 100 m, as of points in micrometres.
     """
     profile = points if isinstance(points, Profile) else Profile(cast("Points", points))
     valid = profile.points[~np.isnan(profile.points[:, 0])]
-    extent, (low, high) = measure_extent(valid), METRES_EXTENTS
+    extent, (low, high) = measure_extent(valid), METRES_EXTENTS_MM
     largest_coordinate = float(np.abs(valid).max(initial=0.0))
     if largest_coordinate > MAX_PLAUSIBLE_COORDINATE_MM:
         warnings.warn(
@@ -225,7 +224,7 @@ def as_profile(points: Profile | npt.ArrayLike) -> Profile:
         return profile
     steps = np.abs(np.diff(valid[:, 0]))
     steps = steps[steps > 0]  # sensors may repeat a sample
-    if len(steps) >= MIN_STEPS and np.median(steps) < METRES_PITCH:
+    if len(steps) >= MIN_STEPS and np.median(steps) < METRES_PITCH_MM:
         warnings.warn(
             f"expected a profile in mm, got one of {extent:.3g} mm with a point every "
             f"{np.median(steps):.2g} mm: if they are in metres, multiply the points by 1000",
@@ -257,10 +256,10 @@ def require_several(profiles: Any) -> None:
 
 
 def _mark_lost(points: Points, lost: BoolArray) -> Points:
-    """Return read-only points with NaN in the rows of lost ones."""
-    points_with_lost_rows: Points = np.where(lost[:, np.newaxis], np.nan, points)
-    points_with_lost_rows.setflags(write=False)
-    return points_with_lost_rows
+    """Return read-only points with NaN in the rows where `lost` (n,) is true."""
+    marked: Points = np.where(lost[:, np.newaxis], np.nan, points)
+    marked.setflags(write=False)
+    return marked
 
 
 def _warn_about_markers(points: Points) -> None:
@@ -286,25 +285,26 @@ def _warn_about_markers(points: Points) -> None:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PreparedProfile:
-    """Profile in its order along the line, with the noise of its points.
+    """Valid points of a profile in their order along the line, with their noise.
 
     Parameters
     ----------
     points : (n, 2) ndarray
-        Points of the profile in their order along the line. Units: mm.
+        Valid points in their order along the line; if all points are lost, all of them, as NaN
+        rows. Units: mm.
     noisy_points : NoisyPoints
-        Points with the covariances of their errors, in complex numbers.
+        The same points as complex numbers x + iy, with the covariances of their errors.
     valid_indices : (k,) int ndarray
-        Indices of the `points` that are not lost, ascending.
+        Indices of the `points` that are not lost: 0 to n - 1, or none.
     sensor_columns : (n,) int ndarray
         Index of each of `points` in the `Profile`.
     noise_std : float
-        Typical standard deviation of a point along its largest error. Units: mm.
+        Median standard deviation of a point in the direction of its largest error. Units: mm.
     pitch : float
-        Typical spacing of neighbouring points along X; always positive. Units: mm.
+        Median spacing of neighbouring points along X; always positive. Units: mm.
     min_variance_factor : float
-        Smallest ratio of the true variances to those of `noisy_points`: 1 for a given noise
-        model, less for an estimated one.
+        Smallest ratio that a fit accepts of the true variances to those of `noisy_points`: 1 for a
+        given noise model, less for an estimated noise.
     """
 
     points: Points
@@ -326,21 +326,27 @@ class PreparedProfile:
         return self.noise_std if self.noise_is_estimated else None
 
     def max_noise_factor(self, radius: float) -> float:
-        """Return the largest accepted scatter about an ellipse, as a multiple of the noise.
+        """Return the largest accepted ratio of the rms residual of an ellipse to `noise_std`.
 
         Parameters
         ----------
         radius : float
             Radius of the cylinder. Units: mm.
+
+        Returns
+        -------
+        float
+            Infinite for points without noise.
         """
-        modelled = MAX_ESTIMATED_NOISE_FACTOR if self.noise_is_estimated else MAX_NOISE_FACTOR
-        scatter = MAX_RELATIVE_SCATTER * radius
-        return max(modelled, scatter / self.noise_std) if self.noise_std else math.inf
+        if self.noise_std == 0:
+            return math.inf
+        factor = MAX_ESTIMATED_NOISE_FACTOR if self.noise_is_estimated else MAX_NOISE_FACTOR
+        return max(factor, MAX_RELATIVE_SCATTER * radius / self.noise_std)
 
 
 @dataclass(frozen=True)
 class Arc:
-    """Range of indices of a profile whose inliers lie on one ellipse.
+    """Span of consecutive points of a profile, whose inliers lie on one ellipse.
 
     Parameters
     ----------
@@ -364,7 +370,7 @@ class Arc:
         return self.stop - self.start
 
     def of(self, profile: Profile) -> Points:
-        """Return the points of the span, lost points as NaN rows. Units: mm.
+        """Return the points of the arc, lost points as NaN rows.
 
         Parameters
         ----------
