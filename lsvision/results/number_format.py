@@ -10,6 +10,7 @@ MAX_DECIMALS = 6
 
 
 _HYPHEN_MINUS = re.compile(r"(?<![\w.)])-(?=\.?\d)")
+"""Hyphen before a number, but not after another number, a word or a bracket."""
 
 
 def with_minus_signs(text: str) -> str:
@@ -24,7 +25,7 @@ def with_minus_signs(text: str) -> str:
 
 
 def format_value(value: float, std: float) -> str:
-    """Return a number with its std; two digits of the std set the decimals of both.
+    """Return a number with its std, both with the decimals of `decimals_for`.
 
     Parameters
     ----------
@@ -42,12 +43,12 @@ def format_value(value: float, std: float) -> str:
 
 
 def format_std(std: float) -> str:
-    """Return a std with two digits, also if the last is 0.
+    """Return a std with the decimals of `decimals_for`; "unknown" if it is not finite.
 
     Examples
     --------
-    >>> format_std(0.0499), format_std(12.3)
-    ('0.050', '12')
+    >>> format_std(0.0499), format_std(12.3), format_std(math.inf)
+    ('0.050', '12', 'unknown')
     """
     if std == 0:
         return "0"
@@ -55,7 +56,11 @@ def format_std(std: float) -> str:
 
 
 def decimals_for(std: float) -> int:
-    """Return the decimals that show two digits of a std; 4 without a valid std."""
+    """Return the number of decimals that shows two digits of a std.
+
+    It is 0 from a std of 10 on, at most `MAX_DECIMALS`, and `DEFAULT_DECIMALS` for a std that is 0
+    or not finite.
+    """
     if not (math.isfinite(std) and std > 0):
         return DEFAULT_DECIMALS
     return min(max(1 - math.floor(math.log10(std)), 0), MAX_DECIMALS)

@@ -13,8 +13,9 @@ from lsvision.results.number_format import decimals_for, format_value
 Record = dict[str, Any]
 """Keys and values of a result, ready for JSON."""
 Unit = Literal["mm", "deg", "mm_per_m", "percent"]
+"""Unit of a quantity, as at the end of keys and columns."""
 LEVEL = 0.95
-"""Level of confidence of the intervals in tables and files."""
+"""Level of confidence of the intervals in tables and files; the 95 in keys and columns."""
 DEG_PER_RAD = math.degrees(1.0)
 
 
@@ -25,9 +26,9 @@ class Quantity:
     Parameters
     ----------
     name : str
-        Name of the result's property, or ``centre_x``.
+        Name of the quantity, such as ``radius`` or ``centre_x``.
     unit : {"mm", "deg", "mm_per_m", "percent"}
-        Unit in tables and files; angles are rad inside.
+        Unit in tables and files.
 
     Examples
     --------
@@ -52,11 +53,11 @@ class Quantity:
 
     @property
     def scale(self) -> float:
-        """Factor from the package's units (mm, rad) to the unit of the quantity."""
+        """Factor that converts rad to deg; 1 for other units, in which numbers are given."""
         return DEG_PER_RAD if self.unit == "deg" else 1.0
 
     def in_unit(self, interval: tuple[float, float]) -> tuple[float, float]:
-        """Return an interval, given in mm or rad, in the unit of the quantity."""
+        """Return an interval in the unit of the quantity; that of an angle is given in rad."""
         low, high = interval
         return low * self.scale, high * self.scale
 
@@ -106,7 +107,7 @@ class Estimate:
     def of(
         cls, quantity: Quantity, value: float, std: float, determined: bool = True
     ) -> "Estimate":
-        """Return the estimate of a number in mm or rad, without interval."""
+        """Return an estimate without interval; angles are given in rad."""
         no_interval = (math.nan, math.nan)
         return cls(quantity, value * quantity.scale, std * quantity.scale, no_interval, determined)
 
@@ -144,20 +145,21 @@ def json_numbers(values: npt.ArrayLike) -> list[float | None]:
 
 
 def flat_row(record: Record, quantities: Sequence[Quantity] = ()) -> Record:
-    """Return the columns of a record: numbers and text unchanged, an interval as its ends.
+    """Return a record as one row of a table, without nested values.
 
     Parameters
     ----------
     record : dict
-        Record of one cylinder.
+        Record of one cylinder, or of another item.
     quantities : sequence of Quantity
-        Quantities whose intervals the record holds.
+        Quantities whose intervals become columns.
 
     Returns
     -------
     dict
-        The intervals of `quantities` as ``*_low_95_*`` and ``*_high_95_*``; three numbers as
-        ``_x``, ``_y``, ``_z``, before the unit. Lists of other lengths and records are left out.
+        Numbers and text unchanged; the ends of the intervals of `quantities` as ``*_low_95_*`` and
+        ``*_high_95_*``; three coordinates as ``*_x``, ``*_y``, ``*_z``, before the unit. Other
+        lists, and records within the record, are left out.
 
     Examples
     --------

@@ -14,10 +14,11 @@ if TYPE_CHECKING:
 
 
 class Result(ComparedByValue, ABC):
-    """Base class of results: one definition of their numbers for screen, notebook and file.
+    """Base class of results, which have the same numbers on screen, in a notebook and in files.
 
     ``repr(result)`` is one line, ``print(result)`` writes a table; a notebook shows the table and,
-    for measurements, a small picture. Results are equal if all their numbers are equal.
+    for measurements, a small picture. Results of one class are equal if their fields are equal,
+    arrays number by number.
     """
 
     __slots__ = ()
@@ -29,8 +30,8 @@ class Result(ComparedByValue, ABC):
         Returns
         -------
         dict
-            Every key ends in its unit: lengths ``*_mm``, angles ``*_deg``. A number that is not
-            finite, such as an infinite standard deviation, is None.
+            The key of a number that has a unit ends in it: ``*_mm``, ``*_deg``, ``*_px``. A number
+            that is not finite, such as an infinite standard deviation, is None.
 
         Examples
         --------
@@ -55,7 +56,7 @@ class Result(ComparedByValue, ABC):
         Raises
         ------
         TypeError
-            If `indent` is not a number, such as the name of a file.
+            If `indent` is not an integer, such as the name of a file.
 
         Examples
         --------
@@ -66,7 +67,7 @@ class Result(ComparedByValue, ABC):
         """
         if not (indent is None or isinstance(indent, int)):
             raise TypeError(
-                f"expected indent as a number of blanks, got {indent!r}: "
+                f"expected indent as a number of spaces, got {indent!r}: "
                 "pathlib.Path(name).write_text(result.to_json()) writes a file"
             )
         return json.dumps(self.to_dict(), indent=indent, allow_nan=False)
@@ -116,22 +117,23 @@ class Result(ComparedByValue, ABC):
 
     @abstractmethod
     def _summary(self) -> str:
-        """Return the content of the repr."""
+        """Return the text of the repr after the name of the class."""
 
     @abstractmethod
     def _cells(self) -> Cells:
-        """Return rows of the table, the first its header."""
+        """Return the rows of the table; the first is its header, alone if there is no table."""
 
     def _notes(self) -> list[str]:
         """Return the lines below the table."""
         return []
 
     def _lines(self) -> list[str]:
+        """Return the printed lines: the table, and the notes below it."""
         rows = self._cells()
         return [*(text_table(rows) if len(rows) > 1 else []), *self._notes()]
 
     def _rows(self) -> list[Record]:
-        """Return rows of the data frame."""
+        """Return the rows of the data frame."""
         return [flat_row(self.to_dict())]
 
     def _picture(self) -> str:

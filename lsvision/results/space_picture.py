@@ -19,8 +19,8 @@ from lsvision.results.picture import (
 )
 
 AZIMUTH_DEG, ELEVATION_DEG = -55.0, 25.0
-"""Direction from the drawing to the viewer: from X towards Y, and above the XY plane. The X axis
-runs to the right and a little away from the lower edge, Y to the right and away, Z upwards."""
+"""Direction from the drawing to the viewer: from X towards Y, and above the XY plane. In the
+picture X runs to the right and a little downwards, Y to the right and upwards, Z upwards."""
 BORDER_PX = 46.0
 """Space around the drawing for numbers and names of the axes. Units: px."""
 LABEL_PX = 11
@@ -43,7 +43,7 @@ LABEL_POSITIONS: dict[str, tuple[float, float, str]] = {
 numbers of two axes at one corner do not overlap."""
 
 MIN_LENGTH_MM = 0.01
-"""Length of an axis below which its numbers get no more decimals. Units: mm."""
+"""Length of an axis below which its numbers get no more decimals."""
 
 DrawnCylinder = tuple[Points, Sequence[Points], Points]
 """Measured points, circles at the ends of the cylinder, and the two ends of its axis, in mm."""
@@ -95,7 +95,7 @@ def draw_space_svg(cylinders: Sequence[DrawnCylinder], description: str) -> str:
 
 
 def _projection() -> FloatArray:
-    """Return the projection matrix (2, 3) to the picture: to the right, and downwards."""
+    """Return the (2, 3) matrix that projects a point to the picture: to the right, downwards."""
     azimuth, elevation = math.radians(AZIMUTH_DEG), math.radians(ELEVATION_DEG)
     cos, sin = math.cos(azimuth), math.sin(azimuth)
     right = (-sin, cos, 0.0)
@@ -122,9 +122,8 @@ def _axes(box: FloatArray, to_pixels: Callable[[Points], FloatArray]) -> list[st
 def _end_numbers(low: float, high: float) -> list[str]:
     """Return both ends of an axis with at least two digits of their distance."""
     decimals = max(0, 1 - math.floor(math.log10(max(high - low, MIN_LENGTH_MM))))
-    return [
-        with_minus_signs(f"{round(value, decimals) + 0.0:.{decimals}f}") for value in (low, high)
-    ]
+    rounded = [round(value, decimals) + 0.0 for value in (low, high)]  # -0.0 + 0.0 is 0.0
+    return [with_minus_signs(f"{value:.{decimals}f}") for value in rounded]
 
 
 def _cylinder(

@@ -1,4 +1,4 @@
-"""Lines of text on the cylinders and the rejections of a result."""
+"""Text on the cylinders and the rejections of a result."""
 
 from collections.abc import Sequence
 from typing import Protocol
@@ -47,12 +47,12 @@ def cylinder_summary(cylinders: Sequence[HasRadius]) -> str:
 
 
 def rejection_notes(rejections: Sequence[object], noun: str, *, has_cylinders: bool) -> list[str]:
-    """Return the number of rejections, and each of them if no cylinder was found.
+    """Return lines with the number of rejections, and each of them if no cylinder was found.
 
     Parameters
     ----------
     rejections : sequence
-        Rejections; ``str`` gives the reason.
+        Rejections; ``str`` of each states which points were rejected, and why.
     noun : str
         Noun for a rejected item, in the singular.
     has_cylinders : bool

@@ -3,10 +3,11 @@
 from collections.abc import Sequence
 
 Cells = Sequence[Sequence[str]]
+"""Rows of a table, each a sequence of cells."""
 
 
 def text_table(rows: Cells, left: int = 0) -> list[str]:
-    r"""Return the lines of a table.
+    r"""Return rows of cells as lines, the columns aligned and two spaces between them.
 
     Parameters
     ----------
