@@ -113,6 +113,11 @@ def test_the_hash_of_a_job_tells_every_setting():
         BatchJob(partial(measure_profiles, sensor=lsv.LPS36)),
         BatchJob(partial(measure_profiles, sensor=lsv.LPS36HI)),
         BatchJob(reading={"units": "um"}),
+        BatchJob(reading={"flip": True}),
+        BatchJob(reading={"flip": False}),  # None: as the file states
+        BatchJob(reading={"lost": 0.0}),
+        BatchJob(reading={"dx": 0.5}),
+        BatchJob(reading={"dx": 0.5, "x0": 0.0}),
     ]
     assert len({job.hash for job in jobs}) == len(jobs)
     assert BatchJob(reading={"units": None, "transpose": False}).hash == BatchJob().hash
