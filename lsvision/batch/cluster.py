@@ -18,6 +18,8 @@ CONNECT_TIMEOUT_S = 10.0
 """Time limit for the connection to the scheduler. Units: s."""
 ANSWER_TIMEOUT_S = 60.0
 """Time limit for each answer of the scheduler, which may be busy. Units: s."""
+CLOSE_TIMEOUT_S = 2.0
+"""Time limit for closing the connection, whose scheduler may have ended. Units: s."""
 POLL_S = 1.0
 """Interval between checks of the connection while all workers are busy. Units: s."""
 
@@ -30,7 +32,7 @@ def run_on_cluster(
     Parameters
     ----------
     function : callable
-        Function of a module that is installed on all workers.
+        Function in a module that is installed on all workers.
     tasks : iterable
         Tasks, read lazily as results arrive.
     address : str
@@ -51,9 +53,9 @@ def run_on_cluster(
     try:
         yield from _run_tasks(client, function, iter(tasks))
     except (OSError, TimeoutError) as error:
-        raise _scheduler_lost(address, error) from None
+        raise _scheduler_lost_error(address, error) from None
     finally:
-        client.close(timeout=2)
+        client.close(timeout=CLOSE_TIMEOUT_S)
 
 
 def _connect(address: str) -> Any:
@@ -65,7 +67,7 @@ def _connect(address: str) -> Any:
             "--scheduler needs dask: pip install 'lsvision[cluster]' here and on all workers"
         ) from None
     try:
-        open_client: Any = distributed.Client
+        open_client: Any = distributed.Client  # without annotations
         return open_client(address, timeout=CONNECT_TIMEOUT_S, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         reason = " ".join(str(error).split())[:100]
@@ -122,14 +124,16 @@ def _result_of_future(client: Any, future: Any) -> Any:
         except distributed.KilledWorker:
             return EndedProcess()
         except distributed.CancelledError as error:
-            raise _scheduler_lost(client.scheduler.address, error) from None
-        except TimeoutError:  # the worker with the result has ended: the task runs again
-            if future.status == "error":
+            raise _scheduler_lost_error(client.scheduler.address, error) from None
+        except TimeoutError:
+            if future.status == "error":  # raised by the task itself
                 raise
+            # The worker that held the result has ended, and the task runs again; check that the
+            # scheduler still answers.
             _count_threads(client)
 
 
-def _scheduler_lost(address: str, error: Exception) -> LsvisionError:
+def _scheduler_lost_error(address: str, error: Exception) -> LsvisionError:
     """Return the error of a lost connection to the scheduler."""
     return LsvisionError(
         f"{address}: the connection to the scheduler is lost ({type(error).__name__}): start the "

@@ -3,7 +3,7 @@
 import json
 import os
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, TextIO
@@ -33,9 +33,10 @@ class Status:
     files : int
         Number of files of the last run.
     outcomes : dict
-        Last outcome of each file, by its name.
+        Last outcome of each file, by its name in the results.
     set_aside : frozenset of str
-        Files whose measurement ended the process (out of memory, crash); not tried again.
+        Names of files whose measurement ended its process twice (out of memory, a crash), which are
+        not measured again.
     """
 
     job_hash: str
@@ -51,11 +52,15 @@ class Status:
 
     @property
     def failed(self) -> list[FileOutcome]:
-        """Outcomes of the files that could not be measured."""
+        """Outcomes of the files that could not be measured, also of those set aside."""
         return [outcome for outcome in self.outcomes.values() if outcome.error]
 
     def is_done(self, task: FileTask) -> bool:
-        """Return whether a file need not be measured: done before, unchanged, and still there."""
+        """Return whether a file need not be measured.
+
+        That is a file that was measured, has not changed since, and whose results are still there;
+        or one that is set aside.
+        """
         outcome = self.outcomes.get(task.name)
         if outcome is None:
             return False
@@ -74,45 +79,59 @@ def read_status(folder: Path) -> Status | None:
     Raises
     ------
     UnreadableFile
-        If the manifest is not one of this version.
+        If the manifest cannot be read, or is not one of this version.
     """
     path = folder / MANIFEST
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
+    text = _read_text(path)
+    if text is None:
         return None
-    except NotADirectoryError:
-        raise UnreadableFile(f"{folder}: a file: name a folder, the --out of a batch") from None
-    except OSError as error:
-        raise UnreadableFile(f"{path}: {error.strerror}: check its owner and mode") from None
-    except UnicodeDecodeError:
-        raise UnreadableFile(f"{path}: no text, so no manifest: name another folder") from None
-    lines = text.splitlines()
-    records = [record for record in map(_parse_record, lines) if record is not None]
+    records = [record for record in map(_parse_record, text.splitlines()) if record is not None]
     if not records and "\n" not in text:  # interrupted while the first line was written
         return None
     if not records or records[0].get("schema") != SCHEMA:
         raise UnreadableFile(
             f"{path}: expected a manifest of {SCHEMA}, got another file: name another folder"
         )
+    return _status_from_records(records[0], records[1:])
+
+
+def _read_text(path: Path) -> str | None:
+    """Return the text of a manifest; None if there is no such file."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        return None
+    except NotADirectoryError:
+        folder = path.parent
+        raise UnreadableFile(f"{folder}: a file: name a folder, the --out of a batch") from None
+    except OSError as error:
+        raise UnreadableFile(f"{path}: {error.strerror}: check its owner and mode") from None
+    except UnicodeDecodeError:
+        raise UnreadableFile(f"{path}: no text, so no manifest: name another folder") from None
+
+
+def _status_from_records(head: dict[str, Any], records: Sequence[dict[str, Any]]) -> Status:
+    """Return the state of a batch from the first and the other records of its manifest."""
     outcomes: dict[str, FileOutcome] = {}
     set_aside: set[str] = set()
     files = 0
-    for record in records[1:]:
-        if "files" in record:
+    for record in records:
+        if "files" in record:  # the start of a run
             files = int(record["files"])
+            continue
+        is_set_aside = bool(record.pop("set_aside", False))
+        tuples = {name: tuple(record[name]) for name in ("version", "notes")}  # lists in JSON
+        outcome = FileOutcome(**record | tuples)
+        outcomes[outcome.name] = outcome
+        if is_set_aside:
+            set_aside.add(outcome.name)
         else:
-            is_set_aside = bool(record.pop("set_aside", False))
-            lists = {name: tuple(record[name]) for name in ("version", "notes")}
-            outcome = FileOutcome(**record | lists)
-            outcomes[outcome.name] = outcome
-            (set_aside.add if is_set_aside else set_aside.discard)(outcome.name)
-    head = records[0]
+            set_aside.discard(outcome.name)
     return Status(head["job_hash"], head["job"], files, outcomes, frozenset(set_aside))
 
 
 def _parse_record(line: str) -> dict[str, Any] | None:
-    """Return the record of a line; None for a line that an interruption left incomplete."""
+    """Return the record of a line; None if an interruption left the line incomplete."""
     try:
         record = json.loads(line)
     except ValueError:
@@ -192,7 +211,7 @@ class Manifest:
                 self._file.write("\n")
 
     def _check_job(self, status: Status | None) -> None:
-        """Begin a new manifest with the job; raise an error if it is one of another job."""
+        """Write the job into a new manifest; raise an error if the manifest has another job."""
         if status is None:
             head = {"schema": SCHEMA, "job_hash": self._job.hash, "job": self._job.settings}
             self._append(head)
@@ -229,7 +248,7 @@ def _describe_difference(status: Status, job: BatchJob) -> str:
 
 
 def _lock_file(file: TextIO, folder: Path) -> None:
-    """Lock a manifest until it is closed, on systems that have such locks."""
+    """Lock a manifest until it is closed, except on Windows; raise an error if it is locked."""
     try:
         import fcntl
     except ModuleNotFoundError:  # Windows
@@ -248,9 +267,10 @@ def summary(status: Status, names: Iterable[str] = ()) -> str:
     Parameters
     ----------
     status : Status
-        The batch.
+        State of the batch.
     names : iterable of str
-        Names of the batch's files; by default their number is that of the last run.
+        Names of all files of the batch, which are counted; without them the number of files of the
+        last run is taken.
     """
     done, failed = status.done, status.failed
     total = len(set(names)) or status.files

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lsvision.batch.job import BatchJob
-from lsvision.batch.measure_group import measure_group
+from lsvision.batch.measure_group import measure_group, require_measurement
 from lsvision.batch.result_table import result_table
 from lsvision.ellipse.section import compute_intervals
 from lsvision.errors import LsvisionError, UnreadableFile, UnwritableFile
@@ -51,22 +51,22 @@ class FileTask:
 
 @dataclass(frozen=True)
 class FileOutcome:
-    """Outcome of a file.
+    """Outcome of a file; one that could not be measured has only its name and the error.
 
     Parameters
     ----------
     name : str
-        Name of the source.
+        Name of the source in the results and the manifest.
     profiles, cylinders, rejections : int
-        Counts; 0 if it failed.
+        Numbers of profiles, cylinders and rejected arcs.
     seconds : float
-        Time of the measurement. Units: s.
+        Time that reading and measuring took. Units: s.
     version : (int, int)
-        Size in bytes and time of the last change in ns of the source.
+        Size and time of the last change of the source, from `file_version`.
     notes : tuple of str
         Assumptions and omissions in reading the file.
     error : str
-        Why it failed; empty if it did not.
+        Reason why the file could not be measured; empty if it was.
     """
 
     name: str
@@ -80,12 +80,12 @@ class FileOutcome:
 
 
 def measure_file(task: FileTask) -> FileOutcome:
-    """Measure a file and write its results atomically.
+    """Measure a file and write its results; the output then is complete, or not there.
 
     Parameters
     ----------
     task : FileTask
-        The file.
+        File to measure, and its output.
 
     Returns
     -------
@@ -101,7 +101,7 @@ def measure_file(task: FileTask) -> FileOutcome:
     try:
         version = file_version(task.source)
         with size_limit(task.max_size):
-            outcome = _measure_to(task)
+            outcome = _write_results(task)
         if file_version(task.source) != version:
             task.output.unlink(missing_ok=True)
             raise UnreadableFile(f"{task.source}: it changed while it was read: run again")
@@ -121,7 +121,7 @@ def file_version(path: Path) -> tuple[int, int]:
     Raises
     ------
     UnreadableFile
-        If there is no such file.
+        If there is no such file, or it is not accessible.
     """
     try:
         status = path.stat()
@@ -130,9 +130,10 @@ def file_version(path: Path) -> tuple[int, int]:
     return status.st_size, status.st_mtime_ns
 
 
-def _measure_to(task: FileTask) -> FileOutcome:
-    """Measure all profiles part by part; return their counts and the notes on reading them."""
-    counts, notes = [0, 0, 0], dict[str, None]()
+def _write_results(task: FileTask) -> FileOutcome:
+    """Measure a file part by part, write its output, and return the counts and notes."""
+    profiles = cylinders = rejections = 0
+    notes: dict[str, None] = {}  # in place of a set, which has no order
     temporary = task.output.with_name(f"{TEMPORARY}{secrets.token_hex(8)}.part")
     writer = None
     try:
@@ -143,15 +144,14 @@ def _measure_to(task: FileTask) -> FileOutcome:
             table = result_table(task.name, part, measured, task.job.inspection)
             writer = writer or _open_writer(temporary, table.schema)
             _write_table(writer, table, task.output)
-            counts[0] += len(measured)
-            counts[1] += sum(len(m.cylinders) for m in measured if m is not None)
-            counts[2] += sum(len(m.rejections) for m in measured if m is not None)
+            profiles += len(measured)
+            cylinders += sum(len(m.cylinders) for m in measured if m is not None)
+            rejections += sum(len(m.rejections) for m in measured if m is not None)
         if writer is None:
             raise UnreadableFile(f"{task.source}: it holds no profile")
         _finish_output(writer, temporary, task.output)
     finally:
         temporary.unlink(missing_ok=True)
-    profiles, cylinders, rejections = counts
     return FileOutcome(task.name, profiles, cylinders, rejections, notes=tuple(notes))
 
 
@@ -163,18 +163,14 @@ def _list_notes(file: ProfileFile) -> Iterator[str]:
 
 
 def _measure_part(task: FileTask, part: ProfilePart) -> "list[Measurement | None]":
-    """Measure the profiles of a part, and compute the intervals of all; None without points."""
+    """Measure the profiles of a part, with all intervals; None for one without a valid point."""
     profiles = part.file.profiles
     valid = [k for k, profile in enumerate(profiles) if profile.lost < len(profile)]
     measured: list[Measurement | None] = [None] * len(profiles)
     for k, result in zip(
         valid, measure_group(task.job.measure, [profiles[k] for k in valid]), strict=True
     ):
-        if isinstance(result, LsvisionError):
-            raise LsvisionError(f"{task.source}, profile {part.first + k}: {result}") from result
-        if isinstance(result, Exception):
-            raise result
-        measured[k] = result
+        measured[k] = require_measurement(result, task.source, part.first + k)
     compute_intervals(c for m in measured if m is not None for c in m.cylinders)
     return measured
 

@@ -1,14 +1,15 @@
 """Measurement of a group of profiles at once, in which one profile may fail."""
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 from lsvision.errors import LsvisionError
 from lsvision.measure import Measurement
 from lsvision.profile import Profile
 
 MAX_FLIP_CHECK_POINTS = 20_000
-"""Largest number of points of a profile that is measured upside down as a check; longer profiles
-are subsampled."""
+"""Largest number of points of a profile that are measured with the heights negated, as a check;
+longer profiles are subsampled."""
 MeasureFunction = Callable[[Sequence[Profile]], list[Measurement]]
 """Function that measures profiles: `measure_profiles` with its options filled in."""
 
@@ -20,15 +21,16 @@ def measure_group(
 
     Parameters
     ----------
-    measure : callable
+    measure : MeasureFunction
         Function that measures profiles.
     profiles : sequence of Profile
-        The profiles.
+        Profiles to measure; there may be none.
 
     Returns
     -------
     list of Measurement or Exception
-        For each profile its measurement, or the exception that was raised.
+        For each profile its measurement, or the exception that was raised; see
+        `require_measurement`.
     """
     if not profiles:
         return []
@@ -40,8 +42,35 @@ def measure_group(
     return [result for profile in profiles for result in measure_group(measure, [profile])]
 
 
+def require_measurement(
+    result: Measurement | Exception, file: Path | str, profile: int
+) -> Measurement:
+    """Return a measurement from `measure_group`, or raise the exception in its place.
+
+    Parameters
+    ----------
+    result : Measurement or Exception
+        Result for one profile.
+    file, profile
+        File of the profile, and its index there from 0, for the message of a `LsvisionError`.
+
+    Raises
+    ------
+    Exception
+        If `result` is one; a `LsvisionError` then names file and profile.
+    """
+    if isinstance(result, LsvisionError):
+        raise LsvisionError(f"{file}, profile {profile}: {result}") from result
+    if isinstance(result, Exception):
+        raise result
+    return result
+
+
 def holds_cylinders_upside_down(measure: MeasureFunction, profile: Profile) -> bool:
-    """Return whether cylinders are found in a profile whose heights are negated."""
+    """Return whether cylinders are found in a profile after its heights are negated.
+
+    Heights that grow away from the sensor look like this if they are taken to grow towards it.
+    """
     step = 1 + len(profile) // MAX_FLIP_CHECK_POINTS
     mirrored = Profile(profile.points[::step] * (1.0, -1.0), lost=())
     try:

@@ -33,14 +33,15 @@ def measure_many(
     Returns
     -------
     iterator of Measurement
-        In the order of the profiles, the same as by `measure_cylinders`.
+        In the order of the profiles; the same as by `measure_cylinders`, up to rounding.
 
     Raises
     ------
     ValueError, TypeError
         As `measure_cylinders`, and if `jobs` is below 1.
     LsvisionError
-        If a profile ended its process twice (out of memory); names it.
+        If a process ended twice (out of memory) while it measured the same profiles, up to
+        `PROFILES_AT_ONCE`; the message has their indices.
     Exception
         What reading `profiles` raises, after the measurements of those before.
 
@@ -79,7 +80,7 @@ def _measure_many(
 
 
 def _measure_group(options: dict[str, Any], profiles: list[Profile]) -> list[Measurement]:
-    """Measure a group of profiles; a function of a module, because processes import it."""
+    """Measure a group of profiles; a function of the module, so that it can be pickled."""
     return measure_profiles(profiles, **options)
 
 

@@ -39,11 +39,11 @@ THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
 
 @dataclass(frozen=True)
 class EndedProcess:
-    """Result of a task that ended its process twice (out of memory, or a crash)."""
+    """Value of a task that ended its process `MAX_CRASHES` times (out of memory, or a crash)."""
 
 
 class Finished(NamedTuple, Generic[Task, Value]):
-    """Task, and the value that its function returned."""
+    """Task, and the value that the function returned for it."""
 
     task: Task
     value: Value | EndedProcess
@@ -89,7 +89,7 @@ def run_tasks(
     Parameters
     ----------
     function : callable
-        Function of a module; the function, its arguments and its results can be pickled.
+        Function that is defined in a module; its tasks and values can be pickled.
     tasks : iterable
         Tasks; they are read lazily, at most `IN_FLIGHT_PER_JOB` per process ahead of the results.
     jobs : int
@@ -137,6 +137,7 @@ def _run_in_processes(
 ) -> Iterator[tuple[_NumberedTask[Task], Value | EndedProcess]]:
     """Yield tasks with their values, in the order of the tasks if `ordered`."""
     waiting: deque[_NumberedTask[Task]] = deque()
+    # Finished tasks with their values, by their position in the order of the results.
     finished: dict[int, tuple[_NumberedTask[Task], Any]] = {}
     read = yielded = 0
     with _open_workers() as workers:
@@ -155,7 +156,8 @@ def _run_in_processes(
                 return
             else:
                 for task, value in _collect_results(workers, waiting):
-                    finished[task.number if ordered else yielded + len(finished)] = task, value
+                    position = task.number if ordered else yielded + len(finished)
+                    finished[position] = task, value
 
 
 def _assign_tasks(
@@ -167,7 +169,7 @@ def _assign_tasks(
     """Send waiting tasks to the processes with the fewest tasks; start processes up to `jobs`."""
     idle = sum(not worker.assigned for worker in workers)
     for _ in range(min(jobs - len(workers), len(waiting) - idle)):
-        # All processes are started before a task is sent: to send a large one takes long.
+        # All processes are started before a task is sent, because sending a large one takes long.
         workers.append(_start_worker(function))
     while waiting:
         worker = min(workers, key=lambda each: len(each.assigned))
@@ -239,7 +241,8 @@ def _worker_settings() -> Iterator[None]:
     os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
     blockable = hasattr(signal, "pthread_sigmask")  # not on Windows
     if blockable:
-        # Otherwise the first process would start it, and in Python 3.11 that unblocks interrupts.
+        # Otherwise starting the first process starts the tracker, which in Python 3.11 unblocks
+        # interrupts.
         resource_tracker.ensure_running()
         previous = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:

@@ -13,9 +13,10 @@ if TYPE_CHECKING:
     from lsvision.measure import Measurement
 
 PLACE_COLUMNS = ("source", "profile", "cylinder")
-"""Columns before those with the cylinder's quantities."""
+"""Columns that state which cylinder a row is, before those with its quantities."""
 INTEGERS, FLAGS = ("profile", "cylinder", "points"), ("theta_determined",)
-"""Columns of integers and of true or false; all others but `source` are numbers."""
+"""Columns of integers, and columns of true or false. Of the other columns of `PLACE_COLUMNS` and
+`SECTION_COLUMNS`, `source` is text and the rest are numbers."""
 
 
 def result_table(
@@ -40,11 +41,11 @@ def result_table(
     Returns
     -------
     pyarrow.Table
-        ``source, profile, cylinder`` (from 0), the columns of ``lsvision measure --csv``, the
-        other columns of the file with their types, ``reason`` and ``rejections``. A profile
-        without cylinders is one row with the reason and no numbers; the rejections of a profile
-        stand in its first row. With a job, ``decision`` is that on the profile: OK, NG or
-        undecided.
+        ``source``, ``profile`` and ``cylinder`` (both from 0), the columns of ``lsvision measure
+        --csv``, the other columns of the file with their types, ``decision`` with a job (OK, NG or
+        undecided), ``reason`` and ``rejections``. A column of the file that has the name of one of
+        these gets the suffix ``_in_file``. A profile without cylinders is one row with the reason
+        and no numbers; the rejections of a profile are in its first row.
     """
     import pyarrow as pa
 
@@ -92,7 +93,11 @@ def _list_rows(measurement: "Measurement | None") -> Iterator[dict[str, Any]]:
 def _repeat_file_columns(
     part: ProfilePart, indices: list[int], taken: tuple[str, ...]
 ) -> dict[str, "pa.ChunkedArray | pa.Array"]:
-    """Return the other columns of the file, repeated for each cylinder of a profile."""
+    """Return the other columns of the file, its rows repeated for each cylinder of a profile.
+
+    `indices` are those of the profiles in the part, one for each row of the result. A name in
+    `taken` gets the suffix ``_in_file``.
+    """
     import pyarrow as pa
 
     table = part.columns
@@ -101,11 +106,14 @@ def _repeat_file_columns(
     if table is None:
         return {}
     repeated = table.take(pa.array(indices, type=pa.int64()))
-    return {name + "_in_file" * (name in taken): repeated[name] for name in repeated.column_names}
+    return {
+        f"{name}_in_file" if name in taken else name: repeated[name]
+        for name in repeated.column_names
+    }
 
 
 def _type_of(name: str) -> "pa.DataType":
-    """Return the type of a column."""
+    """Return the type of a column of `PLACE_COLUMNS` or `SECTION_COLUMNS`."""
     import pyarrow as pa
 
     if name == "source":
@@ -116,7 +124,7 @@ def _type_of(name: str) -> "pa.DataType":
 
 
 def _rejections_type() -> "pa.DataType":
-    """Return the type of the column of rejections: a list of structs start, stop and reason."""
+    """Return the type of the column of rejections: a list of start, stop and reason in each row."""
     import pyarrow as pa
 
     fields = [("start", pa.int64()), ("stop", pa.int64()), ("reason", pa.string())]

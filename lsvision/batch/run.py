@@ -27,8 +27,8 @@ def plan_tasks(sources: Sequence[Path], root: Path, folder: Path, job: BatchJob)
     root : Path
         Absolute folder that holds all sources; their names in the results are relative to it.
     folder : Path
-        Folder of the results, with the subfolders of `root`: those of ``part.parquet`` are written
-        to ``part.parquet``, those of ``a.csv`` to ``a.csv.parquet``.
+        Folder of the results, which gets the subfolders of `root`: the results of ``part.parquet``
+        are written to ``part.parquet``, the results of ``a.csv`` to ``a.csv.parquet``.
     job : BatchJob
         Settings with which the files are read and measured.
 
@@ -70,7 +70,8 @@ def run_batch(
 ) -> Status:
     """Measure the files that have no valid results yet, and record the outcome of each.
 
-    Files that failed in an earlier run are measured again, except those that ended their process.
+    Files that failed in an earlier run are measured again, except those that ended their process
+    twice, which are set aside.
 
     Parameters
     ----------
@@ -109,7 +110,6 @@ def run_batch(
         for task in remaining_tasks:
             task.output.parent.mkdir(parents=True, exist_ok=True)
         for task, value in _run_tasks(remaining_tasks, jobs, scheduler):
-            # "Set aside": recorded as failed, and not tried again in the next runs.
             is_set_aside = isinstance(value, EndedProcess)
             outcome = value if isinstance(value, FileOutcome) else _outcome_of_ended_process(task)
             manifest.add(outcome, set_aside=is_set_aside)
@@ -125,7 +125,7 @@ def run_batch(
 def _run_tasks(
     tasks: Iterable[FileTask], jobs: int, scheduler: str | None
 ) -> Iterator[Finished[FileTask, FileOutcome]]:
-    """Return an iterator over tasks and their outcomes or `EndedProcess`, as they are finished."""
+    """Return an iterator over the tasks and their outcomes (or `EndedProcess`) as they finish."""
     if scheduler is not None:
         return run_on_cluster(measure_file, tasks, scheduler)
     return run_tasks(measure_file, tasks, jobs, ordered=False)
