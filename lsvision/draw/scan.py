@@ -1,6 +1,7 @@
 """Picture of the points and cylinders of a scan in 3D."""
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -21,19 +22,23 @@ if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D
 
 SIZE_INCH, DPI = (13.0, 8.0), 110
+"""Width and height of the figure, and resolution of the PNG (1 / inch)."""
 DRAWING = (0.03, 0.03, 0.66, 0.83)
 """Left, bottom, width, height of the drawing with all its labels, as fractions of the figure."""
 MAX_POINTS = 6000
-"""Largest number of points drawn; more would overlap."""
+"""Largest number of measured points drawn; more would overlap."""
 FACETS = 40
 """Number of flat strips that approximate a drawn cylinder."""
 Vertical = Literal["y", "z"]
+"""Axis of the base frame that is drawn upwards."""
 MIN_FACING = -0.3
 """Smallest cosine between the mean outward normal of the measured sides and the direction to the
 viewer; below it the cylinders would be seen from behind, and the view is turned."""
-PANEL_LEFT, PANEL_TOP, PANEL_LINE = 0.715, 0.86, 0.024
+PANEL_LEFT, PANEL_TOP, LINE_HEIGHT = 0.715, 0.86, 0.024
+"""Left and top of the panel and height of its lines, as fractions of the figure."""
 MAX_FULL_CYLINDERS, MAX_CYLINDERS = 4, 9
-"""Number of cylinders of the panel with all values, and with two lines each."""
+"""Number of cylinders up to which the panel has all values of each, and largest number of cylinders
+in the panel; more than `MAX_FULL_CYLINDERS` have two lines each."""
 
 
 def draw_scan(
@@ -64,8 +69,8 @@ def draw_scan(
     Returns
     -------
     matplotlib.figure.Figure
-        Figure of `ax`, else a new one with its own canvas. Points far from every cylinder are
-        left out.
+        Figure of `ax`, else a new one with its own canvas. Points far from all cylinders are left
+        out.
 
     Raises
     ------
@@ -104,23 +109,22 @@ def _draw_in_space(
     axes: "Axes3D", scan: ScanMeasurement, points: Points, vertical: Vertical
 ) -> None:
     """Draw the points near the cylinders, and the cylinders, from the side that was measured."""
-    axes.view_init(ELEVATION_DEG, _azimuth(scan, vertical), vertical_axis=vertical)
+    axes.view_init(ELEVATION_DEG, _azimuth_deg(scan.cylinders, vertical), vertical_axis=vertical)
     _draw_points(axes, _points_near_cylinders(points, scan))
     for number, tube in enumerate(scan.cylinders, 1):
         _draw_tube(axes, tube, number)
     scale_axes(axes)
 
 
-def _azimuth(scan: ScanMeasurement, vertical: Vertical) -> float:
+def _azimuth_deg(tubes: Sequence[ScannedCylinder], vertical: Vertical) -> float:
     """Return the azimuth of the view: the default, unless it shows the cylinders from behind."""
-    outward = [
-        tube.points.mean(axis=0) - _axis_ends(tube, 0.0).mean(axis=0) for tube in scan.cylinders
-    ]
-    if not outward:
+    if not tubes:
         return AZIMUTH_DEG
-    facing = np.mean([normal / np.linalg.norm(normal) for normal in outward], axis=0)
+    outward = [tube.points.mean(axis=0) - _axis_ends(tube, 0.0).mean(axis=0) for tube in tubes]
+    measured_side = np.mean([vector / np.linalg.norm(vector) for vector in outward], axis=0)
     # Matplotlib counts the azimuth from the axis after the vertical one, in the cyclic order xyz.
-    first, second = (facing[2], facing[0]) if vertical == "y" else (facing[0], facing[1])
+    x, y, z = measured_side
+    first, second = (z, x) if vertical == "y" else (x, y)
 
     def cosine_of_view(azimuth_deg: float) -> float:
         angle = math.radians(azimuth_deg)
@@ -132,7 +136,10 @@ def _azimuth(scan: ScanMeasurement, vertical: Vertical) -> float:
 
 
 def _points_near_cylinders(points: Points, scan: ScanMeasurement) -> Points:
-    """Return the points near the cylinders, within half the size of their box; else all points."""
+    """Return the points in the bounding box of all cylinders, extended by half its longest side.
+
+    Without cylinders all points.
+    """
     if not scan.cylinders:
         return points
     corners = np.concatenate([triangulate_tube(tube, FACETS)[0] for tube in scan.cylinders])
@@ -143,8 +150,8 @@ def _points_near_cylinders(points: Points, scan: ScanMeasurement) -> Points:
 
 
 def _draw_points(axes: "Axes3D", points: Points) -> None:
-    """Draw at most about `MAX_POINTS` of the points, evenly selected."""
-    sample = points[:: max(1, len(points) // MAX_POINTS)]
+    """Draw at most `MAX_POINTS` of the points, evenly selected."""
+    sample = points[:: max(1, math.ceil(len(points) / MAX_POINTS))]
     axes.plot(*sample.T, ".", color=POINTS, ms=1.6, zorder=1, label="measured points")
 
 
@@ -165,7 +172,10 @@ def _draw_tube(axes: "Axes3D", tube: ScannedCylinder, number: int) -> None:
 
 
 def _axis_ends(tube: ScannedCylinder, extension: float) -> FloatArray:
-    """Return the (2, 3) ends of the measured part of the axis, extended by a fraction of it."""
+    """Return the (2, 3) ends of the measured part of the axis, each moved outwards by a fraction.
+
+    Units: mm.
+    """
     low, high = tube.axial_range
     margin = extension * (high - low)
     return tube.point + np.outer([low - margin, high + margin], tube.direction)
@@ -173,8 +183,7 @@ def _axis_ends(tube: ScannedCylinder, extension: float) -> FloatArray:
 
 def _draw_panel(figure: "Figure", scan: ScanMeasurement) -> None:
     """Write the values of each cylinder into a panel on the right."""
-    y = PANEL_TOP
-    full = len(scan.cylinders) <= MAX_FULL_CYLINDERS
+    y, full = PANEL_TOP, len(scan.cylinders) <= MAX_FULL_CYLINDERS
     for number, tube in enumerate(scan.cylinders[:MAX_CYLINDERS], 1):
         badge = {"boxstyle": "circle,pad=0.25", "fc": cylinder_colour(number), "ec": "none"}
         figure.text(PANEL_LEFT, y - 0.006, f"{number}", color="white", fontsize=10, weight="bold",
@@ -182,7 +191,7 @@ def _draw_panel(figure: "Figure", scan: ScanMeasurement) -> None:
         lines = _value_lines(tube) if full else _value_lines(tube)[:2]
         figure.text(PANEL_LEFT + 0.025, y, with_minus_signs("\n".join(lines)), fontsize=9.5,
                     va="top", family="monospace", parse_math=False)  # fmt: skip
-        y -= PANEL_LINE * (len(lines) + 1.5)
+        y -= LINE_HEIGHT * (len(lines) + 1.5)
     left_out = len(scan.cylinders) - MAX_CYLINDERS
     if left_out > 0:
         figure.text(PANEL_LEFT, y, f"... {left_out} more: see the table", fontsize=9.5, va="top")

@@ -13,15 +13,16 @@ import numpy.typing as npt
 from lsvision.calibration.grey_image import grey_image
 from lsvision.geometry import FloatArray, Points
 from lsvision.laser_line.mosaic import Bayer, interpolate_grey
-from lsvision.results.palette import LASER_LINE, LASER_PLANE, OUTLIER
+from lsvision.results.palette import CORNER, CORNER_RESIDUAL, LASER_PLANE
 
 PHOTO_WIDTH = 640
-"""Largest width at which a photo is stored in a page. Units: px."""
+"""Largest width at which a photo is stored in a page, and largest size in px at which it is shown.
+Units: px."""
 JPEG_QUALITY = 70
 """Quality of stored photos, 0 to 100."""
 ARROW_FRACTION = 0.03
-"""Length of the median arrow relative to the image's width; the magnification is rounded down to 1,
-2 or 5 times a power of ten."""
+"""Largest length of the median arrow relative to the image's width; the magnification is rounded
+down to 1, 2 or 5 times a power of ten."""
 LINE_ARROWS = 30
 """Largest number of arrows along a laser line; more would hide it."""
 
@@ -33,11 +34,11 @@ class ViewPhoto:
     Parameters
     ----------
     name : str
-        Name of the file, and the text above the photo.
+        Name of the file, with which the caption begins.
     image : (height, width) or (height, width, 3) ndarray
-        Image of 8 or 16 bit.
+        Image of 8 or 16 bit; channels in the order blue, green, red.
     corners, corner_residuals : (n, 2) ndarray
-        Points of the board found, and residuals (projected minus found). Units: px.
+        Points of the board found, and residuals (predicted minus found). Units: px.
     line, line_residuals : (m, 2) ndarray
         Points of the laser line found, and residuals (predicted minus found). Units: px.
     """
@@ -51,14 +52,14 @@ class ViewPhoto:
 
 
 def arrow_factor(residuals: Sequence[FloatArray], width: int) -> float:
-    """Return the magnification of the arrows that show residuals.
+    """Return the magnification of the arrows that show residuals; 1 if the median is 0.
 
     Parameters
     ----------
     residuals : sequence of (n, 2) ndarray
         Residuals in all photos. Units: px.
     width : int
-        Width of the photos. Units: px.
+        Width of the widest photo. Units: px.
     """
     lengths = np.concatenate([np.hypot(*residual.T) for residual in residuals] or [np.zeros(0)])
     median = float(np.median(lengths)) if len(lengths) else 0.0
@@ -66,7 +67,8 @@ def arrow_factor(residuals: Sequence[FloatArray], width: int) -> float:
         return 1.0
     max_factor = ARROW_FRACTION * width / median
     power = 10.0 ** math.floor(math.log10(max_factor))
-    return max(step * power for step in (1, 2, 5) if step * power <= max_factor)
+    # The logarithm of a number just below a power of ten may be rounded up to that power.
+    return max((step * power for step in (1, 2, 5) if step * power <= max_factor), default=power)
 
 
 def combine_photos(
@@ -74,7 +76,7 @@ def combine_photos(
 ) -> npt.NDArray[Any]:
     """Return board and laser line in one photo: the brighter value of two photos of one view.
 
-    A grey and a colour image, or two of another depth, become grey of 8 bit; raw images of a
+    Two images that differ in depth or number of channels become grey of 8 bit; raw images of a
     mosaic `pattern` become grey.
     """
     board, line = interpolate_grey(board, pattern), interpolate_grey(line, pattern)
@@ -95,32 +97,30 @@ def photo_svg(photo: ViewPhoto, factors: tuple[float, float]) -> str:
         Magnification of the corners' arrows and of the laser line's; from `arrow_factor`.
     """
     height, width = photo.image.shape[:2]
-    stroke = width / 640
+    stroke = width / PHOTO_WIDTH  # one px of the page at the largest size
     head = (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="-0.5 -0.5 {width} {height}" '
         f'width="{min(width, PHOTO_WIDTH)}"><image x="-0.5" y="-0.5" width="{width}" '
         f'height="{height}" href="data:image/jpeg;base64,{_jpeg(photo.image)}"/>'
     )
     line_step = math.ceil(len(photo.line) / LINE_ARROWS) or 1
-    corner_arrows, line_arrows = (
-        residuals * factor
-        for residuals, factor in zip(
-            (photo.corner_residuals, photo.line_residuals), factors, strict=True
-        )
-    )
+    corner_factor, line_factor = factors
+    corner_arrows = photo.corner_residuals * corner_factor
+    line_arrows = photo.line_residuals * line_factor
     return "".join(
         [
             head,
             _arrows(photo.line[::line_step], line_arrows[::line_step], LASER_PLANE, 0.8 * stroke),
             _dots(photo.line, 1.6 * stroke, LASER_PLANE),
-            _circles(photo.corners, 4 * stroke, LASER_LINE, 1.5 * stroke),
-            _arrows(photo.corners, corner_arrows, OUTLIER, 1.5 * stroke),
+            _circles(photo.corners, 4 * stroke, CORNER, 1.5 * stroke),
+            _arrows(photo.corners, corner_arrows, CORNER_RESIDUAL, 1.5 * stroke),
             "</svg>",
         ]
     )
 
 
 def _jpeg(image: npt.NDArray[Any]) -> str:
+    """Return an image as JPEG in base64, at most `PHOTO_WIDTH` wide; grey if deeper than 8 bit."""
     stored = image if image.dtype == np.uint8 else grey_image(image)
     scale = PHOTO_WIDTH / stored.shape[1]
     if scale < 1:
@@ -131,12 +131,14 @@ def _jpeg(image: npt.NDArray[Any]) -> str:
 
 
 def _circles(points: Points, radius: float, colour: str, stroke: float) -> str:
+    """Return an SVG group of circles around points (n, 2). Units: px."""
     circles = "".join(f'<circle cx="{u:.1f}" cy="{v:.1f}" r="{radius:.1f}"/>' for u, v in points)
     style = f'fill="none" stroke="{colour}" stroke-width="{stroke:.2f}"'
     return f'<g class="corners" {style}>{circles}</g>'
 
 
 def _dots(points: Points, radius: float, colour: str) -> str:
+    """Return an SVG group of filled discs at points (n, 2). Units: px."""
     dots = "".join(f'<circle cx="{u:.1f}" cy="{v:.1f}" r="{radius:.1f}"/>' for u, v in points)
     return f'<g class="line" fill="{colour}">{dots}</g>'
 

@@ -9,7 +9,7 @@ from matplotlib.text import Text
 from mpl_toolkits.mplot3d.proj3d import proj_transform
 
 from lsvision.draw.figure_files import figure_bytes
-from lsvision.draw.scan import MIN_FACING, draw_scan
+from lsvision.draw.scan import MAX_POINTS, MIN_FACING, draw_scan
 from lsvision.draw.scan_ply import UNASSIGNED_RGB, colour_points, colour_surfaces, cylinder_rgb
 from lsvision.geometry import FloatArray, Points, Pose
 from lsvision.scan import ScanMeasurement, measure_scan
@@ -38,6 +38,13 @@ def test_the_picture_names_every_cylinder(seen) -> None:
     assert figure.get_suptitle() == "two tubes: 2 cylinders"
     assert words.count("radius") == 2
     assert figure_bytes(figure, "png").startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("count", [MAX_POINTS - 1, MAX_POINTS + 1, 2 * MAX_POINTS - 1])
+def test_the_number_of_points_drawn_is_limited(count) -> None:
+    axes = draw_scan(ScanMeasurement((), (), ()), np.ones((count, 3))).axes[0]
+    drawn = len(axes.lines[0].get_data_3d()[0])
+    assert MAX_POINTS / 2 <= drawn <= MAX_POINTS
 
 
 def screen(figure: Figure, point: tuple[float, float, float]) -> FloatArray:

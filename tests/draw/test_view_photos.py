@@ -96,6 +96,16 @@ def test_scale_is_a_round_number_that_does_not_overshoot():
     assert arrow_factor([], 640) == 1.0
 
 
+def test_scale_just_below_a_power_of_ten():
+    below = np.nextafter(100.0, 0.0)
+    length = next(  # of an arrow whose largest magnification is rounded to this number
+        length
+        for length in 19.2 / below * (1 + np.arange(-9, 9) * 2.0**-53)
+        if 0.03 * 640 / length == below
+    )
+    assert arrow_factor([np.array([[length, 0.0]])], 640) == 100.0
+
+
 @pytest.mark.parametrize("kind", [np.uint8, np.uint16])
 def test_photo_is_stored_small_and_in_its_place(kind):
     image = np.zeros((900, 1600, 3), dtype=kind)
