@@ -1,4 +1,4 @@
-"""Pictures of calibrations: positions of the target in the view, and residuals."""
+"""Pictures of calibrations: the target in the sensor's view, poses in space, and residuals."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -27,9 +27,9 @@ MAX_BAR_LABELS = 24
 
 
 def draw_coverage(calibration: CameraCalibration) -> "Figure":
-    """Return a figure of the points of all views in the image, and of their residuals.
+    """Return a figure of the corners of all views in the image, and of their residuals.
 
-    Cells of the image without a point are shaded.
+    Cells of the image without a corner are shaded.
     """
     from matplotlib.patches import Rectangle
 
@@ -48,7 +48,7 @@ def draw_coverage(calibration: CameraCalibration) -> "Figure":
              title="Detected points, one colour per view")  # fmt: skip
     residuals = np.concatenate([view.residuals for view in calibration.views])
     right.plot(*residuals.T, ".", color=INLIER, markersize=2)
-    limit = 1.1 * float(np.abs(residuals).max()) + 1e-9
+    limit = 1.1 * float(np.abs(residuals).max()) + 1e-9  # above 0 without residuals, too
     right.set(xlim=(-limit, limit), ylim=(limit, -limit), xlabel="du / px", ylabel="dv / px",
               aspect="equal", title="Projected minus detected")  # fmt: skip
     return figure
@@ -58,7 +58,7 @@ def draw_bars(
     names: Sequence[str],
     series: Sequence[tuple[str, Sequence[float]]],
     outliers: Sequence[int],
-    unit: str,
+    axis_label: str,
 ) -> "Figure":
     """Return a figure of residuals as bars, one group for each view or pose.
 
@@ -67,24 +67,26 @@ def draw_bars(
     names : sequence of str
         Names of the groups.
     series : sequence of (str, sequence of float)
-        Name of each series, and a value for each group; NaN leaves a gap.
+        Name of each series, and a value for each group; NaN leaves a gap. Each group has one bar
+        per series; those of the first are opaque.
     outliers : sequence of int
-        Positions of the groups to mark.
-    unit : str
+        Positions of the groups whose bars have the colour of outliers.
+    axis_label : str
         Label of the values' axis, with unit.
     """
     figure = new_figure((9.5, 3.4), layout="constrained")
     axes = figure.subplots()
-    positions, width = np.arange(len(names)), 0.8 / len(series)
-    for position, (name, values) in enumerate(series):
-        opacity = 1.0 if position == 0 else 0.45
-        colours = [OUTLIER if index in outliers else INLIER for index in range(len(names))]
-        axes.bar(positions + (position + 0.5) * width - 0.4, values, width, color=colours,
-                 alpha=opacity, label=name)  # fmt: skip
+    positions, group_width = np.arange(len(names)), 0.8
+    width = group_width / len(series)
+    colours = [OUTLIER if index in outliers else INLIER for index in range(len(names))]
+    for number, (name, values) in enumerate(series):
+        centres = positions + (number + 0.5) * width - group_width / 2
+        axes.bar(centres, values, width, color=colours, alpha=1.0 if number == 0 else 0.45,
+                 label=name)  # fmt: skip
     step = 1 + len(names) // MAX_BAR_LABELS
     axes.set_xticks(positions[::step], names[::step], rotation=45, ha="right", fontsize=8,
                     parse_math=False)  # fmt: skip
-    axes.set_ylabel(unit)
+    axes.set_ylabel(axis_label)
     if len(series) > 1:
         axes.legend(frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(series))
     axes.spines[["top", "right"]].set_visible(False)
@@ -94,12 +96,14 @@ def draw_bars(
 def draw_laser_plane(calibration: LaserPlaneCalibration, board: FloatArray) -> "Figure":
     """Return a figure of camera, laser plane and boards, in space and from the side.
 
+    The camera frame is drawn with y downwards; in space its z axis is horizontal.
+
     Parameters
     ----------
     calibration : LaserPlaneCalibration
         Calibration to draw.
     board : (4, 3) ndarray
-        Corners of the pattern, board frame. Units: mm.
+        Corners of the pattern in order around it, board frame. Units: mm.
     """
     figure = new_figure((9.5, 4.6))
     side = figure.add_axes((0.075, 0.13, 0.4, 0.73))
@@ -125,7 +129,15 @@ def draw_laser_plane(calibration: LaserPlaneCalibration, board: FloatArray) -> "
 
 
 def draw_poses(calibration: HandEye, flanges: Sequence[Pose]) -> "Figure":
-    """Return a figure of the sensor's poses, and of the target's positions in its view."""
+    """Return a figure of the sensor's poses, and of the target's positions in its view.
+
+    Parameters
+    ----------
+    calibration : HandEye
+        Calibration to draw.
+    flanges : sequence of Pose
+        ``base_from_flange`` of each observation, also of the rejected ones.
+    """
     figure = new_figure((9.5, 4.6))
     space: Any = figure.add_axes(SPACE, projection="3d")
     view = figure.add_axes((0.075, 0.13, 0.4, 0.73))
@@ -140,10 +152,10 @@ def draw_poses(calibration: HandEye, flanges: Sequence[Pose]) -> "Figure":
                        linewidth=1.2)  # fmt: skip
         space.text(*start, f" {index}", fontsize=7, color=OUTLIER if index in left_out else "black")
     space.scatter(*centre, color="black")
-    mount = "robot's base" if calibration.mounting == "eye_in_hand" else "flange"
+    frame = "robot's base" if calibration.mounting == "eye_in_hand" else "flange"
     scale_axes(space, ("x / mm", "y / mm", "z / mm"))
     fit_into_area(space, SPACE)
-    _title_space(figure, f"Sensor (X red, Y green, Z blue) in the\n{mount} frame; target black")
+    _title_space(figure, f"Sensor (X red, Y green, Z blue) in the\n{frame} frame; target black")
     _draw_view(view, targets_in_view, left_out, calibration)
     return figure
 
@@ -155,43 +167,44 @@ def _title_space(figure: "Figure", title: str) -> None:
 
 
 def rms_of_views(calibration: LaserPlaneCalibration) -> tuple[list[float], list[float]]:
-    """Return the root mean square of line and corner residuals of each view. Units: px."""
+    """Return for each view the rms of the line's residuals and of the corners'. Units: px."""
     return (
         [rms(view.line_residuals) for view in calibration.views],
-        [float(np.sqrt(2)) * rms(view.corner_residuals) for view in calibration.views],
+        [rms(np.hypot(*view.corner_residuals.T)) for view in calibration.views],
     )
 
 
 def _draw_view(
     axes: "Axes", targets_in_view: FloatArray, left_out: set[int], calibration: HandEye
 ) -> None:
-    """Draw the target's positions (n, 3) in the sensor's view, coloured by the third coordinate."""
-    max_offset = float(np.abs(targets_in_view[:, 2]).max()) + 1e-9
+    """Draw the target's positions (n, 3) in the sensor's frame, coloured by the third coordinate.
+
+    `left_out` holds the indices of the rejected positions. Units: mm.
+    """
+    third = targets_in_view[:, 2]
     if calibration.sensor == "camera":
         axes.set(xlabel="x / mm", ylabel="y / mm", title="Target in the camera's view")
         axes.invert_yaxis()
-        colours = targets_in_view[:, 2]
-        limits: tuple[float, float] = (float(colours.min()), float(colours.max()))
+        low, high, label = float(third.min()), float(third.max()), "z / mm, along the view"
     else:
         axes.set(xlabel="X / mm", ylabel="Y / mm", title="Target's centre in the section")
-        colours, limits = targets_in_view[:, 2], (-max_offset, max_offset)
-    dots = axes.scatter(*targets_in_view[:, :2].T, c=colours, cmap="coolwarm", vmin=limits[0],
-                        vmax=limits[1], edgecolors="black", s=60)  # fmt: skip
+        high = float(np.abs(third).max()) + 1e-9  # above 0 for a target in the laser plane, too
+        low, label = -high, "Z / mm, beside the laser plane"
+    dots = axes.scatter(*targets_in_view[:, :2].T, c=third, cmap="coolwarm", vmin=low,
+                        vmax=high, edgecolors="black", s=60)  # fmt: skip
     for index, point in enumerate(targets_in_view):
         axes.annotate(str(index), point[:2], xytext=(6, 4), textcoords="offset points", fontsize=8,
                       color=OUTLIER if index in left_out else "black")  # fmt: skip
-    label = (
-        "z / mm, along the view"
-        if calibration.sensor == "camera"
-        else "Z / mm, beside the laser plane"
-    )
     axes.figure.colorbar(dots, ax=axes, label=label)
     axes.margins(0.12)  # the numbers beside the outermost dots
     axes.set_aspect("equal", adjustable="datalim")
 
 
 def _sensor_poses(calibration: HandEye, flanges: Sequence[Pose]) -> list[Pose]:
-    """Return the poses of the sensor in the frame in which the target is fixed."""
+    """Return the poses of the sensor in the frame in which the target is fixed.
+
+    That is the base frame for a sensor on the flange, else the flange frame.
+    """
     if calibration.mounting == "eye_in_hand":
         return [flange @ calibration.mount_from_sensor for flange in flanges]
     return [flange.inverse() @ calibration.mount_from_sensor for flange in flanges]
@@ -215,7 +228,10 @@ def _target_point(calibration: HandEye, flanges: Sequence[Pose]) -> FloatArray:
 
 
 def _plane_corners(plane: Plane, points: FloatArray) -> FloatArray:
-    """Return the (4, 3) corners of the part of the laser plane near points."""
+    """Return the (4, 3) corners of a rectangle in a plane that contains the projections of points.
+
+    The points are (n, 3); two sides of the rectangle are perpendicular to the x axis. Units: mm.
+    """
     first_axis = np.cross(plane.normal, (1.0, 0.0, 0.0))
     first_axis = first_axis / np.linalg.norm(first_axis)
     second_axis = np.cross(first_axis, plane.normal)

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -23,15 +23,24 @@ from lsvision.draw.calibration_figures import (
 from lsvision.draw.figure_files import svg_element
 from lsvision.draw.view_photos import ViewPhoto, arrow_factor, photo_svg
 from lsvision.geometry import FloatArray, Points, Pose
+from lsvision.geometry.arrays import rms
 from lsvision.results.html import html_environment
 
-PREDICTED_BY_ROBOT = "predicted by the robot's pose and the result,"
 _NONE: FloatArray = np.empty((0, 2))
+
+
+class _Detections(NamedTuple):
+    """Points found in a photo with their residuals; the fields of the same names of `ViewPhoto`."""
+
+    corners: Points = _NONE
+    corner_residuals: FloatArray = _NONE
+    line: Points = _NONE
+    line_residuals: FloatArray = _NONE
 
 
 @dataclass(frozen=True)
 class ReportContent:
-    """Content of every page other than its pictures.
+    """Content of the page of any calibration, other than its figures.
 
     Parameters
     ----------
@@ -40,11 +49,11 @@ class ReportContent:
     warnings : sequence of str
         Rejected images, outliers, and warnings about the result, one text each.
     names : sequence of str
-        Names of the images or poses, in the order of their indices.
+        Name of each image or pose, also of the rejected ones.
     provenance : mapping of str to str
         Method, date, version, inputs and their hash.
     images : sequence of images
-        Photo of each name; none for a hand-eye calibration by profiles.
+        Photo for each of `names`; empty for a hand-eye calibration without photos.
     """
 
     rows: Sequence[tuple[str, str, str]]
@@ -87,7 +96,7 @@ def camera_page(calibration: CameraCalibration, page: ReportContent) -> str:
         ),
     ]
     views = {
-        view.index: (view.target_view.pixels, view.residuals, _NONE, _NONE)
+        view.index: _Detections(view.target_view.pixels, view.residuals)
         for view in calibration.views
     }
     return _page("Camera calibration", page, pictures, _photos(page, views, calibration.rejected))
@@ -123,7 +132,7 @@ def laser_plane_page(
         ),
     ]
     views = {
-        view.index: (
+        view.index: _Detections(
             view.laser_view.pixels, view.corner_residuals, view.laser_view.line_pixels,
             line_vectors(calibration, view),
         )
@@ -135,10 +144,14 @@ def laser_plane_page(
 
 
 def line_vectors(calibration: LaserPlaneCalibration, view: CalibratedLaserView) -> FloatArray:
-    """Return predicted minus found laser points along the line's normal, (m, 2). Units: px."""
+    """Return the residuals of a view's laser line as vectors along the line's normal, (m, 2).
+
+    They point from the found to the predicted line, without lens distortion. Units: px.
+    """
     rays = calibration.light_section.camera.rays(view.laser_view.line_pixels)
     board_normal, plane_normal = view.camera_from_board.rotation[:, 2], calibration.plane.normal
-    # Gradient, by the pixel, of the height over the board where its ray meets the laser plane.
+    # The ray (x, y, 1) of a pixel meets the laser plane at a height above the board that is 0 on
+    # the line; the gradient of this height by x and y, but for a positive factor, is the normal.
     ratio = (rays @ board_normal) / (rays @ plane_normal)
     gradient = board_normal[:2] - ratio[:, None] * plane_normal[:2]
     normals = gradient / np.hypot(*gradient.T)[:, None]
@@ -159,11 +172,11 @@ def hand_eye_page(
     calibration : HandEye
         Calibration to report.
     flanges : sequence of Pose
-        ``base_from_flange``, one per pose.
+        ``base_from_flange`` of each observation.
     page : ReportContent
         Values, warnings, names and provenance; for a board also its photos.
     corners : sequence of ((n, 2) ndarray, (n, 2) ndarray)
-        For a board, in each photo: corners found, and their residuals (predicted by the robot's
+        For a board, the corners found in each photo, and their residuals (predicted by the robot's
         pose and the result, minus found). Units: px.
     """
     rejected = [pose.index for pose in calibration.rejected]
@@ -174,7 +187,8 @@ def hand_eye_page(
     pictures = [
         (
             svg_element(draw_poses(calibration, flanges)),
-            "Positions of the target in the sensor's view, and poses of the sensor (from 0).",
+            "Positions of the target in the sensor's view, and poses of the sensor; numbers from "
+            "0.",
         ),
         (
             svg_element(draw_bars(page.names, series, rejected, "mm")),
@@ -183,31 +197,30 @@ def hand_eye_page(
         ),
     ]
     views = {
-        index: (points, residuals, _NONE, _NONE)
-        for index, (points, residuals) in enumerate(corners)
+        index: _Detections(points, residuals) for index, (points, residuals) in enumerate(corners)
     }
     photos = _photos(page, views, calibration.rejected)
-    return _page("Sensor to robot", page, pictures, photos, PREDICTED_BY_ROBOT)
+    prediction = "predicted by the robot's pose and the result,"
+    return _page("Sensor to robot", page, pictures, photos, prediction)
 
 
 def _photos(
     page: ReportContent,
-    views: Mapping[int, tuple[Points, FloatArray, Points, FloatArray]],
+    views: Mapping[int, _Detections],
     rejected: Sequence[RejectedView] | Sequence[RejectedPose],
 ) -> list[tuple[str, str]]:
-    """Return each photo with its caption: numbers of points and residuals, or the rejection."""
+    """Return each photo with its caption: numbers of points and residuals, or the rejection.
+
+    `views` has what was found in the photos, by their indices; there may be no photos.
+    """
+    if not page.images:
+        return []
     reasons = {view.index: view.reason for view in rejected}
-    photos = []
-    named = zip(page.names, page.images, strict=bool(page.images))
-    for index, (name, image) in enumerate(named):
-        points, residuals, line, vectors = views.get(index, (_NONE, _NONE, _NONE, _NONE))
-        photos.append(
-            ViewPhoto(
-                name=name, image=image, corners=points, corner_residuals=residuals,
-                line=line, line_residuals=vectors,
-            )
-        )  # fmt: skip
-    width = max((photo.image.shape[1] for photo in photos), default=0)
+    photos = [
+        ViewPhoto(name=name, image=image, **views.get(index, _Detections())._asdict())
+        for index, (name, image) in enumerate(zip(page.names, page.images, strict=True))
+    ]
+    width = max(photo.image.shape[1] for photo in photos)
     factors = (
         arrow_factor([photo.corner_residuals for photo in photos], width),
         arrow_factor([photo.line_residuals for photo in photos], width),
@@ -222,17 +235,15 @@ def _caption(photo: ViewPhoto, factors: tuple[float, float], reason: str | None)
     """Return the caption of a view: why it is left out, or rms residuals and scale of arrows."""
     if reason is not None:
         return f"{photo.name}: left out: {reason}"
-    texts = [
-        f"{len(photo.corners)} corners, {_rms(photo.corner_residuals)}, arrows ×{factors[0]:g}"
-    ]
+    corner_rms = rms(np.hypot(*photo.corner_residuals.T))
+    texts = [f"{len(photo.corners)} corners, {corner_rms:.3f} px rms, arrows ×{factors[0]:g}"]
     if len(photo.line):
-        rms = _rms(photo.line_residuals)
-        texts.append(f"{len(photo.line)} points of the laser line, {rms}, arrows ×{factors[1]:g}")
+        line_rms = rms(np.hypot(*photo.line_residuals.T))
+        texts.append(
+            f"{len(photo.line)} points of the laser line, {line_rms:.3f} px rms, "
+            f"arrows ×{factors[1]:g}"
+        )
     return f"{photo.name}: {'; '.join(texts)}"
-
-
-def _rms(vectors: FloatArray) -> str:
-    return f"{float(np.sqrt(np.mean(np.sum(vectors**2, axis=1)))):.3f} px rms"
 
 
 def _page(
@@ -240,18 +251,21 @@ def _page(
     page: ReportContent,
     pictures: Sequence[tuple[str, str]],
     photos: Sequence[tuple[str, str]],
-    arrows: str = "predicted",
+    prediction: str = "predicted",
 ) -> str:
-    """Return a page; each picture and photo is an ``<svg>`` element with its caption."""
+    """Return a page; each picture and photo is an ``<svg>`` element with its caption.
+
+    `prediction` states, before the words "minus found", what the arrows in the photos show.
+    """
     template = html_environment("lsvision.draw").get_template("calibration.html.j2")
-    values = {"title": title, "pictures": pictures, "photos": photos, "arrows": arrows}
+    values = {"title": title, "pictures": pictures, "photos": photos, "prediction": prediction}
     return template.render(**values, **vars(page))
 
 
 def _names_and_outliers(
     calibration: CameraCalibration | LaserPlaneCalibration, page: ReportContent
 ) -> tuple[list[str], list[int]]:
-    """Return the name of each view, and the positions of the outliers among the views."""
+    """Return the name of each view that was used, and the positions of the outliers among them."""
     indices = [view.index for view in calibration.views]
     outliers = [view.index for view in calibration.outliers]
     positions = [position for position, index in enumerate(indices) if index in outliers]

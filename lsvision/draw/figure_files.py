@@ -11,6 +11,7 @@ FORMATS = ("png", "svg")
 """Formats of a picture file."""
 
 _SALT_LOCK = threading.Lock()
+"""Held while a global setting of matplotlib has another value."""
 
 
 def new_figure(

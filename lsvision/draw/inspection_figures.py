@@ -15,7 +15,7 @@ from lsvision.inspection.decision import Decision
 from lsvision.inspection.inspected import Series
 from lsvision.inspection.verdict import Verdict
 from lsvision.measure import Measurement
-from lsvision.results.palette import DECISIONS, LIMITS
+from lsvision.results.palette import DECISIONS, LIMITS, POINTS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,7 +51,7 @@ def draw_series(series: Series) -> Figure:
     _draw_trend(trend, series)
     count = len(series.values)
     bins = int(np.clip(math.ceil(math.sqrt(count)), 1, MAX_BINS))
-    histogram.hist(series.values, bins=bins, orientation="horizontal", color="#8C8C8C")
+    histogram.hist(series.values, bins=bins, orientation="horizontal", color=POINTS)
     histogram.set_xlabel("parts")
     limits = [limit for limit in series.limits if math.isfinite(limit)]
     name = "limits" if len(limits) > 1 else "limit"
@@ -81,14 +81,19 @@ def _draw_trend(axes: Axes, series: Series) -> None:
 
 
 def draw_judged_profile(measurement: Measurement, verdict: Verdict) -> Figure | None:
-    """Return a figure of a profile with its ellipses, and of the limits of radii (dashed).
+    """Return a figure of a profile with its ellipses, and with the limits of radii as dashed ones.
 
     Parameters
     ----------
     measurement : Measurement
-        Measurement with its profile; without a profile the result is None.
+        Judged measurement.
     verdict : Verdict
-        Verdict of the measurement.
+        Verdict on the measurement.
+
+    Returns
+    -------
+    matplotlib.figure.Figure or None
+        None if the measurement has no profile.
     """
     if measurement.profile is None:
         return None
@@ -99,9 +104,10 @@ def draw_judged_profile(measurement: Measurement, verdict: Verdict) -> Figure | 
         if item.cylinder is None:
             continue
         ellipse = measurement.cylinders[item.cylinder].ellipse
-        intervals = [q.limits for q in item.quantities if q.key == "radius_mm"]
-        for radius in [limit for pair in intervals for limit in pair if math.isfinite(limit)]:
-            _draw_limit(axes, ellipse, radius)
+        for quantity in item.quantities:
+            if quantity.key == "radius_mm":
+                for limit in filter(math.isfinite, quantity.limits):
+                    _draw_limit(axes, ellipse, limit)
         x, y = ellipse.centre
         axes.annotate(
             f"{item.name}: {item.decision}", (x, y), xytext=(0, -16), textcoords="offset points",
@@ -112,7 +118,7 @@ def draw_judged_profile(measurement: Measurement, verdict: Verdict) -> Figure | 
 
 
 def _draw_limit(axes: Axes, ellipse: Ellipse, radius: float) -> None:
-    """Draw the ellipse that a cylinder of another radius would have."""
+    """Draw the ellipse of a cylinder with the same axis whose radius (mm) is a limit."""
     factor = radius / ellipse.semi_minor
     outline = ellipse.points_at(np.linspace(0, 2 * math.pi, 181))
     scaled = np.add(ellipse.centre, factor * (outline - ellipse.centre))

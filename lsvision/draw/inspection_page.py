@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,12 +16,14 @@ from lsvision.inspection.job import Job
 from lsvision.inspection.verdict import item_cells
 from lsvision.measure import Measurement
 from lsvision.results.html import html_environment
+from lsvision.results.palette import DECISIONS
 from lsvision.results.quantities import Record
 
 MAX_PARTS = 20
-"""Largest number of measurements with a section of their own; those that are not OK come first."""
+"""Largest number of measurements with a section of their own; of more, those that are not OK come
+first."""
 MIN_TREND = 2
-"""Smallest number of measurements for a trend."""
+"""Smallest number of measurements for a trend and for counts of the verdicts."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +37,7 @@ class InspectionContext:
     made : str
         Date and time of the page.
     calibration_days : float, optional
-        Age of the oldest calibration. Units: days.
+        Age of the oldest calibration; None if it is unknown, or the job names none. Units: days.
     golden : sequence of dict
         Log of the golden part, the oldest check first.
     """
@@ -64,7 +67,7 @@ def inspection_page(inspected: Sequence[JudgedMeasurement], context: InspectionC
     series = collect_series(inspected) if several else []
     shown = list(inspected)
     if len(shown) > MAX_PARTS:
-        shown.sort(key=lambda judged: judged.verdict.decision == Decision.OK)
+        shown.sort(key=lambda judged: judged.verdict.decision == Decision.OK)  # False is first
         shown = shown[:MAX_PARTS]
     template = html_environment("lsvision.draw").get_template("inspection.html.j2")
     return template.render(
@@ -72,6 +75,7 @@ def inspection_page(inspected: Sequence[JudgedMeasurement], context: InspectionC
         provenance=inspected[0].verdict.provenance,
         total=len(inspected),
         counts=count_verdicts(inspected) if several else [],
+        colours=DECISIONS,
         blocked=inspected[0].verdict.blocked,
         series=[_series_values(one_series) for one_series in series],
         parts=[_part_values(judged) for judged in shown],
@@ -81,6 +85,7 @@ def inspection_page(inspected: Sequence[JudgedMeasurement], context: InspectionC
 
 
 def _series_values(series: Series) -> dict[str, Any]:
+    """Return the values of a quantity over all measurements for the template of the page."""
     capability = series.capability
     return {
         "heading": f"{series.item}, {series.quantity.heading}",
@@ -102,14 +107,14 @@ def _capability_rows(capability: Capability) -> list[tuple[str, str]]:
             f"{100 * capability.measurement_fraction:.0f} %",
         ),
     ]
-    if capability.cp == capability.cp:  # not NaN: there are both limits
+    if not math.isnan(capability.cp):
         low, high = capability.cp_interval
         rows.insert(2, ("Cp", f"{capability.cp:.2f} ({low:.2f} .. {high:.2f})"))
     return rows
 
 
 def _part_values(judged: JudgedMeasurement) -> dict[str, Any]:
-    """Return the values of a judged part for the template of the page."""
+    """Return the values of a judged measurement for the template of the page."""
     verdict, figure = judged.verdict, None
     if isinstance(judged.measurement, Measurement):
         figure = draw_judged_profile(judged.measurement, verdict)
@@ -118,7 +123,7 @@ def _part_values(judged: JudgedMeasurement) -> dict[str, Any]:
         "name": name,
         "decision": str(verdict.decision),
         "cells": item_cells(verdict.items),
-        "notes": verdict._notes()[1:],
+        "notes": verdict._notes()[1:],  # the first one is the decision
         "remedies": [str(remedy) for remedy in judged.remedies],
         "picture": "" if figure is None else svg_element(figure),
     }

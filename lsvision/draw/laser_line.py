@@ -19,18 +19,20 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DPI = 100
+"""Resolution of the PNG. Units: 1 / inch."""
 MAX_PHOTO_INCH = {"columns": (11.7, 9.0), "rows": (7.5, 10.5)}
 """Largest width and height of the photo, for a line with one point per column and one per row."""
 MIN_WIDTH_INCH = 10.5
 """Smallest width of the figure, for the summary above the image. Units: inch."""
 LEFT_INCH, RIGHT_INCH, TOP_INCH, BOTTOM_INCH = 0.95, 0.3, 1.05, 0.65
+"""Margins of the figure, with labels of axes, title and legend."""
 CURVE_INCH, CURVE_GAP_INCH, PHOTO_GAP_INCH = 1.45, 0.2, 0.75
-"""Extent of a curve's axes perpendicular to the line, and the gaps between curves and below the
+"""Extent of a curve's axes perpendicular to the line, gap between curves, and gap below the
 photo."""
 AXIS_PERCENTILE = 99.0
-"""Percentile of the values of a curve that its axes show."""
+"""Percentile of a curve's values that its axis contains; larger values may be cut off."""
 Box = tuple[float, float, float, float]
-"""Left, bottom, width, height."""
+"""Left, bottom, width and height of axes, in inches or as fractions of the figure."""
 
 
 def draw_laser_line(
@@ -38,8 +40,9 @@ def draw_laser_line(
 ) -> Figure:
     """Return a figure of a laser line in its image, with curves of its std, width, brightness.
 
-    The curves share the photo's axis along the line: below the photo, with each point under its
-    column; for a line that runs from top to bottom at the right, with each point in its row.
+    The curves share the photo's axis along the line. For a line with one point per column they are
+    below the photo, each value under its column; for one with one point per row they are at the
+    right, each value in its row.
 
     Parameters
     ----------
@@ -99,7 +102,7 @@ def line_summary(line: LaserLine) -> str:
     >>> line_summary(extract_laser_line(image)).split(", std")[0]
     '99 columns, 0 lost'
     """
-    valid = ~np.isnan(line.std)
+    valid = ~np.isnan(line.std)  # points that are not lost
     return (
         f"{len(line)} {line.direction}, {line.lost} lost, std {np.median(line.std[valid]):.2g} px, "
         f"width {np.median(line.width[valid]):.1f} px, {line.saturated[valid].mean():.0%} at full "
@@ -119,7 +122,10 @@ def _draw_on_photo(photo: Axes, image: npt.ArrayLike, line: LaserLine) -> None:
 def _layout(
     shape: tuple[int, ...], direction: str
 ) -> tuple[tuple[float, float], Box, tuple[Box, Box, Box]]:
-    """Return the size of the figure, and boxes of photo and curves. Units: inch."""
+    """Return the size of the figure, and the boxes of the photo and the three curves. Units: inch.
+
+    `shape` is that of the image, `direction` that of the line: "columns" or "rows".
+    """
     height, width = shape[:2]
     max_width, max_height = MAX_PHOTO_INCH[direction]
     scale = min(max_width / width, max_height / height)
@@ -166,7 +172,7 @@ def _curves(line: LaserLine) -> tuple[tuple[str, FloatArray], ...]:
 def _draw_curve(
     figure: Figure, photo: Axes, line: LaserLine, curve: tuple[str, FloatArray], box: Box
 ) -> None:
-    """Draw a quantity of the line's points over the image's axis along the line."""
+    """Draw a quantity of the line's points, with the photo's axis along the line; see `_curves`."""
     name, values = curve
     limits = (0, 1.1 * float(np.nanpercentile(values, AXIS_PERCENTILE)))
     if line.direction == "columns":

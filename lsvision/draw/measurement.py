@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SIZE_INCH, DPI = (13.0, 7.0), 110
+"""Width and height of the figure, and resolution of the PNG (1 / inch)."""
 AXES_BOX = (0.065, 0.085, 0.605, 0.785)
 """Left, bottom, width and height of the axes, left of the panel, as fractions of the figure."""
 MARGIN = 0.05
@@ -85,7 +86,7 @@ def draw_measurement(
 
 
 def draw_on_axes(axes: Axes, profile: Profile, measurement: Measurement) -> None:
-    """Draw a measurement into axes: points, arcs, ellipses, major axes, rejected arcs.
+    """Draw a measurement into axes: all points, the cylinders' points, ellipses and rejected arcs.
 
     Parameters
     ----------
@@ -123,8 +124,8 @@ def _draw_cylinder(axes: Axes, points: Points, cylinder: CylinderSection, number
     axes.plot(*outline.T, "-", color=colour, lw=1.1, zorder=2,
               label=label_once(axes, "fitted ellipse"))  # fmt: skip
     if cylinder.theta_determined:  # otherwise the direction drawn would look like a result
-        vertices = ellipse.points_at(np.array([0.0, math.pi]))
-        axes.plot(*vertices.T, "--", color=colour, lw=1.3, zorder=2,
+        ends = ellipse.points_at(np.array([0.0, math.pi]))
+        axes.plot(*ends.T, "--", color=colour, lw=1.3, zorder=2,
                   label=label_once(axes, "major axis (direction θ)"))  # fmt: skip
     label_box = {"boxstyle": "circle,pad=0.25", "fc": colour, "ec": "white"}
     axes.text(*ellipse.centre, str(number), color="white", fontsize=10, weight="bold", ha="center",
@@ -136,15 +137,15 @@ def _label_rejected(axes: Axes, points: Points, rejected: Sequence[RejectedArc])
     # The limits and the equal scale must be final before positions are converted to pixels.
     axes.autoscale_view()
     axes.apply_aspect()
-    to_pixels = axes.transData
+    from_pixels = axes.transData.inverted()
     up, label_pixels = np.array([0.0, LABEL_GAP_PX]), list[FloatArray]()
     for arc in rejected:
         anchor = points[arc.indices[len(arc.indices) // 2]]
-        pixel = to_pixels.transform(anchor) + up
+        pixel = axes.transData.transform(anchor) + up
         while any(math.hypot(*(pixel - other)) < LABEL_GAP_PX for other in label_pixels):
             pixel = pixel + up / 2
         label_pixels.append(pixel)
-        position = to_pixels.inverted().transform(pixel)
+        position = from_pixels.transform(pixel)
         leader = {"arrowstyle": "-", "color": arc.colour, "lw": 0.8}
         axes.annotate("", anchor, xytext=position, arrowprops=leader, zorder=4)
         box = {"boxstyle": "round,pad=0.2", "fc": arc.colour, "ec": "none"}

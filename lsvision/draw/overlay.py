@@ -32,9 +32,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SIZE_INCH, DPI = (13.0, 15.0), 100
+"""Width and height of the figure, and resolution of the PNG (1 / inch)."""
 HEIGHT_RATIOS = (8.0, 7.0)
-"""Heights of the photo and of the drawing in mm below it."""
-OUTLINE_STEPS = 721
+"""Relative heights of the photo and of the drawing in mm below it."""
+OUTLINE_POINTS = 721
 """Number of points of a drawn ellipse."""
 
 
@@ -104,7 +105,7 @@ def draw_overlay(
 def draw_on_photo(
     axes: Axes, light_section: LightSection, profile: Profile, measurement: Measurement
 ) -> None:
-    """Draw a measurement into axes that show the image.
+    """Draw a measurement into axes that show the image from which it was made.
 
     Parameters
     ----------
@@ -136,11 +137,10 @@ def _draw_cylinder(
 ) -> None:
     """Draw points, ellipse, major axis if it is determined, and number of a cylinder, in px."""
     colour, ellipse = cylinder_colour(number), cylinder.ellipse
-    outline = light_section.project(ellipse.points_at(np.linspace(0, 2 * math.pi, OUTLINE_STEPS)))
+    outline = light_section.project(ellipse.points_at(np.linspace(0, 2 * math.pi, OUTLINE_POINTS)))
     cylinder_pixels = pixels[cylinder.indices].T
-    axes.plot(
-        *cylinder_pixels, "o", color="white", ms=4.4, mew=0, zorder=4
-    )  # readable on any photo
+    # White below the colour, so that points and ellipse are visible on any photo.
+    axes.plot(*cylinder_pixels, "o", color="white", ms=4.4, mew=0, zorder=4)
     axes.plot(*outline.T, "-", color="white", lw=2.4, zorder=4)
     axes.plot(*cylinder_pixels, "o", color=colour, ms=3.2, mew=0, zorder=5,
               label=label_once(axes, "points of a cylinder"))  # fmt: skip

@@ -13,20 +13,21 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 HEADING = "black"
-"""Colour of headings, which are bold."""
+"""Colour of headings, by which they are recognised and written in bold."""
 
-LEFT, TOP, LINE = 0.685, 0.865, 0.0225
+LEFT, TOP, LINE_HEIGHT = 0.685, 0.865, 0.0225
 """Left and top of the panel and height of its lines, as fractions of the figure."""
-COLUMNS, LINES = 48, 31
+MAX_COLUMNS, MAX_LINES = 48, 31
 """Number of characters of a line, and of lines, that fit."""
 MAX_FULL_CYLINDERS = 4
-"""Number of cylinders above which each gets two lines."""
+"""Number of cylinders up to which each has four lines; of more each has two."""
 
-LEGEND = (
+SYMBOLS = (
     "θ: direction of the major axis, from X towards Y\n"
     "φ: tilt of the cylinder from the laser plane's normal\n"
     "± one sigma"
 )
+"""Text below the panel."""
 
 
 def draw_panel(
@@ -44,40 +45,45 @@ def draw_panel(
         Rejected arcs in the order of their letters.
     """
     lines = [*_cylinder_lines(cylinders), *_rejected_lines(rejected)]
-    if len(lines) > LINES:
-        left_out = len(lines) - LINES + 1
+    if len(lines) > MAX_LINES:
+        left_out = len(lines) - MAX_LINES + 1
         lines = [
-            *lines[: LINES - 1],
+            *lines[: MAX_LINES - 1],
             (f"... {left_out} more lines: see lsvision measure -v", "0.3"),
         ]
     for row, (line, colour) in enumerate(lines):
         weight = "bold" if colour == HEADING else "normal"
-        figure.text(LEFT, TOP - row * LINE, with_minus_signs(line), color=colour, fontsize=9,
+        figure.text(LEFT, TOP - row * LINE_HEIGHT, with_minus_signs(line), color=colour, fontsize=9,
                     va="top", family="monospace", weight=weight, parse_math=False)  # fmt: skip
-    figure.text(LEFT, 0.085, LEGEND, color="0.3", fontsize=8, va="bottom", parse_math=False)
+    figure.text(LEFT, 0.085, SYMBOLS, color="0.3", fontsize=8, va="bottom", parse_math=False)
 
 
 def _cylinder_lines(cylinders: Sequence[CylinderSection]) -> list[tuple[str, str]]:
-    """Return the panel's lines on the cylinders with their colours, shorter ones for many."""
+    """Return the panel's lines on the cylinders with their colours, and an empty line at the end.
+
+    More than `MAX_FULL_CYLINDERS` have shorter lines, without empty ones between them.
+    """
+    blank = ("", HEADING)
     if not cylinders:
-        return [("No cylinder found", HEADING), ("", HEADING)]
+        return [("No cylinder found", HEADING), blank]
+    shortened = len(cylinders) > MAX_FULL_CYLINDERS
     lines = [("Cylinders", HEADING)]
     for number, cylinder in enumerate(cylinders, 1):
         texts = _value_lines(cylinder)
-        if len(cylinders) > MAX_FULL_CYLINDERS:
-            texts = [f"{texts[0]}, {texts[2]}", texts[1]]
-        prefixes = [f"{number:<3}", *["   "] * (len(texts) - 1)]
-        colour = cylinder_colour(number)
+        if shortened:
+            radius, theta, phi, _ = texts
+            texts = [f"{radius}, {phi}", theta]
         lines += [
-            (f"{prefix} {text}", colour) for prefix, text in zip(prefixes, texts, strict=True)
+            (f"{number if row == 0 else '':<3} {text}", cylinder_colour(number))
+            for row, text in enumerate(texts)
         ]
-        if len(cylinders) <= MAX_FULL_CYLINDERS:
-            lines.append(("", HEADING))
-    return lines if len(cylinders) <= MAX_FULL_CYLINDERS else [*lines, ("", HEADING)]
+        if not shortened:
+            lines.append(blank)
+    return [*lines, blank] if shortened else lines
 
 
 def _value_lines(cylinder: CylinderSection) -> list[str]:
-    """Return the values of a cylinder as four lines of text."""
+    """Return the values of a cylinder as four lines: radius, theta, phi, centre and points."""
     radius, theta, phi, *_ = cylinder.estimates
     x, y = cylinder.centre
     return [
@@ -92,7 +98,7 @@ def _rejected_lines(rejected: Sequence[RejectedArc]) -> list[tuple[str, str]]:
     """Return the panel's lines on rejected arcs with their colours: letter and wrapped reason."""
     lines = [("Rejected arcs", HEADING)] if rejected else []
     for arc in rejected:
-        wrapped = textwrap.wrap(arc.reason, COLUMNS - 4)
+        wrapped = textwrap.wrap(arc.reason, MAX_COLUMNS - 4)  # after the letter and blanks
         lines += [
             (f"{arc.letter if row == 0 else '':<3} {text}", arc.colour)
             for row, text in enumerate(wrapped)

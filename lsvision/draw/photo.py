@@ -9,11 +9,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 WHITE_PERCENTILE = 99.9
-"""Percentile of an image deeper than 8 bit that is shown white."""
+"""Percentile of an image deeper than 8 bit from which pixels are shown white."""
 
 
 def show_photo(axes: "Axes", image: npt.ArrayLike) -> None:
-    """Show an image in axes in pixels, v downwards.
+    """Show an image in axes in pixels, (0, 0) at the centre of the top left pixel, v downwards.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ class RejectedArc:
     Parameters
     ----------
     letter : str
-        Label in the picture.
+        Label in the picture: A to Z, then A1 to Z1, and so on.
     indices : (k,) int ndarray
         Valid points of the arc that belong to no cylinder; at least one.
     reason : str
@@ -32,7 +32,7 @@ class RejectedArc:
 
 
 def rejected_arcs(points: Points, measurement: Measurement) -> tuple[RejectedArc, ...]:
-    """Return the rejected arcs from left to right; of several with the same span the first.
+    """Return the rejected arcs in the order of the profile; of several with one span the first.
 
     Parameters
     ----------

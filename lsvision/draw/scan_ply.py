@@ -1,4 +1,4 @@
-"""Points and surfaces of a scan for PLY files, in the colours of the scan's figure."""
+"""Points and surfaces of a scan for PLY files, the cylinders in the colours of the figure."""
 
 import numpy as np
 
@@ -23,11 +23,10 @@ def colour_points(scan: ScanMeasurement, points: Points) -> tuple[Points, FloatA
 
     Returns
     -------
-    points : (m, 3) ndarray
-        Points on no cylinder, grey; then those of each cylinder, in its colour. Each point occurs
-        once. Base frame. Units: mm.
-    colours : (m, 3) ndarray
-        Colour of each point: red, green, blue, 0 to 1.
+    points : (n, 3) ndarray
+        Points on no cylinder, then those of each cylinder; each point once. Base frame. Units: mm.
+    colours : (n, 3) ndarray
+        Colour of each point, grey or that of its cylinder: red, green, blue from 0 to 1.
     """
     cylinder_points = [tube.points for tube in scan.cylinders]
     # The cylinders hold copies of the points, which are found again by their equal coordinates.
@@ -54,7 +53,7 @@ def colour_surfaces(scan: ScanMeasurement) -> tuple[Points, FloatArray, IntArray
     points : (n, 3) ndarray
         Vertices of the triangles, base frame. Units: mm.
     colours : (n, 3) ndarray
-        Colour of each vertex: red, green, blue, 0 to 1.
+        Colour of each vertex: red, green, blue from 0 to 1.
     triangles : (m, 3) ndarray of int
         Indices of the three vertices of each triangle in `points`.
     """

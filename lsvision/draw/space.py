@@ -63,8 +63,9 @@ def fit_into_area(axes: "Axes3D", area: tuple[float, float, float, float]) -> No
         drawn = _drawn_box(axes).transformed(to_fractions)
         box = axes.get_position(original=True)
         factor = min(width / drawn.width, height / drawn.height)
-        x = box.x0 + box.width / 2 + left + width / 2 - (drawn.x0 + drawn.x1) / 2
-        y = box.y0 + box.height / 2 + bottom + height / 2 - (drawn.y0 + drawn.y1) / 2
+        shift_x = left + width / 2 - (drawn.x0 + drawn.x1) / 2
+        shift_y = bottom + height / 2 - (drawn.y0 + drawn.y1) / 2
+        x, y = (box.x0 + box.x1) / 2 + shift_x, (box.y0 + box.y1) / 2 + shift_y  # new centre
         size = factor * box.width, factor * box.height
         axes.set_position((x - size[0] / 2, y - size[1] / 2, *size))
 

@@ -9,13 +9,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MAX_TITLE_CHARACTERS = 95
-"""Number of characters kept of a longer title: about the width of the figure."""
+"""Largest length of a title, and number of characters that are kept of a longer one after "...":
+about the width of the figure."""
 LAST_SUPPORTED_CHARACTER = "\u058f"
 """End of the Armenian block: the default font of matplotlib lacks most scripts after it."""
 
 
 def make_printable(title: str) -> str:
-    """Return a title with ``?`` for characters without a glyph; ``...`` and its end if it is long.
+    """Return a title with ``?`` for characters without a glyph; of a long one ``...`` and its end.
 
     Examples
     --------
@@ -45,7 +46,7 @@ def format_summary_title(cylinders: int, rejected: int, title: str) -> str:
 
 
 def label_once(axes: "Axes", label: str) -> str | None:
-    """Return the label; None, which adds no entry, if the legend of the axes has it already."""
+    """Return the label; None, which matplotlib omits, if an artist in the axes has it already."""
     return None if label in axes.get_legend_handles_labels()[1] else label
 
 
@@ -74,6 +75,6 @@ def get_figure(axes: "Axes") -> "Figure":
 
 
 def set_title(axes: "Axes", title: str) -> None:
-    """Set the title of axes as `make_printable` returns it; an empty title is not set."""
+    """Set the title of axes, as `make_printable` returns it, above their legend; "" sets none."""
     if title:
         axes.set_title(make_printable(title), loc="left", parse_math=False, pad=24)

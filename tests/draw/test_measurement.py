@@ -14,7 +14,7 @@ from matplotlib.colors import same_color
 from lsvision.detection.arcs import Rejection
 from lsvision.draw import draw_measurement, figure_bytes
 from lsvision.draw.measurement import LABEL_GAP_PX
-from lsvision.draw.panel import LINES
+from lsvision.draw.panel import MAX_LINES
 from lsvision.draw.rejected import rejected_arcs
 from lsvision.measure import Measurement, measure_cylinders
 from lsvision.profile import Arc, Profile
@@ -142,7 +142,7 @@ def test_letters_of_crowded_arcs_keep_clear_of_each_other():
     assert len(spots) == len(spans)
     assert gaps[np.triu_indices(len(spots), 1)].min() >= LABEL_GAP_PX * (1 - PIXEL_PER_MM)
     panel = [text for text in figure.texts if text.get_family() == ["monospace"]]
-    assert len(panel) == LINES
+    assert len(panel) == MAX_LINES
     assert "more lines: see lsvision measure -v" in panel[-1].get_text()
 
 
