@@ -14,9 +14,10 @@ READERS = (
     "text, matrix, gocator, gocator-points, keyence, keyence-raw, npy, npz, ply, pcd, opencv, "
     "parquet, json, yaml, laserscan, height-map, rosbag"
 )
-"""Names of the readers; written out because importing their list imports numpy. A test compares."""
+"""Values of --format, for its help; `lsvision.io.profiles.settings.FORMATS`, whose import would
+import numpy. A test compares both."""
 DEFAULT_REFERENCE_MM = 400.0
-"""Default of --reference-range: the middle of the range of the paper's sensor. Units: mm."""
+"""Default of --reference-range: the middle of the range of the paper's sensor."""
 
 Radius = Annotated[
     str | None,
@@ -53,7 +54,7 @@ CsvFile = Annotated[
 Jobs = Annotated[
     int | None,
     typer.Option(
-        min=1, metavar="N", help="Number of processes [1; for many files the number of cores]."
+        min=1, metavar="N", help="Number of processes [1; from 2 MB on the number of cores]."
     ),
 ]
 Verbose = Annotated[
@@ -63,7 +64,7 @@ Verbose = Annotated[
 
 @dataclass(frozen=True, kw_only=True)
 class SensorOptions:
-    """Noise of the sensor: that of a known sensor, or one sigma at a range."""
+    """Options for the noise of the points: that of a known sensor, or one sigma at a range."""
 
     sensor: Annotated[
         str | None,
@@ -87,22 +88,23 @@ class SensorOptions:
         Raises
         ------
         typer.BadParameter
-            For an unknown sensor, a sensor and a noise at once, or a length that is not positive.
+            For an unknown sensor, a sensor and a noise at once, a range without a noise, or a
+            length that is not positive.
         """
-        if self.sensor is None and self.range_std is None:
-            if self.reference_range is not None:
-                raise typer.BadParameter("expected --range-std with --reference-range, got none")
-            return None
-        from lsvision.sensors.profile_sensor import ProfileSensor, find_sensor
-
         if self.sensor is not None and self.range_std is not None:
             raise typer.BadParameter("expected --sensor or --range-std, got both")
+        if self.reference_range is not None and self.range_std is None:
+            raise typer.BadParameter("expected --range-std with --reference-range, got none")
+        from lsvision.sensors.profile_sensor import ProfileSensor, find_sensor
+
         reference = self.reference_range
         try:
             if self.sensor is not None:
                 return find_sensor(self.sensor)
+            if self.range_std is None:
+                return None
             return ProfileSensor(
-                range_std=self.range_std or 0.0,
+                range_std=self.range_std,
                 reference_range=DEFAULT_REFERENCE_MM if reference is None else reference,
             )
         except ValueError as error:
@@ -187,7 +189,7 @@ class ReadingOptions:
         Raises
         ------
         typer.BadParameter
-            For an unknown format or unit, or invalid columns.
+            For a value that `ReadSettings` rejects.
         """
         from lsvision.io.profiles import ReadOptions, ReadSettings
 

@@ -169,6 +169,10 @@ def test_a_million_points_are_measured(run, tmp_path):
         (["--sensor", "lps36", "--range-std", "0.1"], "expected --sensor or --range-std, got both"),
         (["--range-std", "0"], "expected a positive range_std in mm"),
         (["--reference-range", "300"], "expected --range-std with --reference-range"),
+        (
+            ["--sensor", "lps36", "--reference-range", "300"],
+            "expected --range-std with --reference-range",
+        ),
         (["--units", "furlong"], "expected units among nm, um, mm"),
         (["--format", "docx"], "expected format among text"),
         (["--columns", "1"], "expected columns of x and height"),
