@@ -58,7 +58,7 @@ def paper(
       lsvision paper --full --out report.html --json report.json
       lsvision paper --noise-mm 0.02 --out low_noise.html
     """  # noqa: D301 - the backspace makes click keep the line breaks
-    # Before the experiments, which take minutes; `streams` may be "-" for standard output.
+    # Before the experiments, which take a minute or more.
     check_outputs(outputs=(), sources=(), streams=(out, json))
     from lsvision.studies.chen_liu_2016 import (
         ExperimentSizes,
@@ -73,11 +73,11 @@ def paper(
     write_output(out, report_page(report))
     if json is not None:
         write_output(json, report_json(report))
-    # The names of the files written, on stderr if one output itself is on stdout.
-    print_lines([f"{out}" if json is None else f"{out} and {json}"], err=STDOUT in (out, json))
+    names = " and ".join(str(path) for path in (out, json) if path is not None)
+    print_lines([names], err=STDOUT in (out, json))
 
 
 def _log_progress(text: str) -> None:
-    """Write a line of progress to stderr at once, because stdout may contain the report."""
+    """Write a line of progress to stderr at once; stdout may get the report."""
     sys.stderr.write(f"{text}\n")
     sys.stderr.flush()

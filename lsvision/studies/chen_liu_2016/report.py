@@ -48,7 +48,7 @@ class ExperimentSizes:
 
     @classmethod
     def quick(cls) -> Self:
-        """Return sizes for less than a minute: rms to 10-15 % (one section), 25-40 % (others)."""
+        """Return sizes for a minute or two: rms to 10-15 % (one section), 25-40 % (others)."""
         runs = {"paper": 3, "section": 24, "known": 24, "two": 8, "twenty": 3}
         return cls(runs=_ordered_runs(runs), timing_scenes=1, repeats=200, ablation_scenes=20)
 
