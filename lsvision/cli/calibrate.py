@@ -12,8 +12,8 @@ from lsvision.cli.calibrate_hand_eye import hand_eye
 from lsvision.cli.calibrate_inputs import (
     LineOptions,
     Report,
+    add_file_names_to_errors,
     image_files,
-    prefix_file_names,
     read_images,
 )
 from lsvision.cli.calibrate_tables import (
@@ -127,7 +127,7 @@ def camera(
         tilted=tilted,
         bent_board=not flat_board,
     )
-    with prefix_file_names(image=names):
+    with add_file_names_to_errors(image=names):
         photos = read_images(files)
         calibration = calibrate_camera(photos, board, model)
     rows = camera_rows(calibration)
@@ -212,7 +212,7 @@ def laser_plane(
     names = [printable(file.name) for file in board_files]
     model, covariance = read_camera(camera_file), read_camera_covariance(camera_file)
     board_images, line_images = read_images(board_files), line_options.read(line_files)
-    with prefix_file_names(
+    with add_file_names_to_errors(
         image=names, board_image=names, line_image=[printable(file.name) for file in line_files]
     ):
         calibration = calibrate_laser_plane(

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from lsvision.cli.calibrate_inputs import image_files, prefix_file_names
+from lsvision.cli.calibrate_inputs import add_file_names_to_errors, image_files
 from lsvision.cli.hand_eye_boards import find_boards
 from lsvision.cli.hand_eye_command import (
     HandEyeOptions,
@@ -104,7 +104,9 @@ def board(
     options: HandEyeOptions,
     target_options: TargetOptions,
 ) -> None:
-    """Calibrate a camera to the robot on a board; gives flange_from_camera.
+    """Calibrate a camera to the robot on a board.
+
+    Gives flange_from_camera, or base_from_camera with --mounting eye-to-hand.
 
     \b
       lsvision calibrate hand-eye board shots/ --camera camera.json --poses poses.csv \\
@@ -118,10 +120,10 @@ def board(
     from lsvision.io.robot_poses import find_pose_files
 
     names = [printable(file.name) for file in files]
-    flanges = options.read_flanges(names)
+    flanges = options.read_flanges("image", names)
     boards = find_boards(files, target, camera)
     names, flanges = [names[k] for k in boards.indices], [flanges[k] for k in boards.indices]
-    with prefix_file_names(pose=names):
+    with add_file_names_to_errors(pose=names):
         boards = boards.number_from_one_end(target, flanges, options.placement)
         calibration = calibrate_hand_eye_board(
             boards.poses,
@@ -180,24 +182,24 @@ def target_poses(
       lsvision calibrate hand-eye poses targets.csv --target-convention matrix \\
         --poses flanges.csv --convention kuka --out hand_eye.json
     """  # noqa: D301 - the backspace makes click keep the line breaks
-    rows = parse_pose_file(RobotOptions(poses=poses, convention=convention))
-    if rows is None and target_convention is not None:
+    pose_file = parse_pose_file(RobotOptions(poses=poses, convention=convention))
+    if pose_file is None and target_convention is not None:
         raise typer.BadParameter("expected --poses with --target-convention, got none")
-    inputs = [samples] if rows is None else [samples, rows.path]
+    inputs = [samples] if pose_file is None else [samples, pose_file.path]
     options.check_files(inputs)
     from lsvision.calibration.hand_eye import calibrate_hand_eye_board
 
-    if rows is None:
+    if pose_file is None:
         from lsvision.io.hand_eye_samples import read_hand_eye_samples
 
         flanges, targets = read_hand_eye_samples(samples, options.placement)
     else:
         from lsvision.io.robot_poses import read_robot_poses
 
-        target_convention = target_convention or rows.convention
-        parse_convention(target_convention)
+        target_convention = target_convention or pose_file.convention
+        parse_convention(target_convention, "--target-convention")
         targets = read_robot_poses(samples, target_convention)
-        flanges = rows.read(len(targets), "of the target")
+        flanges = pose_file.read(len(targets), "pose of the target")
     options = replace(options, frame_convention=options.frame_convention or convention)
     names = [f"sample {number}" for number in range(len(targets))]
     calibration = calibrate_hand_eye_board(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
-from lsvision.cli.image_options import BayerPattern, parse_line_settings
+from lsvision.cli.image_options import BayerPattern, Laser, parse_line_settings
 from lsvision.cli.image_sources import check_colours
 from lsvision.cli.messages import FAILED, print_error
 from lsvision.cli.sources import (
@@ -39,13 +39,7 @@ Report = Annotated[
 class LineOptions:
     """Options of the laser line on a board: its colour, and where it is searched."""
 
-    laser: Annotated[
-        str,
-        typer.Option(
-            metavar="COLOUR",
-            help="Laser colour in colour images: red, green, blue, white; else grey.",
-        ),
-    ] = "grey"
+    laser: Laser = "grey"
     bayer: BayerPattern = None
     margin: Annotated[
         float,
@@ -58,7 +52,7 @@ class LineOptions:
 
     @property
     def pattern(self) -> "Bayer | None":
-        """Colours of the mosaic in the notation of the library."""
+        """Colours of the sensor's mosaic in the notation of the library."""
         return cast("Bayer | None", self.bayer and self.bayer.upper())
 
     def read(self, paths: Sequence[Path]) -> list[Any]:
@@ -89,17 +83,17 @@ class LineOptions:
 
 
 def image_files(names: Sequence[str]) -> list[Path]:
-    """Return the image files of names, folders and patterns, in natural order; exit if none."""
+    """Return the image files of names, folders and patterns; print and exit if one has none."""
     return _find(names, IMAGE_SUFFIXES)
 
 
 def profile_files(names: Sequence[str], dx: float | None) -> list[Path]:
-    """Return the profile files of names, folders and patterns; with ``--dx`` height maps, too."""
+    """Return the profile files as `image_files` image files; with ``--dx`` also height maps."""
     return _find(names, suffixes_of_profiles(dx))
 
 
 def read_images(paths: Sequence[Path]) -> list[Any]:
-    """Return the images of files, in order.
+    """Return the images of files in their order.
 
     Raises
     ------
@@ -114,7 +108,7 @@ def read_images(paths: Sequence[Path]) -> list[Any]:
 def read_named_profiles(
     paths: Sequence[Path], options: "ReadOptions"
 ) -> "tuple[list[Profile], list[str]]":
-    """Return the profiles of all files in order, and a name for each.
+    """Return the profiles of all files in their order, and a name for each.
 
     Raises
     ------
@@ -128,48 +122,55 @@ def read_named_profiles(
 
 
 @contextmanager
-def prefix_file_names(**names: Sequence[str]) -> Iterator[None]:
-    """Add file names to the image numbers in the message of an error.
+def add_file_names_to_errors(**names: Sequence[str]) -> Iterator[None]:
+    """Add file names to the numbers of images and poses in the message of a `LsvisionError`.
 
     Parameters
     ----------
     **names : sequence of str
-        File names of ``image 3`` (`image`), ``board image 3`` (`board_image`) or ``pose 3``
-        (`pose`).
+        File names by number: `image` for ``image 3``, `board_image` for ``board image 3``,
+        `line_image` for ``line image 3``, and `pose` for ``pose 3``.
 
     Raises
     ------
     LsvisionError
-        Error with the names added to its message.
+        The error of the ``with`` block, with the names in its message.
     """
     try:
         yield
     except LsvisionError as error:
-        raise LsvisionError(replace_image_numbers(str(error), **names)) from error
+        raise LsvisionError(add_file_names(str(error), **names)) from error
 
 
-def replace_image_numbers(text: str, **names: Sequence[str]) -> str:
-    """Return a message with the file's name after each ``image 3``.
+def add_file_names(text: str, **names: Sequence[str]) -> str:
+    """Return a message with the name of its file after each ``image 3`` or ``pose 3``.
+
+    Parameters
+    ----------
+    text : str
+        Message with numbers from 0.
+    **names : sequence of str
+        File names by number; see `add_file_names_to_errors`.
 
     Examples
     --------
-    >>> replace_image_numbers("image 1 is blurred", image=["a.png", "b.png"])
+    >>> add_file_names("image 1 is blurred", image=["a.png", "b.png"])
     'image 1 (b.png) is blurred'
     """
-    for kind, file_names in sorted(names.items(), key=lambda item: -len(item[0])):
-        label = kind.replace("_", " ")
-        lookbehind = r"(?<!board )(?<!line )" if label == "image" else ""
 
-        def add_name(match: re.Match[str], file_names: Sequence[str] = file_names) -> str:
-            number = int(match[1])
-            return f"{match[0]} ({file_names[number]})" if number < len(file_names) else match[0]
+    def add_name(match: re.Match[str]) -> str:
+        file_names = names.get(match[1].replace(" ", "_"), ())
+        number = int(match[2])
+        return f"{match[0]} ({file_names[number]})" if number < len(file_names) else match[0]
 
-        text = re.sub(rf"{lookbehind}\b{label} (\d+)\b", add_name, text)
-    return text
+    return re.sub(r"\b((?:board |line )?image|pose) (\d+)\b", add_name, text)
 
 
 def _find(names: Sequence[str], suffixes: frozenset[str]) -> list[Path]:
-    """Return the files of names, folders and patterns; print errors and exit if any is missing."""
+    """Return the files of names, folders and patterns, each folder's in natural order.
+
+    Files that are missing are printed as errors, and end the command.
+    """
     files, missing = find_sources(names, suffixes)
     if any(str(file) == STDIN for file in files):
         raise typer.BadParameter("expected files, which are read twice, got - for standard input")

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from lsvision.calibration.result_tables import Row, rejection_lines
-from lsvision.cli.calibrate_inputs import replace_image_numbers
+from lsvision.cli.calibrate_inputs import add_file_names
 from lsvision.results.tables import text_table
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def pose_rows(hand_eye: "HandEye", names: Sequence[str]) -> list[tuple[str, str, str, str]]:
-    """Return for each pose: name, residual, leave-one-out residual, and whether it was rejected."""
+    """Return for each pose: name, residual and leave-one-out residual (mm), whether left out."""
     left_out = {pose.index for pose in hand_eye.rejected}
     return [
         (
@@ -32,7 +32,7 @@ def pose_rows(hand_eye: "HandEye", names: Sequence[str]) -> list[tuple[str, str,
 
 
 def plan_rows(plan: "PosePlan") -> list[tuple[str, ...]]:
-    """Return for each planned pose: number, position and predicted standard deviation."""
+    """Return for each planned pose: number from 1, position and predicted std, in mm."""
     return [
         (str(number), *(f"{value:.1f}" for value in pose.translation), f"{std:.4f}")
         for number, (pose, std) in enumerate(
@@ -51,8 +51,9 @@ def warning_lines(
 ) -> list[str]:
     """Return lines on rejected views, outliers and warnings, with the names of the images."""
     lines = rejection_lines(calibration.rejected, calibration.outliers, calibration.warnings)
-    return [replace_image_numbers(line, image=names) for line in lines]
+    return [add_file_names(line, image=names) for line in lines]
 
 
 def _format_mm(value: float) -> str:
+    """Return a length in mm as text; "-" if the target was not found."""
     return f"{value:.3f}" if math.isfinite(value) else "-"

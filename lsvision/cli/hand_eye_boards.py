@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lsvision.cli.calibrate_inputs import read_images, replace_image_numbers
+from lsvision.cli.calibrate_inputs import add_file_names, read_images
 from lsvision.files.printable import printable
 from lsvision.results.summaries import counted
 
@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from lsvision.sensors.camera import Camera
 
 MIN_BOARDS = 4
-"""Smallest number of images that show the board."""
+"""Smallest number of images that show the board: three determine the sensor's pose on the robot, a
+fourth one checks it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,7 +129,7 @@ class DetectedBoards:
     def build_report_data(
         self, calibration: "HandEye", flanges: "Sequence[Pose]", names: Sequence[str]
     ) -> ReportData:
-        """Return photos, corners and warnings for the report.
+        """Return photos, corners with their residuals, and warnings for the report.
 
         Parameters
         ----------
@@ -144,13 +145,13 @@ class DetectedBoards:
         assert isinstance(calibration.target, Pose)
         corners = []
         for view, flange in zip(self.views, flanges, strict=True):
-            mount_pose = _mount_pose(flange, calibration.mounting)
-            camera_from_board = (
-                mount_pose @ calibration.mount_from_sensor
-            ).inverse() @ calibration.target
+            target_frame_from_camera = (
+                _mount_pose(flange, calibration.mounting) @ calibration.mount_from_sensor
+            )
+            camera_from_board = target_frame_from_camera.inverse() @ calibration.target
             predicted = self.camera.project(camera_from_board.apply(view.points))
             corners.append((view.pixels, predicted - view.pixels))
-        warnings = [replace_image_numbers(text, image=names, pose=names) for text in self.warnings]
+        warnings = [add_file_names(text, image=names, pose=names) for text in self.warnings]
         return ReportData(warnings=warnings, images=self.images, corners=corners)
 
 

@@ -10,7 +10,7 @@ import typer
 
 from lsvision.cli.calibrate_inputs import (
     Report,
-    prefix_file_names,
+    add_file_names_to_errors,
     profile_files,
     read_named_profiles,
 )
@@ -29,7 +29,10 @@ if TYPE_CHECKING:
     from lsvision.geometry import Pose
 
 PLACEMENTS: "dict[str, Mounting]" = {"eye-in-hand": "eye_in_hand", "eye-to-hand": "eye_to_hand"}
-"""Mounting in the library for each value of ``--mounting``."""
+"""Name of the mounting in the library for each value of ``--mounting``."""
+MIN_CANDIDATE_POSES, CANDIDATES_PER_POSE = 150, 10
+"""Smallest number of random poses, and number for each requested one, of which the next best poses
+are chosen."""
 NO_REPORT_DATA = ReportData()
 """No photos, corners and warnings: for calibrations by profiles or samples."""
 DEFAULT_FRAMES = "tool0:sensor"
@@ -157,16 +160,22 @@ class HandEyeOptions(HandEyeResultOptions):
         super().__post_init__()
         parse_convention(self.convention)
 
-    def read_flanges(self, names: Sequence[str]) -> "list[Pose]":
-        """Return the poses of the flange, one for each of the named profiles or images.
+    def read_flanges(self, item: str, names: Sequence[str]) -> "list[Pose]":
+        """Return ``base_from_flange`` of each profile or image.
+
+        Parameters
+        ----------
+        item : str
+            What each pose belongs to, "profile" or "image", for the error message.
+        names : sequence of str
+            Name of each of these.
 
         Raises
         ------
         UnreadableFile
             If the file cannot be read, or holds another number of poses.
         """
-        rows = PoseFile(self.poses, self.convention)
-        return rows.read(len(names), f"of {names[0]} to {names[-1]}")
+        return PoseFile(self.poses, self.convention).read(len(names), item, names)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -183,7 +192,7 @@ class PosePlanOptions:
 
 
 def _parse_robot_std(text: str | None) -> tuple[float, float] | None:
-    """Return the stds of position (mm) and rotation (rad) from ``MM:DEG``; None without."""
+    """Return the stds of position (mm) and rotation (rad) from ``MM:DEG``; None for None."""
     if text is None:
         return None
     try:
@@ -204,12 +213,12 @@ def calibrate_from_profiles(
     plan: PosePlanOptions,
     reading: ReadingOptions,
 ) -> None:
-    """Calibrate a profile sensor, write the files and print the result.
+    """Calibrate a profile sensor to the robot, write the files and print the result.
 
     Parameters
     ----------
     calibrate : callable
-        `calibrate_hand_eye_sphere` or `calibrate_hand_eye_plane`.
+        `calibrate_hand_eye_sphere`, with its radius filled in, or `calibrate_hand_eye_plane`.
     sources : sequence of str
         Files, folders and patterns of the profiles, one profile for each pose.
     options, plan, reading
@@ -229,8 +238,8 @@ def calibrate_from_profiles(
     files = profile_files(sources, reading.dx)
     options.check_files([options.poses, *files], plan.plan_out)
     profiles, names = read_named_profiles(files, read_options)
-    flanges = options.read_flanges(names)
-    with prefix_file_names(pose=names):
+    flanges = options.read_flanges("profile", names)
+    with add_file_names_to_errors(pose=names):
         hand_eye = calibrate(
             profiles, flanges, mounting=options.placement, settings=options.settings
         )
@@ -244,23 +253,36 @@ def report_hand_eye(
     hand_eye: "HandEye", flanges: "Sequence[Pose]", names: Sequence[str],
     options: HandEyeResultOptions, inputs: Sequence[Path], report_data: ReportData = NO_REPORT_DATA,
 ) -> None:  # fmt: skip
-    """Write the output files and print the result."""
+    """Write the output files of a hand-eye calibration, and print the result.
+
+    Parameters
+    ----------
+    hand_eye : HandEye
+        Calibration to report.
+    flanges : sequence of Pose
+        ``base_from_flange`` of each observation.
+    names : sequence of str
+        Name of each observation.
+    options : HandEyeResultOptions
+        Options of the command.
+    inputs : sequence of Path
+        All files that were read, for the provenance.
+    report_data : ReportData
+        Photos, corners and warnings for the report.
+    """
     from lsvision.calibration.result_tables import accuracy_rows
-    from lsvision.geometry import Pose
     from lsvision.io.calibration import build_provenance
     from lsvision.io.hand_eye_file import export_easy_handeye
     from lsvision.io.pose_numbers import frame_rows
 
     convention = options.convention if isinstance(options, HandEyeOptions) else None
-    rows = frame_rows(hand_eye, options.frame_convention or convention or "ros") + accuracy_rows(
-        hand_eye
-    )
+    frame_convention = options.frame_convention or convention or "ros"
+    rows = frame_rows(hand_eye, frame_convention) + accuracy_rows(hand_eye)
     warnings = [f"left out: {names[pose.index]}: {pose.reason}" for pose in hand_eye.rejected]
     warnings += [f"warning: {text}" for text in (*hand_eye.warnings, *report_data.warnings)]
     used = len(names) - len(hand_eye.rejected)
     origin = "samples" if convention is None else f"{convention} poses"
-    kind = "board" if isinstance(hand_eye.target, Pose) else type(hand_eye.target).__name__.lower()
-    method = f"{kind}, {options.mounting}, {origin}"
+    method = f"{_target_kind(hand_eye)}, {options.mounting}, {origin}"
     provenance = build_provenance(method, dict.fromkeys(inputs))
     if options.report is not None:
         from lsvision.draw.calibration_report import ReportContent, hand_eye_page
@@ -277,6 +299,13 @@ def report_hand_eye(
         [("pose", "residual mm", "leave-one-out mm", ""), *pose_rows(hand_eye, names)], left=1
     )
     print_lines([heading, *value_lines(rows), "", *table, *warnings])
+
+
+def _target_kind(hand_eye: "HandEye") -> str:
+    """Return the kind of the calibration's target: sphere, plane or board."""
+    from lsvision.geometry import Pose
+
+    return "board" if isinstance(hand_eye.target, Pose) else type(hand_eye.target).__name__.lower()
 
 
 def _check_plan(options: HandEyeOptions, plan: PosePlanOptions) -> None:
@@ -302,13 +331,13 @@ def _plan_next_poses(hand_eye: "HandEye", flanges: "Sequence[Pose]", count: int)
         count=count,
         standoff=float(hand_eye.working_point[1]),
         robot_std=hand_eye.robot_std,
-        candidates=max(150, 10 * count),
+        candidates=max(MIN_CANDIDATE_POSES, CANDIDATES_PER_POSE * count),
     )
     if isinstance(hand_eye.target, Plane):
-        targets = [(pose @ mount).apply_one(hand_eye.working_point) for pose in used]
-        mean_target = sum(targets) / len(targets)
+        points = [(pose @ mount).apply_one(hand_eye.working_point) for pose in used]
+        middle = sum(points) / len(points)  # about the middle of the measured part of the plate
         return planning.plan_hand_eye_poses_plane(
-            mount, hand_eye.target, mean_target, measured=used, settings=settings
+            mount, hand_eye.target, middle, measured=used, settings=settings
         )
     sphere = hand_eye.sphere
     return planning.plan_hand_eye_poses(

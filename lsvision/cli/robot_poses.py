@@ -1,5 +1,6 @@
 """Options for a sensor on a robot: the file of flange poses, and the hand-eye file."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,7 +16,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class RobotOptions:
-    """Options for the poses of a robot's flange, and for the pose of the sensor on the flange."""
+    """Options for the poses of a robot's flange, and for the pose of the sensor on the flange.
+
+    Without the latter the poses are those of the section frame.
+    """
 
     poses: Annotated[
         Path | None,
@@ -52,7 +56,7 @@ class PoseFile:
     path: Path
     convention: str
 
-    def read(self, count: int, item: str = "profile") -> "list[Pose]":
+    def read(self, count: int, item: str = "profile", names: Sequence[str] = ()) -> "list[Pose]":
         """Read the poses, and check their number.
 
         Parameters
@@ -60,7 +64,9 @@ class PoseFile:
         count : int
             Expected number of poses.
         item : str
-            Name of what each pose belongs to, in the singular, for the error message.
+            What each pose belongs to, in the singular, for the error message.
+        names : sequence of str
+            Names of these items, of which the error message has the first and the last.
 
         Returns
         -------
@@ -78,16 +84,18 @@ class PoseFile:
 
         flange_poses = read_robot_poses(self.path, self.convention)
         if len(flange_poses) != count:
+            span = f" ({names[0]} to {names[-1]})" if names else ""
+            article = "an" if item[0] in "aeiou" else "a"
             raise UnreadableFile(
-                f"{self.path}: expected {counted(count, 'pose')}, one for each "
-                f"{item}, got {len(flange_poses)}: leave out each pose without a {item}, and each "
+                f"{self.path}: expected {counted(count, 'pose')}, one for each {item}{span}, got "
+                f"{len(flange_poses)}: leave out each pose without {article} {item}, and each "
                 f"{item} without a pose"
             )
         return flange_poses
 
 
 def parse_pose_file(robot: RobotOptions) -> PoseFile | None:
-    """Return the pose file that ``--poses`` and ``--convention`` state; None without both.
+    """Return the pose file that ``--poses`` and ``--convention`` state; None if both are missing.
 
     Raises
     ------
@@ -104,7 +112,7 @@ def parse_pose_file(robot: RobotOptions) -> PoseFile | None:
 
 
 def parse_convention(name: str | None, option: str = "--convention") -> str:
-    """Return the name of a pose convention if it is known.
+    """Return the name of a pose convention, after the check that it is known.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from lsvision.calibration.target import ChArUco, find_target
-from lsvision.cli.calibrate_inputs import replace_image_numbers
+from lsvision.cli.calibrate_inputs import add_file_names
 from lsvision.cli.target_options import TargetOptions
 from lsvision.geometry import Plane, Pose
 from lsvision.io.hand_eye_file import load_hand_eye
@@ -261,8 +261,11 @@ def test_poses_of_another_count_are_rejected(run, out, tmp_path):
     fewer = tmp_path / "poses.csv"
     fewer.write_text("\n".join(POSES.read_text().splitlines()[:-1]))
     error = error_text(run(*sphere_words(out, fewer)), out)
-    expected = "expected 12 poses, one for each of pose_00.csv to pose_11.csv, got 11:"
-    assert f"poses.csv: {expected}" in error
+    expected = (
+        "expected 12 poses, one for each profile (pose_00.csv to pose_11.csv), got 11: leave out "
+        "each pose without a profile, and each profile without a pose"
+    )
+    assert f"poses.csv: {expected}" in " ".join(error.split())
 
 
 POSE_ROWS = POSES.read_text().splitlines()[1:]
@@ -343,10 +346,16 @@ def test_output_that_cannot_be_written_costs_no_work(run, out, tmp_path):
 def test_numbers_in_an_error_message_get_the_names_of_files():
     names = {"image": ["a.png", "b.png"], "line_image": ["l.png", "m.png"]}
     assert (
-        replace_image_numbers("line image 1 and image 0", **names)
+        add_file_names("line image 1 and image 0", **names)
         == "line image 1 (m.png) and image 0 (a.png)"
     )
-    assert replace_image_numbers("image 7", **names) == "image 7"
+    assert add_file_names("image 7", **names) == "image 7"
+    assert add_file_names("line image 1", image=["a.png", "b.png"]) == "line image 1"
+
+
+def test_a_number_in_the_name_of_a_file_gets_no_name():
+    names = {"image": ["a.png", "b.png"], "board_image": ["image 1.png"]}
+    assert add_file_names("board image 0", **names) == "board image 0 (image 1.png)"
 
 
 def test_image_keeps_its_depth_and_loses_transparency(tmp_path):
@@ -575,7 +584,7 @@ def test_poses_of_target_and_flange_in_two_files(run, recipe, out, tmp_path):
     out.unlink()
     assert "expected --convention" in error_text(run(*words, *poses[:2]), out, 2)
     wrong = (*poses, "--target-convention", "mine")
-    assert "expected --convention ur, kuka" in error_text(run(*words, *wrong), out, 2)
+    assert "expected --target-convention ur, kuka" in error_text(run(*words, *wrong), out, 2)
     wrong = (*poses, "--max-residual", "0")
     assert "expected --max-residual above 0, got 0" in error_text(run(*words, *wrong), out, 2)
 
