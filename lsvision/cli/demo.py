@@ -43,9 +43,8 @@ def demo(
 
     profile, picture = _write_profile(out), out / "profile.png"
     typer.echo(f"$ lsvision measure {_quote(profile)} --plot {_quote(picture)}")
-    measuring = build_measure_function(None, None, None, None, paper=False)
     pictures = Pictures(picture, several=False)
-    options = PartOptions(measuring=measuring)
+    options = PartOptions(measuring=build_measure_function())
     failed = measure_sources([profile], RunOptions(part=options, pictures=pictures))
     if failed:
         raise typer.Exit(FAILED)
@@ -70,12 +69,12 @@ def _write_profile(folder: Path) -> Path:
     profile = folder / "profile.csv"
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        foreign = profile.exists() and (not profile.is_file() or profile.read_bytes() != content)
+        differs = profile.exists() and (not profile.is_file() or profile.read_bytes() != content)
     except OSError as error:
         raise UnwritableFile(
             f"{folder}: cannot be made or read ({error.strerror}): name another with --out"
         ) from None
-    if foreign:
+    if differs:
         raise UnwritableFile(
             f"{profile}: exists with other content: name another folder with --out"
         )

@@ -156,7 +156,7 @@ def measure(
 
 
 def _report_missing(missing: Sequence[LsvisionError], poses: Path | None) -> None:
-    """Report names without files; exit if there are poses, which cannot be paired then."""
+    """Report names without files; exit if there are poses, which then cannot be paired."""
     for failure in missing:
         print_error(str(failure))
     if missing and poses is not None:
@@ -178,12 +178,15 @@ def _measure_all(
     json_file: Path | None,
     csv_file: Path | None,
 ) -> int:
-    """Measure the sources; after an interruption the files contain the results so far."""
+    """Measure the sources; return how many failed.
+
+    After an interruption the files contain the results so far.
+    """
     from lsvision.io.result_files import ResultFiles
 
     frame = None
     if run.part.placing is not None:
-        frame = "flange" if run.part.placing.rows is None else "base"
+        frame = "flange" if run.part.placing.pose_file is None else "base"
     results = ResultFiles(json_file, csv_file, frame)
     try:
         return measure_sources(sources, replace(run, results=results))

@@ -7,19 +7,11 @@ from itertools import groupby, islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lsvision.cli.file_part import (
-    FilePart,
-    PartOptions,
-    PartResult,
-    error_text,
-    measure_files,
-    measure_parts,
-    read_parts,
-    read_whole,
-)
+from lsvision.cli.file_part import FilePart, PartOptions, read_parts, read_whole
 from lsvision.cli.image_sources import ImageFile, LiveCamera, is_image
 from lsvision.cli.messages import print_error, print_lines
 from lsvision.cli.outputs import Pictures
+from lsvision.cli.part_results import PartResult, error_text, measure_files, measure_parts
 from lsvision.cli.progress import Progress
 from lsvision.files.file_kinds import is_regular
 
@@ -28,14 +20,14 @@ if TYPE_CHECKING:
 
 MAX_SMALL_FILE_BYTES = 5 * 10**4
 """Largest file that is measured in one task together with others. Larger ones are read by the main
-process and divided into tasks, so that all processes work on one file. Units: bytes."""
+process and divided into tasks, so that all processes work on one file."""
 TASK_SIZE = 32
 """Number of small files, or of profiles of a larger file, in a task, all of which are measured at
 once (`lsvision.measure.PROFILES_AT_ONCE`). It does not depend on the number of processes, so that
 the results do not, either."""
-MIN_SIZE_FOR_PROCESSES = 2 * 10**6
+MIN_BYTES_FOR_PROCESSES = 2 * 10**6
 """Smallest total size of the files (about 250 profiles of 400 points) for which several processes,
-which take a second to start, save time. Units: bytes."""
+which take a second to start, save time."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,7 +43,7 @@ class RunOptions:
     results : ResultFiles, optional
         Files to which each result is written immediately.
     jobs : int, optional
-        Number of processes; by default one, or for many files the number of cores.
+        Number of processes; None: the number of cores if the files are large enough, else 1.
     table_to_stderr : bool
         Whether tables are printed on standard error, because results go to standard output.
     """
@@ -67,8 +59,18 @@ class RunOptions:
 class _Task:
     """Small files, a part of a larger one, or the error of reading it.
 
-    `first` is the number of the first file, `profiles_read` the number of profiles read so far of a
-    larger file.
+    Parameters
+    ----------
+    first : int
+        Number of the first of the files, from 0.
+    sources : tuple of Path or LiveCamera
+        Small files, which are read in the task, or the larger file.
+    part : FilePart, optional
+        Part of the larger file.
+    profiles_read : int
+        Number of profiles of the larger file that are read so far.
+    error : str
+        Error of reading the larger file.
     """
 
     first: int
@@ -97,8 +99,8 @@ def measure_sources(sources: Sequence[Path | LiveCamera], run: RunOptions) -> in
     Raises
     ------
     LsvisionError
-        With poses of a robot: if a file cannot be read, or there are not as many poses as profiles,
-        so that poses and profiles cannot be paired.
+        With poses of a robot, if they cannot be paired with the profiles: a file cannot be read, or
+        there are not as many poses as profiles.
     KeyboardInterrupt
         If the run is interrupted; reported on stderr.
     """
@@ -136,18 +138,17 @@ def _results(
             yield from enumerate(results, task.first)
         elif len(task.sources) == 1:
             yield task.first, _crash_result(task.sources[0])
-        else:  # measure each file in a task of its own, to find the one that crashes
+        else:  # measure each file in a task of its own, to find the one that ends its process
             singles = (_Task(k, (source,)) for k, source in enumerate(task.sources, task.first))
-            for single, single_result in run_tasks(measure, singles, jobs, ordered=True):
-                crash = _crash_result(single.sources[0])
-                yield (
-                    single.first,
-                    crash if isinstance(single_result, EndedProcess) else single_result[0],
-                )
+            for single, single_results in run_tasks(measure, singles, jobs, ordered=True):
+                if isinstance(single_results, EndedProcess):
+                    yield single.first, _crash_result(single.sources[0])
+                else:
+                    yield single.first, single_results[0]
 
 
 def _crash_result(source: Path | LiveCamera) -> PartResult:
-    """Return the error of a file during whose measurement the process ended."""
+    """Return the error of a file whose measurement ended its process."""
     message = f"{source}: it ended its process twice (out of memory, or a crash)"
     return PartResult(errors=[message])
 
@@ -164,24 +165,28 @@ def _show_progress(progress: Progress, task: _Task) -> None:
 
 
 def _count_jobs(sources: Sequence[Path | LiveCamera], run: RunOptions) -> int:
-    """Return the number of processes: as stated, or 1 unless there is much to do."""
+    """Return the number of processes: as stated, else 1 unless there is much to do.
+
+    With ``--debug`` 1, because a traceback then has all calls.
+    """
     if run.jobs is not None:
         return run.jobs
-    if run.part.debug or sum(map(_size, sources)) < MIN_SIZE_FOR_PROCESSES:
+    if run.part.debug or sum(map(_size_bytes, sources)) < MIN_BYTES_FOR_PROCESSES:
         return 1
     from lsvision.batch.process_pool import default_jobs
 
     return default_jobs()
 
 
-def _size(source: Path | LiveCamera) -> int:
+def _size_bytes(source: Path | LiveCamera) -> int:
+    """Return the size of a regular file; 0 for a camera, a pipe or a missing file."""
     if isinstance(source, LiveCamera) or not is_regular(source):
         return 0
     return source.stat().st_size
 
 
 def _measure(options: PartOptions, task: _Task) -> list[PartResult]:
-    """Return a result for each file of a task."""
+    """Return a result for each file of a task; of a part or an error one."""
     if task.error:
         return [PartResult(errors=[task.error])]
     if task.part is not None:
@@ -192,11 +197,14 @@ def _measure(options: PartOptions, task: _Task) -> list[PartResult]:
 def _read_with_poses(
     sources: Sequence[Path | LiveCamera], options: PartOptions
 ) -> dict[int, FilePart]:
-    """Return the files by their numbers, profiles paired with poses; empty without poses."""
-    if options.placing is None or options.placing.rows is None:
+    """Return all files by their numbers, each profile with its pose; empty without a pose file.
+
+    All profiles are read first, because the number of poses must equal theirs.
+    """
+    if options.placing is None or options.placing.pose_file is None:
         return {}
     files = [read_whole(source, options) for source in sources]
-    poses = iter(options.placing.rows.read(sum(map(len, files))))
+    poses = iter(options.placing.pose_file.read(sum(map(len, files))))
     return {
         number: replace(file, flanges=[next(poses) for _ in range(len(file))])
         for number, file in enumerate(files)
@@ -206,7 +214,10 @@ def _read_with_poses(
 def _tasks(
     sources: Sequence[Path | LiveCamera], run: RunOptions, read_files: dict[int, FilePart]
 ) -> Iterator[_Task]:
-    """Yield tasks: several small files each, or parts of larger files, pictures and images."""
+    """Yield tasks: several small files each, or parts of a larger file.
+
+    `read_files` holds the files that are read already, from `_read_with_poses`: all or none.
+    """
     numbers = range(len(sources))
     for small, group in groupby(numbers, lambda k: not read_files and _is_small(sources[k], run)):
         if not small:
@@ -218,9 +229,10 @@ def _tasks(
 
 
 def _is_small(source: Path | LiveCamera, run: RunOptions) -> bool:
+    """Return whether a file is measured together with others: small, no image, and not drawn."""
     if run.pictures is not None or isinstance(source, LiveCamera) or is_image(source):
         return False
-    return 0 < _size(source) <= MAX_SMALL_FILE_BYTES
+    return 0 < _size_bytes(source) <= MAX_SMALL_FILE_BYTES
 
 
 def _tasks_of_file(
@@ -229,10 +241,8 @@ def _tasks_of_file(
     """Yield the tasks of the parts of a file, or one with the error of reading it."""
     try:
         for file_part in [read_files[number]] if read_files else read_parts(source, run.part):
-            part, profiles_read = (
-                _with_pictures(file_part, run.pictures),
-                file_part.first + len(file_part),
-            )
+            part = _with_pictures(file_part, run.pictures)
+            profiles_read = part.first + len(part)
             task_size = 1 if isinstance(part.file, ImageFile) else TASK_SIZE
             for task_part in part.slices(task_size):
                 yield _Task(number, (source,), task_part, profiles_read)
@@ -241,13 +251,12 @@ def _tasks_of_file(
 
 
 def _with_pictures(part: FilePart, pictures: Pictures | None) -> FilePart:
-    """Return the part with a name for the picture of each profile that has points."""
+    """Return the part with a path for the picture of each profile; unused without valid points."""
     if pictures is None:
         return part
-    paths = [
-        pictures.assign_path(part.file.path, part.first + index, 2 if part.several else 1)
-        if profile.lost < len(profile)
-        else Path()
-        for index, profile in enumerate(part.file.profiles)
-    ]
+    paths = []
+    for index, profile in enumerate(part.file.profiles):
+        number = part.first + index if part.several else None
+        is_drawn = profile.lost < len(profile)
+        paths.append(pictures.assign_path(part.file.path, number) if is_drawn else Path())
     return replace(part, pictures=paths)

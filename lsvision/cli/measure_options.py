@@ -18,14 +18,14 @@ RANGE_WARNING_FACTOR = 3.0
 
 
 def build_measure_function(
-    radius: str | None,
-    known_radius: str | None,
-    known_phi_deg: str | None,
-    sensor: "ProfileSensor | None",
+    radius: str | None = None,
+    known_radius: str | None = None,
+    known_phi_deg: str | None = None,
+    sensor: "ProfileSensor | None" = None,
     *,
-    paper: bool,
+    paper: bool = False,
 ) -> "partial[list[Measurement]]":
-    """Return `measure_profiles`, or the paper's pipeline for profiles, with the options.
+    """Return a function that measures profiles with the values of the options.
 
     Parameters
     ----------
@@ -38,7 +38,9 @@ def build_measure_function(
     sensor : ProfileSensor, optional
         Noise of the points.
     paper : bool
-        Whether to use the paper's pipeline as published, which uses the search range only.
+        Whether to measure by the paper's pipeline as published, which has no priors and no noise
+        model: of the options only the search range has an effect, or, without one, that about the
+        known radius.
 
     Raises
     ------
@@ -60,7 +62,7 @@ def build_measure_function(
 
 
 def _measure_profiles(profiles: "Sequence[Profile]", **options: Any) -> "list[Measurement]":
-    """Measure profiles; only a process that does so needs to import the packages for it."""
+    """Measure profiles; the packages for that are imported by the processes that measure."""
     from lsvision.measure import measure_profiles
 
     return measure_profiles(profiles, **options)
@@ -83,8 +85,8 @@ def _measure_profiles_paper(
 def range_warning(profile: "Profile", sensor: "ProfileSensor | None") -> str | None:
     """Return a warning if the profile lies far outside the range of the sensor; else None.
 
-    A sensor's noise grows with the distance from its origin; if heights are measured from another
-    point, as from the middle of its range, that noise is wrong.
+    The noise grows with the distance from the sensor; it is wrong if heights are not measured from
+    the sensor, but from the middle of its range, for example.
 
     Parameters
     ----------
@@ -144,7 +146,10 @@ def parse_known_phi(text: str | None) -> float | tuple[float, float] | None:
 
 
 def _parse_pair(text: str, expected: str, unit: str = "mm") -> tuple[float, float | None]:
-    """Return one finite number, or two with a colon between them."""
+    """Return one finite number and None, or two finite numbers with a colon between them.
+
+    `expected` and `unit` are for the error message.
+    """
     try:
         numbers = [float(part) for part in text.split(":")]
     except ValueError:

@@ -12,10 +12,11 @@ from lsvision.files.file_kinds import exists, is_directory, is_regular, read_fil
 from lsvision.files.printable import printable
 
 PICTURE_SUFFIXES = (".png", ".svg")
+"""Suffixes of the formats of a picture."""
 STDOUT = Path("-")
 """Path of standard output; the printed table then goes to standard error."""
 MAX_STEM_BYTES = 100
-"""Longest part of a file's name that goes into the name of its picture. Units: bytes."""
+"""Largest part of a file's name that goes into the name of its picture."""
 
 
 def check_outputs(
@@ -37,7 +38,7 @@ def check_outputs(
     Returns
     -------
     CommandFiles
-        Files of this run, for names that are generated later.
+        Inputs and outputs, for the names of pictures.
 
     Raises
     ------
@@ -69,7 +70,7 @@ def check_outputs(
 
 
 class CommandFiles:
-    """Files that a command reads or writes, however they are named."""
+    """Files that a command reads or writes; a file is recognised by any of its names."""
 
     def __init__(self) -> None:
         self._roles: dict[Hashable, str] = {}
@@ -78,11 +79,11 @@ class CommandFiles:
         return any(key in self._roles for key in _identities(path))
 
     def role(self, path: Path) -> str:
-        """Return the role of the file in the command."""
+        """Return the role of a file that was added, under this name or another one."""
         return next(self._roles[key] for key in _identities(path) if key in self._roles)
 
     def add(self, path: Path, role: str) -> None:
-        """Add a file of the command."""
+        """Add a file with its role, such as "an input"."""
         self._roles.update(dict.fromkeys(_identities(path), role))
 
 
@@ -120,7 +121,7 @@ class Pictures:
     Parameters
     ----------
     plot : Path
-        File of the picture, or, for several profiles, the beginning of their names.
+        File of the picture; with several pictures, each name begins with its stem.
     several : bool
         Whether there is more than one input file.
     command_files : CommandFiles, optional
@@ -133,18 +134,19 @@ class Pictures:
         self._plot, self._several = plot, several
         self._files = CommandFiles() if command_files is None else command_files
 
-    def assign_path(self, source: Path, number: int, parts: int) -> Path:
-        """Return a new path for a profile's picture: ``out.png``, or ``out-SOURCE-NUMBER.png``.
+    def assign_path(self, source: Path, number: int | None) -> Path:
+        """Return a new path for a profile's picture, such as ``out.png`` or ``out-SOURCE-3.png``.
 
         Parameters
         ----------
         source : Path
             File of the profile; part of the path if there are several files.
-        number, parts : int
-            Index of the profile in the file, part of the path if there are several, and their
-            number.
+        number : int or None
+            Index of the profile in the file, part of the path; None for the only one.
         """
-        tags = [_shorten(source.stem)] * self._several + [str(number)] * (parts > 1)
+        tags = [_shorten(source.stem)] if self._several else []
+        if number is not None:
+            tags.append(str(number))
         if not tags:
             return self._plot
         stem = "-".join([self._plot.stem, *tags])
@@ -171,6 +173,7 @@ def _identities(path: Path) -> list[Hashable]:
 
 
 def _find_write_problem(path: Path) -> str | None:
+    """Return why a file cannot be written, and the remedy; None if nothing is known against it."""
     if is_directory(path):
         return "a directory: name a file in it"
     if not is_directory(path.parent):
@@ -181,5 +184,5 @@ def _find_write_problem(path: Path) -> str | None:
 
 
 def _is_device(output: Path) -> bool:
-    """Return whether a path is a terminal or a pipe, such as ``/dev/stdout``."""
+    """Return whether a path is a terminal, a pipe or another device, such as ``/dev/stdout``."""
     return exists(output) and not is_regular(output) and not is_directory(output)

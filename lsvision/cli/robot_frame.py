@@ -27,17 +27,25 @@ class RobotFrame:
     ----------
     calibration : HandEye, optional
         Hand-eye calibration; None if the poses are those of the section frame.
-    rows : PoseFile, optional
+    pose_file : PoseFile, optional
         Poses of the flange, one per profile; None for a result in the flange frame.
     """
 
     calibration: "HandEye | None"
-    rows: PoseFile | None
+    pose_file: PoseFile | None
 
     def place(
         self, sections: "Sequence[CylinderSection]", flange: "Pose | None"
     ) -> "list[tuple[PlacedCylinder, PlacedCylinder]]":
-        """Return both possible cylinders of each section."""
+        """Return both possible cylinders of each section.
+
+        Parameters
+        ----------
+        sections : sequence of CylinderSection
+            Sections of one profile.
+        flange : Pose, optional
+            Pose of the profile from the pose file; None without one.
+        """
         from lsvision.cylinder.robot_frame import place_section
         from lsvision.geometry import Pose
 
@@ -46,24 +54,24 @@ class RobotFrame:
 
 
 def parse_robot_frame(robot: RobotOptions) -> RobotFrame | None:
-    """Return the frame that the options describe; None without any.
+    """Return the transformation that the options describe; None without any.
 
     Raises
     ------
     typer.BadParameter
-        If poses or their convention are missing, or it is unknown.
+        If only one of poses and convention is given, or the convention is unknown.
     LsvisionError
         If the hand-eye file cannot be used.
     """
-    rows, hand_eye = parse_pose_file(robot), robot.flange_from_section
-    if rows is None and hand_eye is None:
+    pose_file, hand_eye = parse_pose_file(robot), robot.flange_from_section
+    if pose_file is None and hand_eye is None:
         return None
     calibration = None if hand_eye is None else read_calibration(hand_eye)
-    return RobotFrame(calibration=calibration, rows=rows)
+    return RobotFrame(calibration=calibration, pose_file=pose_file)
 
 
 def robot_frame_table(placed: "Sequence[tuple[PlacedCylinder, PlacedCylinder]]") -> list[str]:
-    """Return a table with both possible directions of each cylinder."""
+    """Return the lines of a table with both possible axes of each cylinder; none without any."""
     if not placed:
         return []
     from lsvision.cylinder.robot_frame import PLACED_HEADER, placed_cells

@@ -184,7 +184,7 @@ def test_a_picture_never_takes_the_name_of_an_input_or_output(tmp_path):
     taken = check_outputs((plot,), inputs, streams=(tmp_path / "link.png",))
     pictures = Pictures(plot, several=True, command_files=taken)
     sources = [tmp_path / name for name in ("a.png", "b.png", "e.png", "x/e.png", "d.png")]
-    made = [pictures.assign_path(source, 0, 1).name for source in sources]
+    made = [pictures.assign_path(source, None).name for source in sources]
     assert made == ["p-a-2.png", "p-b-2.png", "p-e.png", "p-e-2.png", "p-d-2.png"]
 
 
