@@ -19,7 +19,7 @@ from lsvision.files.limited_reading import size_limit
 from lsvision.files.printable import printable
 
 INTERRUPTED = 130
-"""Exit code after Ctrl-C or SIGTERM, as in shells."""
+"""Exit code after Ctrl-C, SIGTERM or SIGHUP: that of shells after Ctrl-C."""
 MAX_SIZE_LIMIT = 1e15
 """Largest --max-size. Units: bytes."""
 
@@ -29,14 +29,15 @@ _COMMANDS = (
 )  # fmt: skip
 """Commands, and the modules in which they are, in the order of the help; imported when used."""
 
-_USAGE_ERROR: Any = typer.BadParameter.__mro__[1]  # click's class, which typer does not export
+_USAGE_ERROR: Any = typer.BadParameter.__mro__[1]  # UsageError of click, not exported by typer
 _SIZE = re.compile(r"(\d{1,15}(?:\.\d{1,9})?)\s*([kKMGT]?B?)", re.ASCII)
-# Bytes of each unit, in lower case.
+"""A size: a number, and a unit such as GB, G or none."""
 _BYTES = {"": 1.0, "b": 1.0} | {
     unit: factor
     for letter, factor in (("k", 1e3), ("m", 1e6), ("g", 1e9), ("t", 1e12))
     for unit in (letter, f"{letter}b")
 }
+"""Bytes of each unit, in lower case."""
 
 
 class _OneLineErrors(TyperGroup):
@@ -44,7 +45,7 @@ class _OneLineErrors(TyperGroup):
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
-        self.commands: Any = dict.fromkeys(_COMMANDS)
+        self.commands: Any = dict.fromkeys(_COMMANDS)  # None until `get_command` imports it
 
     def list_commands(self, _: Any) -> list[str]:
         """Return the names of all commands, imported or not."""
@@ -63,7 +64,7 @@ class _OneLineErrors(TyperGroup):
         return super().parse_args(ctx, [*global_options, *arguments, *args[end:]])
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command; known failures end with exit code 1."""
+        """Run the command; a `LsvisionError` ends with exit code 1, an interruption with 130."""
         limit = _parse_size(ctx.params["max_size"])
         try:
             with size_limit(limit):
@@ -92,7 +93,7 @@ def _import_command(name: str) -> Any:
 
 
 def _split_global_options(args: list[str]) -> tuple[list[str], list[str]]:
-    """Return the global options, and the other arguments."""
+    """Return the options ``--debug`` and ``--max-size`` with its value, and the other arguments."""
     global_options: list[str] = []
     arguments: list[str] = []
     remaining = iter(args)
@@ -126,6 +127,7 @@ app = typer.Typer(
 
 
 def _print_version(requested: bool) -> None:
+    """Print the version and exit, if ``--version`` is given."""
     if not requested:
         return
     from lsvision import __version__
@@ -156,15 +158,19 @@ def _global_options(
 
 
 def _interrupt(*_: Any) -> NoReturn:
+    """Handle a signal as Python handles Ctrl-C."""
     raise KeyboardInterrupt
 
 
 def main() -> None:
-    """Run the command line; exit code 0, 1 for data and files, 2 for usage, 130 if interrupted."""
+    """Run the command line, and exit.
+
+    Exit code 0, 1 for data and files, 2 for usage, 130 if interrupted; of ``lsvision inspect`` also
+    3 for NG and 4 for undecided.
+    """
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(
-            stream, io.TextIOWrapper
-        ):  # file names may have characters outside their encoding
+        if isinstance(stream, io.TextIOWrapper):
+            # File names may have characters that the encoding of the stream lacks.
             stream.reconfigure(errors="backslashreplace")
     # The commands report implausible units themselves, unless --units states them.
     warnings.filterwarnings("ignore", "expected a profile in mm", UserWarning)

@@ -127,7 +127,15 @@ def batch(
 def _batch_job(
     measuring: "partial[list[Measurement]]", options: "ReadOptions", path: Path | None
 ) -> "BatchJob":
-    """Return the settings of the batch, from the options or from a job file."""
+    """Return the settings of the batch, from the options or from the job file `path`.
+
+    Raises
+    ------
+    typer.BadParameter
+        If options of the measurement are given beside a job file.
+    LsvisionError
+        If the job file cannot be used, or is one for scans or images.
+    """
     from lsvision.batch.job import BatchJob
 
     if path is None:
@@ -174,7 +182,13 @@ def _print_summary(status: "Status", names: Sequence[str] = ()) -> None:
 
 
 class _Report(StatusLine):
-    """Progress on stderr: number of files and profiles, rate, time left; a line per failure."""
+    """Progress on stderr, called with the outcome of each file; a line per failure.
+
+    Parameters
+    ----------
+    total : int
+        Number of files of the batch.
+    """
 
     def __init__(self, total: int) -> None:
         super().__init__()

@@ -127,10 +127,17 @@ def _reject_image_options(
 def read_laser_off(path: Path | None, size: tuple[int, int]) -> Any:
     """Return the image without the laser; None without a path.
 
+    Parameters
+    ----------
+    path : Path, optional
+        File of the image.
+    size : (int, int)
+        Width and height of the images with the laser. Units: px.
+
     Raises
     ------
     UnreadableFile
-        If it is not an image, or of another size than ``(width, height)``.
+        If it is not an image, or of another size.
     """
     if path is None:
         return None
@@ -140,7 +147,7 @@ def read_laser_off(path: Path | None, size: tuple[int, int]) -> Any:
     height, width = image.shape[:2]
     if (width, height) != tuple(size):
         raise UnreadableFile(
-            f"{path}: the laser-off frame is {width} x {height} px and the image {size[0]} x "
-            f"{size[1]} px: take both with the same camera and settings"
+            f"{path}: the laser-off frame is {width} x {height} px, expected {size[0]} x "
+            f"{size[1]} px: take it with the camera and the settings of the image"
         )
     return image

@@ -29,7 +29,7 @@ class ImageRemedies:
     Parameters
     ----------
     rig : str
-        Option or key that states the rig.
+        Option or key that states the rig, with an example.
     line : str
         Remedy if no laser line is found.
     colours : str
@@ -76,9 +76,10 @@ class ImagingOptions:
     laser_off : (height, width) or (height, width, 3) ndarray, optional
         Image of the same view without the laser.
     surface_std : float
-        Roughness of the surface, one sigma, that adds to the noise of the pixels. Units: mm.
+        Roughness of the surface, one sigma; added to the noise of each point in both directions of
+        the section. Units: mm.
     frames : int, optional
-        Number of frames to read from a video; all if None.
+        Largest number of frames to read from a video; all if None.
     keep_images : bool
         Whether to keep the images, for pictures.
     """
@@ -101,12 +102,14 @@ class ImageFile:
         File, or name of a live camera.
     profiles : tuple of Profile
         Profile of each frame; without valid points if no line was found in it.
-    images : tuple of ndarray
-        Frames, if they are kept.
+    images : tuple of ndarray or None
+        Image of each profile; None for each if they are not kept.
     summary : str
         Summary in one line.
     notes : tuple of str
         Remarks on the images.
+    units_assumed, flipped : bool
+        Always False: the rig states the unit and the direction of the heights.
     """
 
     path: Path
@@ -134,7 +137,7 @@ class LiveCamera:
     frames: int
 
     def __str__(self) -> str:
-        return f"camera-{self.index}"
+        return f"camera-{self.index}"  # in the place of a file's name, also of a picture's
 
 
 def is_image(source: Path) -> bool:
@@ -151,12 +154,23 @@ def check_colours(
 ) -> None:
     """Raise an error if the stated laser colour does not suit an image in colour or in grey.
 
-    The grey raw image of a colour camera (`bayer`) suits every laser colour.
+    Parameters
+    ----------
+    image : (height, width) or (height, width, 3) ndarray
+        Image; one with three equal channels is grey.
+    laser : str
+        Laser colour, "grey" if none is stated.
+    where : str
+        Name of the image, with which the message begins.
+    bayer : str, optional
+        Mosaic of a raw image, which is grey and suits every laser colour.
+    remedies : ImageRemedies
+        Remedies in the messages.
 
     Raises
     ------
     UnreadableFile
-        If it does not; the message begins with `where` and states the remedy.
+        If a colour is stated for a grey image, or none for a colour image.
     """
     coloured = image.ndim == 3 and bool((image != image[..., :1]).any())
     if coloured and laser == "grey":
@@ -212,7 +226,10 @@ def _read_images(source: Path | LiveCamera, max_frames: int | None) -> Iterable[
 def _read_profiles(
     source: Path, images: Iterable[Any], imaging: ImagingOptions, remedies: ImageRemedies
 ) -> ImageFile:
-    """Return the profiles of images; see `read_image_source`."""
+    """Return the profiles of the images of a source; see `read_image_source`.
+
+    A frame without a line has a profile of lost points, unless no frame has a line.
+    """
     measured: list[tuple[Profile, Any, LaserLine | None]] = []
     failure: NoLaserLine | None = None
     for number, image in enumerate(images):
@@ -237,6 +254,17 @@ def extract_named_line(
 ) -> "LaserLine":
     """Return the laser line of an image; errors state its file.
 
+    Parameters
+    ----------
+    source : Path
+        File of the image.
+    image : (height, width) or (height, width, 3) ndarray
+        Image with the laser.
+    settings : LineSettings
+        Settings of the extraction.
+    laser_off : ndarray or None
+        Image of the same view without the laser.
+
     Raises
     ------
     LsvisionError
@@ -257,7 +285,7 @@ def _prefix_errors(where: str, remedies: ImageRemedies) -> Iterator[None]:
     except NoLaserLine as error:
         remedy = error.remedy and remedies.line
         raise NoLaserLine(f"{where}: {error.finding}", remedy) from error
-    except (LsvisionError, ValueError) as error:  # a laser-off frame of another depth
+    except (LsvisionError, ValueError) as error:  # ValueError: a laser-off frame of another depth
         raise LsvisionError(f"{where}: {error}") from error
 
 
@@ -298,7 +326,7 @@ def _empty_profile(imaging: ImagingOptions) -> "Profile":
 
 
 def _summary(lines: "list[LaserLine]", frames: int) -> str:
-    """Return frames, direction, lost points and median std of the laser lines as text."""
+    """Return frames, direction, lost points and median std (px) of the laser lines as text."""
     import numpy as np
 
     std = float(np.median(np.concatenate([line.std[~np.isnan(line.std)] for line in lines])))

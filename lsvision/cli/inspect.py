@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from lsvision.scan import ScanMeasurement
 
 EXIT_CODES = {"OK": 0, "NG": 3, "undecided": 4}
-"""Exit code of the worst verdict; 1 if a file could not be judged."""
+"""Exit code for each verdict, if it is the worst; `FAILED` if a file could not be judged."""
 
 
 @expand_option_groups
@@ -114,7 +114,17 @@ def inspect(
 
 
 class _Run:
-    """Job of a run, options for reading its files, and number of files that failed."""
+    """Job of a run, how its files are read, and number of files that failed.
+
+    Parameters
+    ----------
+    job : Job
+        Job by which the files are measured and judged.
+    path : Path
+        File of the job; paths in the job are relative to its folder.
+    reading : ReadOptions
+        Options for reading profile files.
+    """
 
     def __init__(self, job: "Job", path: Path, reading: "ReadOptions") -> None:
         from lsvision.inspection.calibration_files import check_calibration_files
@@ -128,7 +138,10 @@ class _Run:
     def measure(
         self, name: str, sources: Sequence[Path]
     ) -> "Iterator[tuple[str, int, Measurement | ScanMeasurement]]":
-        """Yield name, number and measurement of each profile, or of the scan of all profiles."""
+        """Yield file, index in it and measurement of each profile of the files `sources`.
+
+        With a scan in the job yield `name`, 0 and the measurement of the scan of all profiles.
+        """
         from lsvision.inspection.measuring import measure_profiles_of_job, measure_scan_of_job
 
         files = [
@@ -140,45 +153,52 @@ class _Run:
         if self.job.scan is None:
             for file in files:
                 measurements = measure_profiles_of_job(file.profiles, self.job)
-                for number, measurement in enumerate(measurements):
-                    yield str(file.path), number, measurement
+                for index, measurement in enumerate(measurements):
+                    yield str(file.path), index, measurement
             return
         profiles = [profile for file in files for profile in file.profiles]
         poses, calibration = self._poses(len(profiles))
         yield name, 0, measure_scan_of_job(profiles, poses, self.job, calibration)
 
     def _poses(self, count: int) -> "tuple[list[Pose], Any]":
-        """Return `count` poses of a scan's sections, and the hand-eye calibration or None."""
+        """Return `count` poses of a scan's sections, and the hand-eye calibration or None.
+
+        The keys of the job are checked like the options of ``lsvision scan``.
+        """
         from lsvision.cli.robot_poses import RobotOptions
         from lsvision.cli.scan_poses import Robot, parse_motion, scan_poses
 
         rig, scan = self.job.rig, self.job.scan
         names = (rig.poses, rig.flange_from_section)
-        poses, mount = (None if name is None else self.folder / name for name in names)
-        feed = None
-        if scan is not None and scan.feed is not None:
-            feed = ",".join(map(repr, scan.feed))
-        step = None if scan is None else scan.step_mm
-        robot = RobotOptions(poses=poses, convention=rig.convention, flange_from_section=mount)
+        poses, hand_eye = (None if name is None else self.folder / name for name in names)
+        feed = step = None
+        if scan is not None:
+            feed = None if scan.feed is None else ",".join(map(repr, scan.feed))  # as in --feed
+            step = scan.step_mm
+        robot = RobotOptions(poses=poses, convention=rig.convention, flange_from_section=hand_eye)
         motion = parse_motion(feed, step, robot)
         calibration = motion.calibration if isinstance(motion, Robot) else None
         return scan_poses(motion, count), calibration
 
 
 def _group_files(
-    words: Sequence[str], suffixes: frozenset[str]
+    names: Sequence[str], suffixes: frozenset[str]
 ) -> tuple[list[tuple[str, list[Path]]], list[LsvisionError]]:
-    """Return groups of files, one per folder and one of all others, and the errors."""
+    """Return groups of files, each with the first of its names, and the errors.
+
+    The files of each folder are a group, and those of all other names, files and patterns.
+    """
+    others = [name for name in names if not is_directory(name)]
+    names_of_groups = [[name] for name in names if is_directory(name)]
+    if others:
+        names_of_groups.append(others)
     groups: list[tuple[str, list[Path]]] = []
-    others = [word for word in words if not is_directory(word)]
     failures: list[LsvisionError] = []
-    for name, group in [(word, [word]) for word in words if is_directory(word)] + (
-        [(others[0], others)] if others else []
-    ):
+    for group in names_of_groups:
         sources, missing = find_sources(group, suffixes)
         failures += missing
         if sources:
-            groups.append((name, sources))
+            groups.append((group[0], sources))
     return groups, failures
 
 
@@ -187,30 +207,30 @@ def _inspect_all(
 ) -> "Iterator[JudgedMeasurement]":
     """Yield all verdicts after printing each; a failure does not stop the others.
 
-    `blocked` is the reason why no part can be OK, from `find_blocking_reason`; empty if none.
+    `blocked` is the reason why nothing can be decided, from `find_blocking_reason`; empty if none.
     """
+    if run.job.scan is None:
+        groups = [(str(source), [source]) for _, sources in groups for source in sources]
     for name, sources in groups:
-        parts = [(name, sources)] if run.job.scan is not None else [(str(s), [s]) for s in sources]
-        for label, part in parts:
-            try:
-                for source, number, measurement in run.measure(label, part):
-                    judged = _judge_profile(run, source, number, measurement, blocked)
-                    print_lines(_verdict_lines(judged), err=to_stderr)
-                    yield judged
-            except (LsvisionError, ValueError) as error:
-                run.failures += 1
-                text = str(error)
-                print_error(text if text.startswith(label) else f"{label}: {text}")
+        try:
+            for source, index, measurement in run.measure(name, sources):
+                judged = _judge_measurement(run, source, index, measurement, blocked)
+                print_lines(_verdict_lines(judged), err=to_stderr)
+                yield judged
+        except (LsvisionError, ValueError) as error:
+            run.failures += 1
+            text = str(error)
+            print_error(text if text.startswith(name) else f"{name}: {text}")
 
 
-def _judge_profile(
+def _judge_measurement(
     run: _Run,
     source: str,
-    number: int,
+    index: int,
     measurement: "Measurement | ScanMeasurement",
     blocked: str,
 ) -> "JudgedMeasurement":
-    """Return a measurement with its verdict and, for a single profile, the remedies."""
+    """Return a measurement with its verdict and, unless it is of a scan, the remedies."""
     from lsvision.inspection.inspected import JudgedMeasurement
     from lsvision.inspection.judge import judge
     from lsvision.inspection.remedies import plan_remedies
@@ -220,11 +240,11 @@ def _judge_profile(
     remedies = (
         plan_remedies(verdict, measurement, run.job) if isinstance(measurement, Measurement) else ()
     )
-    return JudgedMeasurement(printable_name(source), number, measurement, verdict, remedies)
+    return JudgedMeasurement(printable_name(source), index, measurement, verdict, remedies)
 
 
 def _verdict_lines(judged: "JudgedMeasurement") -> list[str]:
-    """Return the printed text of a verdict."""
+    """Return the printed lines of a verdict."""
     name = judged.source if judged.profile == 0 else f"{judged.source}, profile {judged.profile}"
     decision = str(judged.verdict.decision)
     table = [f"  {line}" for line in str(judged.verdict).splitlines() if line != decision]
@@ -238,7 +258,7 @@ def _check_golden(
     path: Path,
     now: datetime.datetime,
 ) -> None:
-    """Check and log the golden part in every file, and exit."""
+    """Check the golden part in every file, log the checks in the file `path`, and exit."""
     from lsvision.inspection.append_only import append_record
     from lsvision.inspection.golden import check_golden
 

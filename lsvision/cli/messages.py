@@ -17,7 +17,7 @@ FAILED = 1
 
 
 def print_error(message: str, *, debug: bool = False) -> None:
-    """Write one printable line on stderr; with `debug` after the traceback of the exception."""
+    """Write one printable line on stderr; with `debug` after the traceback of the current error."""
     if debug and sys.exc_info()[0] is not None:
         traceback.print_exc(file=sys.stderr)
     typer.echo(f"lsvision: {printable(' '.join(message.split()))}", err=True)
@@ -42,7 +42,9 @@ def internal_error(error: Exception) -> str:
 
 
 _KINDS = {"int": "a whole number", "float": "a number"}
+"""What is expected, by the beginning of pydantic's error types, such as ``int_parsing``."""
 _BOUNDS = {"ge": "at least", "gt": "above", "le": "at most", "lt": "below"}
+"""What is expected, by the names of pydantic's limits."""
 
 
 def plain_usage_message(error: Any) -> str:
@@ -51,7 +53,8 @@ def plain_usage_message(error: Any) -> str:
     Parameters
     ----------
     error : click.UsageError
-        Usage error; if pydantic rejected the value of an option, its message states neither.
+        Usage error. If pydantic rejected the value of an option, the message of the error states
+        neither, but its cause does.
     """
     details = getattr(error.__cause__, "errors", None)
     if details is None:
@@ -68,7 +71,7 @@ def plain_usage_message(error: Any) -> str:
 
 
 def _measure_hint(message: str) -> str:
-    """Return the command that measures a file which was given in place of a command."""
+    """Return a sentence with the command that measures a file, if it was given as a command."""
     match = re.search(r"^No such command '(.+)'\.$", message)
     if match is None or not os.path.exists(match[1]):  # noqa: PTH110 - a name with a null is none
         return ""

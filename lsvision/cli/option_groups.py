@@ -1,4 +1,4 @@
-"""Groups of options that several commands share, each a dataclass; groups of commands."""
+"""Options that several commands share as fields of a dataclass; groups of commands."""
 
 import inspect
 from collections.abc import Callable

@@ -18,15 +18,15 @@ if TYPE_CHECKING:
     )
 
 SPACINGS_MM = (0.5, 1.0, 2.0, 5.0, 10.0)
-"""Spacings for which a scan is proposed if a target is given without --spacing: steps of about two,
-from fine to coarse. Units: mm."""
+"""Spacings for which a scan is proposed if a target is given without --spacing: each about twice
+the one before."""
 
 UNDETERMINED_DEG = 50.0
 """Standard deviation from which theta is reported as not determinable: a direction guessed at
-random has 52 deg (180 deg / sqrt(12)). Units: deg."""
+random has 52 deg (180 deg / sqrt(12))."""
 
 DEFAULT_PITCH_MM = 0.6
-"""Default of --pitch with --range-std: the point spacing of the paper's sensor. Units: mm."""
+"""Default of --pitch with --range-std: the point spacing of the paper's sensor."""
 
 
 def plan(
@@ -189,7 +189,13 @@ class _PlanRequest:
 def _build_view(
     sensor: str | None, range_std: float | None, *, standoff: float, pitch: float | None
 ) -> "SensorView":
-    """Return the view of a named sensor, or of a generic one with the given noise (mm)."""
+    """Return the view of a named sensor, or of a generic one with the given noise; lengths in mm.
+
+    Raises
+    ------
+    ValueError
+        If both are given, or one is invalid.
+    """
     from lsvision.planning import SensorView
     from lsvision.sensors.profile_sensor import ProfileSensor, find_sensor
 
@@ -212,7 +218,7 @@ def _build_view(
 
 
 def _build_target(phi_deg: float | None, radius_mm: float | None) -> "AccuracyTarget | None":
-    """Return the target standard deviations (deg, mm); None if neither is given."""
+    """Return the target with these standard deviations; None if neither is given."""
     from lsvision.planning import AccuracyTarget
 
     if phi_deg is None and radius_mm is None:
@@ -224,22 +230,23 @@ def _build_target(phi_deg: float | None, radius_mm: float | None) -> "AccuracyTa
 
 
 _HEADER = ("sections", "spacing mm", "length mm", "points", "radius mm", "theta deg", "phi deg")
+"""Header of the table; the last three columns are standard deviations."""
 
 
 def _format_table(predictions: "list[SectionPrediction | ScanPrediction]") -> str:
-    """Return a table with one row per prediction, its standard deviations in the last columns."""
+    """Return a table with one row per prediction."""
     return "\n".join(text_table([_HEADER, *map(_format_row, predictions)]))
 
 
 def _format_row(prediction: "SectionPrediction | ScanPrediction") -> tuple[str, ...]:
     """Return the cells of a prediction under `_HEADER`; a section has no spacing."""
-    from lsvision.draw import format_std
     from lsvision.planning import ScanPrediction
+    from lsvision.results.number_format import format_std
 
-    sections, spacing, length = 1, "-", 0.0
+    sections, length = 1, 0.0
     if isinstance(prediction, ScanPrediction):
         sections, length = prediction.sections, prediction.length
-        spacing = f"{length / (sections - 1):g}" if sections > 1 else "-"
+    spacing = f"{length / (sections - 1):g}" if sections > 1 else "-"
     theta_deg = math.degrees(prediction.theta_std)
     return (
         str(sections),

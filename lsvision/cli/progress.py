@@ -1,4 +1,4 @@
-"""Progress in one line on stderr."""
+"""Progress of a command in one line on stderr."""
 
 import shutil
 import sys
@@ -28,7 +28,7 @@ class StatusLine:
 
 
 class Progress(StatusLine):
-    """Progress bar over files.
+    """Progress bar over files; `done` is the number of finished ones.
 
     Parameters
     ----------
@@ -52,10 +52,11 @@ class Progress(StatusLine):
         name : str
             Name of the current file.
         part, parts : int
-            Number of finished profiles of the current file, and of all its profiles.
+            Number of finished profiles of the current file, and number of its profiles, as far as
+            it is known; 1 for a file that is measured as a whole.
         """
         self.done = done
-        if self._total * parts <= 1:  # a single profile, or no file was found
+        if self._total * parts <= 1:  # nothing to show for a single profile, or without files
             return
         fraction = (done + part / parts) / self._total
         profiles = f", profile {part} of {parts}" if parts > 1 else ""
@@ -66,7 +67,7 @@ class Progress(StatusLine):
 
 
 def _time_left(seconds: float, fraction: float) -> str:
-    """Return the estimated remaining time, after the first second."""
+    """Return the estimated remaining time as text; "" in the first second, and at the end."""
     if not 0 < fraction < 1 or seconds < 1:
         return ""
     return f", {duration_text(seconds * (1 - fraction) / fraction)} left"

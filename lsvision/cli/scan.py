@@ -152,7 +152,7 @@ def scan(
 def _build_pose_errors(
     pose_std: float, feed_std_deg: float, motion: Encoder | Robot
 ) -> "PoseErrors":
-    """Return the errors of the poses from the options and the hand-eye file."""
+    """Return the errors of the poses, from the options (mm, deg) and the hand-eye file."""
     from lsvision.scan import PoseErrors
 
     try:
@@ -168,7 +168,7 @@ def _build_pose_errors(
 def _read_all(
     sources: Sequence[Path], reading: "ReadOptions"
 ) -> "tuple[list[Profile], list[str], list[Record]]":
-    """Return the profiles of all files in their order, a name for each, and how each was read."""
+    """Return all profiles in the order of their files, a name for each, and how each was read."""
     from lsvision.io.results import input_record
 
     files = read_sources(sources, reading)
@@ -185,7 +185,7 @@ def _measure_all(
     known_radius: float | tuple[float, float] | None,
     sensor: "ProfileSensor | None",
 ) -> "list[Measurement]":
-    """Measure each profile by itself, with a progress bar."""
+    """Return the measurement of each profile by itself; show their number while it grows."""
     from lsvision.measure import PROFILES_AT_ONCE
     from lsvision.scan import measure_sections
 
@@ -236,14 +236,17 @@ def _write_tables(
     base_from_sections: "Sequence[Pose]",
     outputs: tuple[Path | None, Path | None],
 ) -> None:
-    """Write the JSON and CSV files that the options name; `inputs`: name and record per profile."""
+    """Write the JSON and the CSV file, if `outputs` has them.
+
+    `inputs` has the name of each profile, and the record of how it was read.
+    """
     json_file, csv_file = outputs
     names, records = inputs
     if json_file is not None:
         from lsvision.io.scan_results import scan_json, scan_record
 
-        shown = [printable_name(name) for name in names]
-        write_output(json_file, scan_json(scan_record(scan_result, shapes, shown, records)))
+        sources = [printable_name(name) for name in names]
+        write_output(json_file, scan_json(scan_record(scan_result, shapes, sources, records)))
     if csv_file is not None:
         from lsvision.io.scan_table_file import scan_csv
 

@@ -21,7 +21,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Encoder:
-    """Motion along an encoder axis: ``--feed`` and ``--step``."""
+    """Motion along an encoder axis: ``--feed`` and ``--step``.
+
+    Parameters
+    ----------
+    direction : (float, float, float)
+        Direction of the section's motion in the section frame, of any length above 0.
+    step : float
+        Feed from one profile to the next; negative for the opposite direction. Units: mm.
+    """
 
     direction: tuple[float, float, float]
     step: float
@@ -29,7 +37,15 @@ class Encoder:
 
 @dataclass(frozen=True)
 class Robot:
-    """Motion by a robot: ``--poses`` with ``--convention``, and the hand-eye calibration."""
+    """Motion by a robot: ``--poses`` with ``--convention``, and ``--flange-from-section``.
+
+    Parameters
+    ----------
+    pose_file : PoseFile
+        Poses of the flange, or, without a calibration, of the section frame.
+    calibration : HandEye, optional
+        Pose of the sensor on the flange.
+    """
 
     pose_file: PoseFile
     calibration: "HandEye | None"

@@ -14,18 +14,18 @@ def scan_lines(
     *,
     verbose: bool,
 ) -> list[str]:
-    """Return the table of a scan, with remarks on each cylinder below.
+    """Return the lines of a scan's table, with remarks on each cylinder below.
 
     Parameters
     ----------
     scan : ScanMeasurement
         Measurement of the scan.
     shapes : sequence of TubeShape or None
-        Shape of each cylinder.
+        Shape of each cylinder; None where it has too few sections.
     caption : str
         Errors that the standard deviations include, from `motion_uncertainty_caption`.
     verbose : bool
-        Whether to list the rejected tracks; else, without a cylinder, only the longest.
+        Whether to list the rejected tracks.
     """
     from lsvision.results.summaries import counted
     from lsvision.results.tables import text_table

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 def measurement_lines(
     measurement: "Measurement", profile: "Profile", *, verbose: bool
 ) -> list[str]:
-    """Return the table of a profile, or why it is empty, and the rejected arcs.
+    """Return the lines of a profile's table, or why there is no cylinder, and the rejected arcs.
 
     Parameters
     ----------
@@ -23,8 +23,8 @@ def measurement_lines(
     profile : Profile
         Measured profile.
     verbose : bool
-        Whether to add notes on correlated residuals, and the rejected arcs from left to right;
-        else, without a cylinder, only one arc.
+        Whether to add notes on correlated residuals, and the rejected arcs in the order of the
+        profile.
     """
     from lsvision.ellipse.section_table import section_cells
     from lsvision.results.summaries import counted
@@ -58,7 +58,7 @@ def _correlation_notes(cylinders: Sequence["CylinderSection"]) -> list[str]:
 
 
 def _rejection_line(rejection: "Rejection", profile: "Profile") -> str:
-    """Return the columns of a rejected arc, its range of x and the reason as one line."""
+    """Return the indices of a rejected arc's points, its range of x and the reason as one line."""
     arc = rejection.arc
     x = arc.of(profile)[:, 0]
     finite = [value for value in x.tolist() if math.isfinite(value)]

@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from lsvision.simulate import SectionSettings, SimulatedSection, TubeRanges
+    from lsvision.simulate import SimulatedSection, TubeRanges
 
 KIND_HELP = (
     "single, welded_pair, planar, complex, welded_complex, three_stacked, or empty "
     "(clutter without a tube)."
 )
+"""Kinds of scenes, `SCENE_KINDS`, whose import would import numpy."""
 
 
 def simulate(
@@ -69,7 +70,7 @@ def simulate(
       lsvision simulate single --phi-deg 20:30 --noise-mm 0.005 --lost 0 --jumps 0 --out .
     """  # noqa: D301 - the backspace makes click keep the line breaks
     from lsvision.files.atomic_files import write_atomic
-    from lsvision.simulate import SCENE_KINDS, random_section
+    from lsvision.simulate import SCENE_KINDS, SectionSettings, random_section
     from lsvision.simulate.text_export import profile_text, truth_text
 
     if kind not in SCENE_KINDS:
@@ -77,12 +78,15 @@ def simulate(
     if noise_mm is not None and not 0 < noise_mm < float("inf"):
         raise typer.BadParameter(f"expected --noise-mm above 0, got {noise_mm:g}")
     tubes = _tube_ranges(radius, theta_deg, phi_deg)
-    settings = _settings(lost, jumps)
-    for number in range(seed, seed + count):
-        section = random_section(kind, number, noise_mm=noise_mm, settings=settings, tubes=tubes)
-        source = {"kind": kind, "seed": number, "command": _command(kind, number, section, tubes)}
-        stem = out / f"{kind}_{number:04d}"
-        title = f"simulated light section, {kind}, seed {number}"
+    settings = SectionSettings(lost_fraction=lost, jump_fraction=jumps)
+    for scene_seed in range(seed, seed + count):
+        section = random_section(
+            kind, scene_seed, noise_mm=noise_mm, settings=settings, tubes=tubes
+        )
+        command = _command(kind, scene_seed, section, tubes)
+        source = {"kind": kind, "seed": scene_seed, "command": command}
+        stem = out / f"{kind}_{scene_seed:04d}"
+        title = f"simulated light section, {kind}, seed {scene_seed}"
         write_atomic(f"{stem}.csv", profile_text(section, title))
         write_atomic(f"{stem}.truth.json", truth_text(section, source))
     first, last = f"{kind}_{seed:04d}.csv", f"{kind}_{seed + count - 1:04d}.csv"
@@ -90,7 +94,7 @@ def simulate(
 
 
 def _tube_ranges(radius: str, theta_deg: str, phi_deg: str) -> "TubeRanges":
-    """Return the ranges of the options; raises a usage error for an impossible one."""
+    """Return the ranges of the options, or raise a usage error for an impossible one."""
     from lsvision.simulate import TubeRanges
 
     try:
@@ -103,17 +107,11 @@ def _tube_ranges(radius: str, theta_deg: str, phi_deg: str) -> "TubeRanges":
         raise typer.BadParameter(str(error)) from None
 
 
-def _settings(lost: float, jumps: float) -> "SectionSettings":
-    from lsvision.simulate import SectionSettings
-
-    return SectionSettings(lost_fraction=lost, jump_fraction=jumps)
-
-
 def _parse_range(text: str, option: str) -> tuple[float, float]:
-    """Return (smallest, largest) of a range written as ``19`` or ``10:40``."""
+    """Return (smallest, largest) of a range written as ``10:40``, or as ``19`` for both."""
+    first, _, second = text.partition(":")
     try:
-        numbers = [float(part) for part in text.split(":")]
-        smallest, largest = numbers if len(numbers) == 2 else (numbers[0], *numbers)
+        smallest, largest = float(first), float(second if ":" in text else first)
     except ValueError:
         raise typer.BadParameter(
             f"expected a number or min:max for {option}, got {text!r}"
@@ -122,7 +120,7 @@ def _parse_range(text: str, option: str) -> tuple[float, float]:
 
 
 def _command(kind: str, seed: int, section: "SimulatedSection", tubes: "TubeRanges") -> str:
-    """Return the command that writes this scene alone, with all options."""
+    """Return the command that writes this scene alone, with all options that determine it."""
     ranges = (("radius", tubes.radius_mm), ("theta-deg", tubes.theta_deg),
               ("phi-deg", tubes.phi_deg))  # fmt: skip
     arguments = [f"--{name} {low!r}:{high!r}" for name, (low, high) in ranges]

@@ -19,11 +19,10 @@ IMAGE_SUFFIXES = frozenset((".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".
 """Suffixes of images in a folder."""
 
 VIDEO_SUFFIXES = frozenset((".avi", ".mp4", ".mkv", ".mov", ".m4v", ".webm"))
-"""Suffixes of videos, which are read frame by frame."""
+"""Suffixes of videos in a folder."""
 
 MEASURED_SUFFIXES = PROFILE_SUFFIXES | IMAGE_SUFFIXES | VIDEO_SUFFIXES
 """Suffixes of measured files in a folder if a rig is given."""
-
 
 HEIGHT_MAP_SUFFIXES = frozenset((".tif", ".tiff", ".png"))
 """Suffixes of height maps in a folder, which are read if the spacing of columns is given."""
@@ -42,11 +41,10 @@ def find_sources(
     Parameters
     ----------
     names : sequence of str
-        Files, folders (the profile files directly in them), patterns (``**`` matches folders)
-        and ``-`` for standard input, in the order of the command line.
+        Files, folders (the files directly in them with one of `suffixes`), patterns (``**``
+        matches folders) and ``-`` for standard input, in the order of the command line.
     suffixes : frozenset of str
-        Suffixes of the files that are used in a folder: `PROFILE_SUFFIXES`, `IMAGE_SUFFIXES` or
-        `MEASURED_SUFFIXES`.
+        Suffixes of the files in a folder that are used, such as `PROFILE_SUFFIXES`.
 
     Returns
     -------
@@ -74,7 +72,7 @@ def true_path(path: Path) -> str:
     """Return the path with its links resolved; standard input stays ``-``."""
     try:
         return STDIN if str(path) == STDIN else os.path.realpath(path)
-    except ValueError:  # contains a null: no file, which its reader reports
+    except ValueError:  # contains a null character, so there is no such file: its reader reports it
         return str(path)
 
 
@@ -84,7 +82,8 @@ def read_source(source: Path, options: "ReadOptions") -> "ProfileFile":
     Raises
     ------
     UnreadableFile
-        If it cannot be read, or the assumed mm are implausible; the message states the remedy.
+        If it cannot be read, or its coordinates are implausible for the unit that was assumed; the
+        message states the remedy.
     """
     from lsvision.io.profiles import inspect_profiles
     from lsvision.io.profiles.reading import require_plausible_units
@@ -105,7 +104,7 @@ def iterate_source(source: Path, options: "ReadOptions") -> "Iterator[ProfilePar
 
 
 def read_sources(sources: Sequence[Path], options: "ReadOptions") -> "list[ProfileFile]":
-    """Return files in order; the assumptions made are printed on stderr, each once.
+    """Return the profiles of each file; the assumptions made are printed on stderr, each once.
 
     Raises
     ------
@@ -113,26 +112,27 @@ def read_sources(sources: Sequence[Path], options: "ReadOptions") -> "list[Profi
         If a file cannot be read; see `read_source`.
     """
     files = [read_source(source, options) for source in sources]
-    remarks: dict[str, list[Path]] = {}
+    paths_by_note: dict[str, list[Path]] = {}
     for file in files:
-        assumed = (
-            f"units taken as {file.units}: state them with --units" if file.units_assumed else ""
-        )
-        for remark in (*file.notes, assumed):
-            if remark:
-                remarks.setdefault(remark, []).append(file.path)
-    print_notes(remarks)
+        notes = [*file.notes]
+        if file.units_assumed:
+            notes.append(f"units taken as {file.units}: state them with --units")
+        for note in notes:
+            paths_by_note.setdefault(note, []).append(file.path)
+    print_notes(paths_by_note)
     return files
 
 
 def profile_names(file: "ProfileFile", name: str) -> list[str]:
-    """Return a name for each profile of a file, with its number if there are several."""
+    """Return a name for each profile of a file: `name`, with its number if there are several."""
     count = len(file.profiles)
-    return [f"{name}, profile {number}" for number in range(count)] if count > 1 else [name] * count
+    if count == 1:
+        return [name]
+    return [f"{name}, profile {number}" for number in range(count)]
 
 
 def _no_file_error(name: str, suffixes: frozenset[str]) -> UnreadableFile:
-    """Return the error for a name without a file, with what to name instead."""
+    """Return the error for a folder or pattern without a file, with what to name instead."""
     if is_directory(name):
         if suffixes is PROFILE_SUFFIXES and find_files(name, IMAGE_SUFFIXES | VIDEO_SUFFIXES):
             return UnreadableFile(

@@ -1,4 +1,4 @@
-"""``lsvision study``: repeatability and bias, repeatability and reproducibility."""
+"""``lsvision study``: bias and repeatability, or repeatability and reproducibility (gauge R&R)."""
 
 import csv
 import io
@@ -38,6 +38,7 @@ Tolerance = Annotated[
 ]
 Level = Annotated[float, typer.Option(metavar="P", help="Confidence level of the intervals.")]
 QUANTITIES = ("radius", "theta", "phi", "centre-x", "centre-y")
+"""Values of --quantity, in the order of `CylinderSection.estimates`."""
 
 
 @study.command()
@@ -131,7 +132,10 @@ def _check_level(level: float) -> None:
 
 
 def _print_result(result: "Result", json_file: Path | None, *head: str) -> None:
-    """Print a result below some lines, on stderr if its JSON goes to stdout, and write the JSON."""
+    """Print a result below the lines `head`, and write its JSON to a file if there is one.
+
+    If the JSON goes to stdout, the lines are printed on stderr.
+    """
     print_lines([*head, *str(result).splitlines()], err=json_file == STDOUT)
     if json_file is not None:
         write_output(json_file, result.to_json(indent=2) + "\n")
@@ -143,7 +147,11 @@ def _measure_quantity(
     reference: float,
     measuring: "Callable[[Profile], Measurement]",
 ) -> tuple[list[float], list[float]]:
-    """Return the value and standard uncertainty of every profile, in mm or deg."""
+    """Return the value and standard uncertainty of each profile with a cylinder, in mm or deg.
+
+    The quantity is ``QUANTITIES[index]``; of several cylinders the one nearest to the reference is
+    taken.
+    """
     values, stds = [], []
     for file in files:
         for number, profile in enumerate(file.profiles):
@@ -159,9 +167,32 @@ def _measure_quantity(
 
 
 def _read_crossed(path: Path, value: str, part: str, operator: str) -> "FloatArray":
-    """Return the values of a balanced study, (parts, operators, trials)."""
+    """Return the values of a balanced study, (parts, operators, trials); names are of columns.
+
+    Raises
+    ------
+    LsvisionError
+        If the file cannot be read, or an operator has not measured each part equally often.
+    """
     import numpy as np
 
+    trials = _read_trials(path, value, part, operator)
+    parts = list(dict.fromkeys(part_name for part_name, _ in trials))
+    operators = list(dict.fromkeys(operator_name for _, operator_name in trials))
+    counts = {len(values) for values in trials.values()}
+    if len(trials) != len(parts) * len(operators) or len(counts) != 1:
+        raise LsvisionError(
+            f"{path}: expected every operator to measure every part equally often, got "
+            f"{len(trials)} of {len(parts) * len(operators)} pairs with {min(counts, default=0)} "
+            f"to {max(counts, default=0)} trials: add the missing rows"
+        )
+    return np.array([[trials[part_name, name] for name in operators] for part_name in parts])
+
+
+def _read_trials(
+    path: Path, value: str, part: str, operator: str
+) -> dict[tuple[str, str], list[float]]:
+    """Return the values of each pair of part and operator, in the order of the file."""
     from lsvision.files.limited_reading import read_text
 
     text = read_text(path)
@@ -174,25 +205,16 @@ def _read_crossed(path: Path, value: str, part: str, operator: str) -> "FloatArr
                 f"{path}: expected a column {column!r}, got {', '.join(names) or 'none'}: name it "
                 "with --value, --part or --operator"
             )
-    cells: dict[tuple[str, str], list[float]] = {}
+    trials: dict[tuple[str, str], list[float]] = {}
     for line, row in enumerate(rows, 2):
-        stripped_row = {str(key).strip(): text for key, text in row.items()}
+        cells = {str(name).strip(): cell for name, cell in row.items()}
+        number = cells[value]
         try:
-            number = float(
-                stripped_row[value] if separator == "," else stripped_row[value].replace(",", ".")
-            )
-        except (AttributeError, TypeError, ValueError):
+            # A comma that does not separate columns is a decimal comma.
+            trial = float(number if separator == "," else number.replace(",", "."))
+        except (AttributeError, TypeError, ValueError):  # a short row has None
             raise UnreadableFile(
-                f"{path}, line {line}: expected a number in {value!r}, got {stripped_row[value]!r}"
+                f"{path}, line {line}: expected a number in {value!r}, got {number!r}"
             ) from None
-        cells.setdefault((str(stripped_row[part]), str(stripped_row[operator])), []).append(number)
-    parts = list(dict.fromkeys(key[0] for key in cells))
-    operators = list(dict.fromkeys(key[1] for key in cells))
-    counts = {len(numbers) for numbers in cells.values()}
-    if len(cells) != len(parts) * len(operators) or len(counts) != 1:
-        raise LsvisionError(
-            f"{path}: expected every operator to measure every part equally often, got "
-            f"{len(cells)} of {len(parts) * len(operators)} pairs with {min(counts, default=0)} to "
-            f"{max(counts, default=0)} trials: add the missing rows"
-        )
-    return np.array([[cells[part_name, name] for name in operators] for part_name in parts])
+        trials.setdefault((str(cells[part]), str(cells[operator])), []).append(trial)
+    return trials

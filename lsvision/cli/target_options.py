@@ -14,10 +14,10 @@ TARGETS = ("charuco", "chessboard", "circles", "circles-asymmetric")
 DEFAULT_COUNTS = (11, 8)
 """Default columns and rows of squares of a ChArUco board: those of `ChArUco`."""
 DEFAULT_SQUARE_MM = 15.0
-"""Default edge of a square, as of `ChArUco`. Units: mm."""
+"""Default edge of a square, as of `ChArUco`."""
 DEFAULT_MARKER_MM = 11.0
 """Default edge of a marker in a square of `DEFAULT_SQUARE_MM`, as of `ChArUco`; in another square
-it is scaled with the square. Units: mm."""
+it is scaled with the square."""
 DEFAULT_DISC_RATIO, DEFAULT_ASYMMETRIC_DISC_RATIO = 0.5, 0.8
 """Default diameter of a disc relative to the spacing. In an asymmetric grid, that of `CircleGrid`:
 its nearest discs are sqrt(2) spacings apart, so that they may be larger."""
@@ -63,8 +63,8 @@ class TargetOptions:
         Raises
         ------
         typer.BadParameter
-            If the name is unknown, the counts are invalid or missing, or a length is not possible
-            beside the others.
+            If the name is unknown, counts or edge are missing, or a value is not possible beside
+            the others.
         """
         from lsvision.calibration.target import ChArUco, Chessboard, CircleGrid
 

@@ -4,17 +4,13 @@ from lsvision.draw.figure_files import figure_bytes
 from lsvision.draw.laser_line import draw_laser_line, line_summary
 from lsvision.draw.measurement import draw_measurement, draw_on_axes
 from lsvision.draw.overlay import draw_on_photo, draw_overlay
-from lsvision.results.number_format import decimals_for, format_std, format_value
 
 __all__ = [
-    "decimals_for",
     "draw_laser_line",
     "draw_measurement",
     "draw_on_axes",
     "draw_on_photo",
     "draw_overlay",
     "figure_bytes",
-    "format_std",
-    "format_value",
     "line_summary",
 ]
