@@ -44,7 +44,7 @@ class UnreadableFile(LsvisionError):
 
 
 class UnwritableFile(LsvisionError):
-    """An output that cannot be written; no part of it is left behind."""
+    """An output that cannot be written; the message states file and remedy."""
 
 
 class FitFailed(LsvisionError):
@@ -73,7 +73,7 @@ class DegenerateGeometry(LsvisionError):
 
 
 class CalibrationFailed(LsvisionError):
-    """Views or poses that do not determine a calibration."""
+    """Images or poses from which no calibration follows: too few, unusable or contradictory."""
 
 
 class InvalidJob(LsvisionError):
