@@ -269,16 +269,23 @@ def summary(status: Status, names: Iterable[str] = ()) -> str:
     status : Status
         State of the batch.
     names : iterable of str
-        Names of all files of the batch, which are counted; without them the number of files of the
-        last run is taken.
+        Names of the files that are counted; by default all files of the batch: those of the last
+        run, and those that earlier runs have finished.
     """
-    done, failed = status.done, status.failed
-    total = len(set(names)) or status.files
+    counted_names = set(names)
+    outcomes = [
+        outcome
+        for outcome in status.outcomes.values()
+        if not counted_names or outcome.name in counted_names
+    ]
+    done = [outcome for outcome in outcomes if not outcome.error]
+    total = len(counted_names) or max(status.files, len(outcomes))
     profiles = sum(outcome.profiles for outcome in done)
     cylinders = sum(outcome.cylinders for outcome in done)
-    aside = f" ({len(status.set_aside)} set aside)" if status.set_aside else ""
-    left = max(total - len(done) - len(failed), 0)
+    aside = sum(outcome.name in status.set_aside for outcome in outcomes)
+    set_aside = f" ({aside} set aside)" if aside else ""
     return (
-        f"{len(done)} of {total} files done, {len(failed)} failed{aside}, {left} left: "
+        f"{len(done)} of {total} files done, {len(outcomes) - len(done)} failed{set_aside}, "
+        f"{total - len(outcomes)} left: "
         f"{counted(profiles, 'profile')}, {counted(cylinders, 'cylinder')}"
     )

@@ -9,7 +9,7 @@ from lsvision.batch.job import BatchJob
 from lsvision.batch.manifest import Manifest, Status, read_status
 from lsvision.batch.measure_file import FileOutcome, FileTask, measure_file
 from lsvision.batch.process_pool import EndedProcess, Finished, run_tasks
-from lsvision.errors import LsvisionError
+from lsvision.errors import LsvisionError, UnwritableFile
 from lsvision.files.limited_reading import current_size_limit
 from lsvision.files.printable import printable_name
 
@@ -108,7 +108,7 @@ def run_batch(
         remaining_tasks = [task for task in tasks if status is None or not status.is_done(task)]
         manifest.begin(len(tasks))
         for task in remaining_tasks:
-            task.output.parent.mkdir(parents=True, exist_ok=True)
+            _make_folder(task.output.parent)
         for task, value in _run_tasks(remaining_tasks, jobs, scheduler):
             is_set_aside = isinstance(value, EndedProcess)
             outcome = value if isinstance(value, FileOutcome) else _outcome_of_ended_process(task)
@@ -120,6 +120,17 @@ def run_batch(
             f"{folder}: the manifest was removed during the run: run the batch again"
         )
     return status
+
+
+def _make_folder(folder: Path) -> None:
+    """Make a folder and those above it, unless it exists; raise `UnwritableFile` if it fails."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UnwritableFile(
+            f"{folder}: cannot be made ({error.strerror}): remove a file of this name, or name "
+            "another folder for the results"
+        ) from None
 
 
 def _run_tasks(

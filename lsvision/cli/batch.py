@@ -119,8 +119,9 @@ def batch(
         raise
     report.clear()
     report.print_notes()
-    _print_summary(result, [task.name for task in tasks])
-    if missing or any(outcome.error for outcome in result.outcomes.values()):
+    names = [task.name for task in tasks]
+    _print_summary(result, names)
+    if missing or any(result.outcomes[name].error for name in names):
         raise typer.Exit(FAILED)
 
 
@@ -175,7 +176,7 @@ def _print_status(folder: Path) -> None:
 
 
 def _print_summary(status: "Status", names: Sequence[str] = ()) -> None:
-    """Print the counts of a batch; `names` are those of all its files, if known."""
+    """Print the counts of the files `names`, or else of all files of a batch."""
     from lsvision.batch.manifest import summary
 
     typer.echo(summary(status, names))

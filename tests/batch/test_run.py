@@ -99,6 +99,23 @@ def test_a_manifest_that_was_cut_off_costs_one_file(folder):
     assert not leftover.exists()
 
 
+def test_a_run_with_some_of_the_files_counts_these(folder):
+    (folder / "in" / "part-1.parquet").write_bytes(b"PAR1")
+    tasks = tasks_of(folder)
+    run_batch(tasks, folder / "out")
+    status = run_batch(tasks[:1], folder / "out")
+    assert tasks[0].name == "a.csv"
+    assert summary(status, ["a.csv"]).startswith("1 of 1 files done, 0 failed, 0 left: 1 profile,")
+    assert summary(status).startswith("2 of 3 files done, 1 failed, 0 left: 4 profiles,")
+
+
+def test_a_file_in_the_place_of_a_folder_of_results_is_reported(folder):
+    (folder / "out").mkdir()
+    (folder / "out" / "sub").write_text("a file")
+    with pytest.raises(UnwritableFile, match="sub: cannot be made"):
+        run_batch(tasks_of(folder), folder / "out")
+
+
 def test_results_of_another_job_are_rejected(folder):
     run_batch(tasks_of(folder), folder / "out")
     other = BatchJob(partial(measure_profiles, radius=19.0))

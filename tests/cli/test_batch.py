@@ -57,6 +57,16 @@ def test_usage_is_reported(run, words):
     assert "expected files and --out DIR, or --status DIR" in result.stderr
 
 
+def test_the_failure_of_another_file_in_an_earlier_run_does_not_count(run, folder):
+    (folder / "in" / "bad.csv").write_text("no numbers")
+    out = folder / "out"
+    assert run("batch", folder / "in", "--out", out, "--jobs", 1).exit_code == 1
+    done = run("batch", folder / "in" / "b.csv", "--out", out, "--jobs", 1)
+    assert done.exit_code == 0, done.output
+    assert done.stdout.startswith("1 of 1 files done, 0 failed, 0 left")
+    assert run("batch", "--status", out).stdout.startswith("2 of 3 files done, 1 failed, 0 left")
+
+
 def test_a_folder_without_a_batch_has_no_status(run, tmp_path):
     result = run("batch", "--status", tmp_path)
     assert result.exit_code == 1
