@@ -170,7 +170,7 @@ def check_colours(
     Raises
     ------
     UnreadableFile
-        If a colour is stated for a grey image, or none for a colour image.
+        If red, green or blue is stated for a grey image, or no colour for a colour image.
     """
     coloured = image.ndim == 3 and bool((image != image[..., :1]).any())
     if coloured and laser == "grey":

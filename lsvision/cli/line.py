@@ -37,7 +37,7 @@ def line(
     method: Method = "derivative",
     laser_off: LaserOff = None,
 ) -> None:
-    """Extract the laser line of an image, column by column, to a fraction of a pixel.
+    """Extract the laser line of an image to a fraction of a pixel, one point per column or row.
 
     A check before calibration or measurement: whether the laser's line was found, whether it is
     saturated (then shorten the exposure), and whether its std is small. Needs no rig.

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PartResult:
-    """Results of a part; only errors if it cannot be measured, besides the rest if drawing fails.
+    """Results of a part: only errors if it cannot be measured; a picture may fail alone.
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ class _Section:
     profile: "Profile"
     measurement: "Measurement"
     upside_down: bool  # cylinders are found only after the heights are negated
-    placed: "list[tuple[PlacedCylinder, PlacedCylinder]] | None"  # in the robot's frame, if asked
+    placed: "list[tuple[PlacedCylinder, PlacedCylinder]] | None"  # both possible ones of each
 
 
 def _complete_section(
