@@ -9,13 +9,12 @@ from lsvision.cli.image_sources import (
     ImageFile,
     ImagingOptions,
     LiveCamera,
-    is_image,
+    holds_images,
     read_image_source,
 )
 from lsvision.cli.measure_options import range_warning
 from lsvision.cli.robot_frame import RobotFrame
 from lsvision.cli.sources import iterate_source, read_source
-from lsvision.files.limited_reading import STDIN
 
 if TYPE_CHECKING:
     from lsvision.batch.measure_group import MeasureFunction
@@ -112,7 +111,7 @@ def read_parts(source: Path | LiveCamera, options: PartOptions) -> Iterator[File
     LsvisionError
         If the file cannot be read.
     """
-    if _holds_images(source, options):
+    if _is_image_source(source, options):
         yield _read_images(source, options)
         return
     for part in iterate_source(Path(str(source)), options.reading):
@@ -123,20 +122,15 @@ def read_parts(source: Path | LiveCamera, options: PartOptions) -> Iterator[File
 
 def read_whole(source: Path | LiveCamera, options: PartOptions) -> FilePart:
     """Return all profiles of a file as one part; see `read_parts`."""
-    if _holds_images(source, options):
+    if _is_image_source(source, options):
         return _read_images(source, options)
     file = read_source(Path(str(source)), options.reading)
     return FilePart(file, several=len(file.profiles) > 1, header=_header(options, file))
 
 
-def _holds_images(source: Path | LiveCamera, options: PartOptions) -> bool:
-    """Return whether a source is read as images, and not as profiles or a height map."""
-    if isinstance(source, LiveCamera):
-        return True
-    if str(source) == STDIN:  # has no suffix: an image if there is a rig that converts it
-        return options.imaging is not None
-    is_height_map = options.imaging is None and options.reading.get("dx") is not None
-    return is_image(source) and not is_height_map
+def _is_image_source(source: Path | LiveCamera, options: PartOptions) -> bool:
+    """Return whether a source is a camera, or a file that is read as images."""
+    return isinstance(source, LiveCamera) or holds_images(source, options.imaging, options.reading)
 
 
 def _read_images(source: Path | LiveCamera, options: PartOptions) -> FilePart:

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from lsvision.cli.sources import IMAGE_SUFFIXES, VIDEO_SUFFIXES
 from lsvision.errors import LsvisionError, NoLaserLine, UnreadableFile
+from lsvision.files.limited_reading import STDIN
 
 if TYPE_CHECKING:
+    from lsvision.io.profiles import ReadOptions
     from lsvision.laser_line.extraction import LaserLine
     from lsvision.laser_line.settings import LineSettings
     from lsvision.profile import Profile
@@ -143,6 +145,25 @@ class LiveCamera:
 def is_image(source: Path) -> bool:
     """Return whether the suffix of a file is that of an image or a video."""
     return source.suffix.lower() in IMAGE_SUFFIXES | VIDEO_SUFFIXES
+
+
+def holds_images(source: Path, imaging: ImagingOptions | None, reading: "ReadOptions") -> bool:
+    """Return whether a file is read as images of a laser line, and not as profiles.
+
+    Parameters
+    ----------
+    source : Path
+        File, or ``-`` for standard input, which holds an image if there is a rig.
+    imaging : ImagingOptions or None
+        Conversion of images to profiles; None without a rig.
+    reading : ReadOptions
+        Options for reading profiles. Without a rig, but with the spacing of columns, an image is a
+        height map, whose rows are profiles.
+    """
+    if str(source) == STDIN:
+        return imaging is not None
+    is_height_map = imaging is None and reading.get("dx") is not None
+    return is_image(source) and not is_height_map
 
 
 def check_colours(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from lsvision.cli.image_options import parse_imaging, parse_line_settings
-from lsvision.cli.image_sources import JOB, is_image, read_image_source
+from lsvision.cli.image_sources import JOB, holds_images, read_image_source
 from lsvision.cli.messages import FAILED, print_error, print_lines
 from lsvision.cli.option_groups import expand_option_groups
 from lsvision.cli.outputs import STDOUT, check_outputs, write_output
@@ -146,7 +146,7 @@ class _Run:
 
         files = [
             read_image_source(source, self.imaging, JOB)
-            if is_image(source)
+            if holds_images(source, self.imaging, self.reading)
             else read_sources([source], self.reading)[0]
             for source in sources
         ]

@@ -167,7 +167,7 @@ def _show_progress(progress: Progress, task: _Task) -> None:
 def _count_jobs(sources: Sequence[Path | LiveCamera], run: RunOptions) -> int:
     """Return the number of processes: as stated, else 1 unless there is much to do.
 
-    With ``--debug`` 1, because a traceback then has all calls.
+    With ``--debug`` 1, so that one process only prints tracebacks.
     """
     if run.jobs is not None:
         return run.jobs
@@ -186,7 +186,7 @@ def _size_bytes(source: Path | LiveCamera) -> int:
 
 
 def _measure(options: PartOptions, task: _Task) -> list[PartResult]:
-    """Return a result for each file of a task; of a part or an error one."""
+    """Return the results of a task: one for each small file, or one for the part or the error."""
     if task.error:
         return [PartResult(errors=[task.error])]
     if task.part is not None:

@@ -91,6 +91,21 @@ def test_height_maps_of_a_folder_count_for_study_repeat(run, tmp_path):
     assert "no profile in this folder" in run(*words).stderr
 
 
+def test_a_height_map_is_inspected_without_a_rig(run, tmp_path):
+    cv2 = pytest.importorskip("cv2")
+    x = np.arange(-15, 15, 0.2)
+    heights = np.sqrt(19.0**2 - x**2) - 400
+    rows = heights + np.random.default_rng(6).normal(0, 0.01, (2, x.size))
+    cv2.imwrite(str(tmp_path / "rows.tiff"), rows.astype(np.float32))
+    job = tmp_path / "job.toml"
+    job.write_text('name = "a"\n[[part]]\nname = "b"\norder = 1\nradius_mm = { max = 25 }')
+    words = ("inspect", job, tmp_path / "rows.tiff")
+    done = run(*words, "--x0", x[0], "--dx", 0.2, "--z-unit", "mm")
+    assert done.exit_code == 0, done.output
+    assert "2 judged: 2 OK" in done.stdout
+    assert "an image needs the rig" in run(*words).stderr
+
+
 @pytest.mark.parametrize("words", [("job", "new"), ("study", "repeat", "--reference", "19")])
 def test_an_unknown_unit_is_a_usage_error_before_files_are_read(run, words):
     done = run(*words, "absent.csv", "--units", "furlong")
