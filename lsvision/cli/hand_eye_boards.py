@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lsvision.cli.calibrate_inputs import add_file_names, read_images
+from lsvision.errors import LsvisionError
 from lsvision.files.printable import printable
 from lsvision.results.summaries import counted
 
 if TYPE_CHECKING:
+    from lsvision.calibration.board_pose import BoardPoseEstimate
     from lsvision.calibration.hand_eye_result import HandEye
     from lsvision.calibration.observations import Mounting
     from lsvision.calibration.target import Target, TargetView
@@ -173,44 +175,63 @@ def find_boards(files: Sequence[Path], target: "Target", camera_file: Path) -> D
         If fewer than `MIN_BOARDS` images show the board (the message has the reason for the first
         image without it), or an image does not have the size of the camera's images.
     """
-    from lsvision.calibration.board_pose import estimate_board_pose
     from lsvision.calibration.camera_uncertainty import board_pose_modes
-    from lsvision.calibration.target import find_target, left_out_warnings
-    from lsvision.calibration.views import require_size
-    from lsvision.errors import LsvisionError
+    from lsvision.calibration.target import left_out_warnings
     from lsvision.io.camera_file import read_camera, read_camera_covariance
 
     camera, camera_covariance = read_camera(camera_file), read_camera_covariance(camera_file)
     images = read_images(files)
-    indices, views, estimates, left_out = [], [], [], []
-    for index, (file, image) in enumerate(zip(files, images, strict=True)):
-        require_size(camera, image, printable(str(file)))
-        try:
-            view = find_target(image, target)
-            estimates.append(estimate_board_pose(view.pixels, view.points, camera))
-        except LsvisionError as error:
-            left_out.append(f"{printable(str(file))}: {error}")
-            continue
-        indices.append(index)
-        views.append(view)
-    if len(indices) < MIN_BOARDS:
-        finding = f"{len(indices)} of {counted(len(files), 'image')} show the board"
+    detections, left_out = _detect_boards(files, images, target, camera)
+    if len(detections) < MIN_BOARDS:
+        finding = f"{len(detections)} of {counted(len(files), 'image')} show the board"
         problem = f"{finding} and {MIN_BOARDS} are needed"
         raise LsvisionError("; ".join([problem, *left_out[:1]]))
+    views = [detection.view for detection in detections]
     camera_modes = None
     if camera_covariance is not None:
         camera_modes = board_pose_modes(views, camera, camera_covariance)
     warnings = [f"image and its robot pose left out: {reason}" for reason in left_out]
     return DetectedBoards(
-        indices=indices,
+        indices=[detection.index for detection in detections],
         camera=camera,
-        images=[images[index] for index in indices],
+        images=[images[detection.index] for detection in detections],
         views=views,
-        poses=[estimate.camera_from_board for estimate in estimates],
-        covariances=np.array([estimate.covariance for estimate in estimates]),
+        poses=[detection.estimate.camera_from_board for detection in detections],
+        covariances=np.array([detection.estimate.covariance for detection in detections]),
         camera_modes=camera_modes,
         warnings=(*warnings, *left_out_warnings(target, views, range(len(views)))),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Detection:
+    """Board in an image: index of the image, corners, and pose with its covariance."""
+
+    index: int
+    view: "TargetView"
+    estimate: "BoardPoseEstimate"
+
+
+def _detect_boards(
+    files: Sequence[Path], images: Sequence[Any], target: "Target", camera: "Camera"
+) -> tuple[list[_Detection], list[str]]:
+    """Return the boards detected in images, and file and reason for each image without one."""
+    from lsvision.calibration.board_pose import estimate_board_pose
+    from lsvision.calibration.target import find_target
+    from lsvision.calibration.views import require_size
+
+    detections: list[_Detection] = []
+    left_out: list[str] = []
+    for index, (file, image) in enumerate(zip(files, images, strict=True)):
+        require_size(camera, image, printable(str(file)))
+        try:
+            view = find_target(image, target)
+            estimate = estimate_board_pose(view.pixels, view.points, camera)
+        except LsvisionError as error:
+            left_out.append(f"{printable(str(file))}: {error}")
+        else:
+            detections.append(_Detection(index, view, estimate))
+    return detections, left_out
 
 
 def _mount_pose(flange: "Pose", mounting: "Mounting") -> "Pose":
