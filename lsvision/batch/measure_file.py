@@ -80,7 +80,7 @@ class FileOutcome:
 
 
 def measure_file(task: FileTask) -> FileOutcome:
-    """Measure a file and write its results; the output then is complete, or not there.
+    """Measure a file, and write its results completely or not at all.
 
     Parameters
     ----------

@@ -48,7 +48,7 @@ def draw_coverage(calibration: CameraCalibration) -> "Figure":
              title="Detected points, one colour per view")  # fmt: skip
     residuals = np.concatenate([view.residuals for view in calibration.views])
     right.plot(*residuals.T, ".", color=INLIER, markersize=2)
-    limit = 1.1 * float(np.abs(residuals).max()) + 1e-9  # above 0 without residuals, too
+    limit = 1.1 * float(np.abs(residuals).max()) + 1e-9  # above 0, also for exact views
     right.set(xlim=(-limit, limit), ylim=(limit, -limit), xlabel="du / px", ylabel="dv / px",
               aspect="equal", title="Projected minus detected")  # fmt: skip
     return figure
