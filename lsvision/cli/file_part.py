@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -142,8 +143,8 @@ def _read_images(source: Path | LiveCamera, options: PartOptions) -> FilePart:
 def _header(options: PartOptions, file: "ProfileFile | ImageFile", first: int = 0) -> list[str]:
     """Return the lines above the results: a summary of the file or part, and notes."""
     valid = (profile for profile in file.profiles if profile.lost < len(profile))
-    warnings = [range_warning(profile, options.sensor) for profile in valid]
-    notes = [*file.notes, *dict.fromkeys(filter(None, warnings))]
+    warnings = filter(None, (range_warning(profile, options.sensor) for profile in valid))
+    notes = [*file.notes, *islice(warnings, 1)]  # the distance differs from profile to profile
     if options.verbose and not isinstance(file, ImageFile) and file.ignored:
         notes.append(f"columns not used: {', '.join(file.ignored)}")
     name = f"{file.path}, from profile {first} on" if first else str(file.path)

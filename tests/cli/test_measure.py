@@ -158,6 +158,14 @@ def test_heights_not_counted_from_the_sensor_are_noted(run, written, pipe):
     assert "from the origin" not in run("measure", written(pipe), "--sensor", "lps36").stdout
 
 
+def test_a_wrong_origin_of_many_profiles_is_reported_once(run, tmp_path, pipe):
+    distances = np.arange(350, 380, 10.0)
+    np.save(tmp_path / "many.npy", [pipe + np.array([0.0, distance]) for distance in distances])
+    shown = run("measure", tmp_path / "many.npy", "--sensor", "lps36").stdout
+    assert "3 profiles" in shown
+    assert shown.count("from the origin") == 1
+
+
 def test_paper_measures_by_the_chain_of_the_paper(run, written, pipe, monkeypatch):
     calls = []
 
