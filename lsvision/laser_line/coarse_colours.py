@@ -68,12 +68,11 @@ def select_sharper_line(
     columns, rows = coarse.windows.columns, coarse.stripes.pixels[:, 1]
     if not errors_are_interpolated(columns, rows):
         return image, detected, 0.0
-    luminance_line = locate_line(
-        image.with_luminance_signal, columns, rows, detected.sigma, settings
-    )
+    luminance_image = image.with_luminance_signal()
+    luminance_line = locate_line(luminance_image, columns, rows, detected.sigma, settings)
     if luminance_line.stripes.found.mean() < MIN_BRIGHT_FRACTION:
         return image, detected, 0.0
-    luminance_line = add_rounding_errors(image.with_luminance_signal, luminance_line)
+    luminance_line = add_rounding_errors(luminance_image, luminance_line)
     pair = _ComparedLines.of(coarse, luminance_line)
     compressed = luminance_line.blocks is not None
     if pair.agrees and not compressed:
@@ -87,7 +86,7 @@ def select_sharper_line(
     if compressed:
         of_colour = np.fmax(of_colour, pair.distances)
     stds = np.where(pair.disturbed, of_colour, BLOCK_FACTOR * pair.scatter / 2)
-    return image.with_luminance_signal, luminance_line.replace_columns(coarse, pair.disturbed), stds
+    return luminance_image, luminance_line.replace_columns(coarse, pair.disturbed), stds
 
 
 @dataclass(frozen=True, eq=False)

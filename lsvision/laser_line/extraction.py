@@ -164,7 +164,7 @@ def extract_laser_line(
         line_image = line_image.transposed()
     detected = find_line(line_image, settings)
     coarseness: FloatArray | float = 0.0
-    if settings.luminance and line_image.luminance is not line_image.signal:
+    if settings.luminance and line_image.colours:
         line_image, detected, coarseness = select_sharper_line(line_image, detected, settings)
     stripes = _locate_stripes(line_image, detected, settings)
     stripes = replace(stripes, std=np.hypot(stripes.std, coarseness))

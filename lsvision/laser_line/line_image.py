@@ -31,7 +31,8 @@ FULL_SCALES = (1023, 4095, 16383, 65535)
 class LineImage:
     """Channels of an image from which a laser line is extracted.
 
-    Equal channels, such as those of a grey image, are the same array, not copies.
+    Equal channels, such as those of a grey image, are the same array, not copies. Only `signal` is
+    contiguous in memory: whole images are processed in it alone.
 
     Parameters
     ----------
@@ -42,35 +43,42 @@ class LineImage:
     channel_signal : (height, width) ndarray
         As `signal`, but the laser's colour without subtraction of the others. Where all colours are
         saturated the excess is zero, and only this channel shows the line. Units: DN.
-    luminance : (height, width) ndarray
-        As `signal`, but the luminance of a colour image (Y of JPEG), which may have a higher
-        resolution than its colours; the same array as `signal` in a grey image. Units: DN.
     raw_channel : (height, width) ndarray
         The laser's colour before subtraction of the laser-off image; a pixel of it at `full_scale`
         is saturated. Units: DN.
     full_scale : float
         Largest value of a pixel. Units: DN.
+    colours : tuple of (height, width, 3) ndarray
+        The image, and the laser-off image if there is one, where `signal` is the excess of a
+        colour; otherwise empty.
     """
 
     signal: Image
     channel_signal: Image
-    luminance: Image
     raw_channel: Image
     full_scale: float
+    colours: tuple[Image, ...] = ()
 
     def transposed(self) -> "LineImage":
         """Return the image with rows and columns exchanged."""
-        # Each array once: channels that are the same array stay the same, which callers test.
-        arrays = (self.signal, self.channel_signal, self.luminance, self.raw_channel)
-        distinct = {id(array): array for array in arrays}
-        transposed = {key: cv2.transpose(array) for key, array in distinct.items()}
-        signal, channel_signal, luminance, raw = (transposed[id(array)] for array in arrays)
-        return LineImage(signal, channel_signal, luminance, raw, self.full_scale)
+        signal = cv2.transpose(self.signal)
+        # Channels that are the same array stay the same, which callers test.
+        channel_signal, raw_channel = (
+            signal if channel is self.signal else channel.T
+            for channel in (self.channel_signal, self.raw_channel)
+        )
+        colours = tuple(colour.swapaxes(0, 1) for colour in self.colours)
+        return LineImage(signal, channel_signal, raw_channel, self.full_scale, colours)
 
-    @property
     def with_luminance_signal(self) -> "LineImage":
-        """The image with the luminance as signal; saturated pixels remain those of the laser."""
-        return replace(self, signal=self.luminance, channel_signal=self.luminance)
+        """Return the image with the luminance of its `colours` (Y of JPEG) as signal.
+
+        The luminance may have a higher resolution than the colours. Saturated pixels remain those
+        of the laser's colour.
+        """
+        luminances = [cv2.cvtColor(colour, cv2.COLOR_BGR2GRAY) for colour in self.colours]
+        signal = luminances[0] if len(luminances) == 1 else _subtract(*luminances)
+        return replace(self, signal=signal, channel_signal=signal, colours=())
 
 
 def prepare_line_image(
@@ -108,25 +116,22 @@ def prepare_line_image(
     """
     array = as_image(image)
     scale = find_full_scale(array, full_scale)
-    signal, raw_channel, luminance = _split_channels(array, channel)
+    signal, raw_channel = _split_channels(array, channel)
+    coloured = raw_channel is not signal
     if laser_off is None:
-        return LineImage(signal, raw_channel, luminance, raw_channel, scale)
+        return LineImage(signal, raw_channel, raw_channel, scale, (array,) if coloured else ())
     dark = as_image(laser_off, "laser_off")
     if dark.shape != array.shape or dark.dtype != array.dtype:
         raise ValueError(
             f"expected a laser_off frame like the image, {array.shape} {array.dtype}, got "
             f"{dark.shape} {dark.dtype}"
         )
-    depth = cv2.CV_16S if array.dtype == np.uint8 else cv2.CV_32F
-    pairs = zip((signal, raw_channel, luminance), _split_channels(dark, channel), strict=True)
-    # Each array once: channels that are the same array stay the same, which callers test.
-    differences = {id(on): cv2.subtract(on, off, dtype=depth) for on, off in pairs}
-    signal_difference, channel_difference, luminance_difference = (
-        differences[id(array)] for array in (signal, raw_channel, luminance)
-    )
-    return LineImage(
-        signal_difference, channel_difference, luminance_difference, raw_channel, scale
-    )
+    dark_signal, dark_channel = _split_channels(dark, channel)
+    difference = _subtract(signal, dark_signal)
+    if not coloured:
+        return LineImage(difference, difference, raw_channel, scale)
+    channel_difference = _subtract(raw_channel, dark_channel)
+    return LineImage(difference, channel_difference, raw_channel, scale, (array, dark))
 
 
 def find_full_scale(array: Image, given: float | None) -> float:
@@ -147,8 +152,17 @@ def find_full_scale(array: Image, given: float | None) -> float:
     )
 
 
-def _split_channels(array: Image, channel: Channel) -> tuple[Image, Image, Image]:
-    """Return signal, laser's colour and luminance (see `LineImage`) of one image.
+def _subtract(image: Image, dark: Image) -> Image:
+    """Return an image minus the one without the laser: int16 for 8 bit, else float32."""
+    depth = cv2.CV_16S if image.dtype == np.uint8 else cv2.CV_32F
+    difference: Image = cv2.subtract(image, dark, dtype=depth)
+    return difference
+
+
+def _split_channels(array: Image, channel: Channel) -> tuple[Image, Image]:
+    """Return the signal and the laser's colour (see `LineImage`) of one image.
+
+    They are the same array where no colour is subtracted.
 
     Raises
     ------
@@ -161,16 +175,13 @@ def _split_channels(array: Image, channel: Channel) -> tuple[Image, Image, Image
                 f'expected a colour image for channel="{channel}", got a grey one of shape '
                 f'{array.shape}: use channel="grey"'
             )
-        return array, array, array
+        return array, array
     if channel == "grey":
         grey = _grey_channel(array)
-        return grey, grey, grey
+        return grey, grey
     weights = np.array(CHANNEL_WEIGHTS[channel], dtype=np.float32)
     signal: Image = cv2.transform(array, weights[None])
-    if channel == "white":
-        return signal, signal, signal
-    laser_colour = np.ascontiguousarray(array[:, :, int(np.argmax(weights))])
-    return signal, laser_colour, cv2.cvtColor(array, cv2.COLOR_BGR2GRAY)
+    return signal, signal if channel == "white" else array[:, :, int(np.argmax(weights))]
 
 
 def _grey_channel(array: Image) -> Image:

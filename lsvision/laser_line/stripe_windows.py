@@ -144,9 +144,8 @@ def cut_windows(
     offsets = np.arange(-half_width, half_width + 1)
     centre_rows = np.rint(rows).astype(np.int64)
     window_rows = np.clip(centre_rows + offsets[:, None], 0, signal.shape[0] - 1)
-    at = window_rows * signal.shape[1] + columns
-    values = signal.ravel().take(at)
-    raw = values if image.raw_channel is signal else image.raw_channel.ravel().take(at)
+    values = signal[window_rows, columns]
+    raw = values if image.raw_channel is signal else image.raw_channel[window_rows, columns]
     # Views of transposed arrays: sums over each window run along the memory.
     saturated = (raw >= image.full_scale).T
     return Windows(columns, centre_rows, offsets, values.astype(np.float64).T, saturated)

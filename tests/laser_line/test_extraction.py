@@ -1,5 +1,7 @@
 """The extracted line against the truth of the simulator."""
 
+import tracemalloc
+
 import cv2
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ GOALS = {200: 0.016, 100: 0.022, 50: 0.034, 25: 0.055, 12: 0.10}  # DN: px
 BIAS = 0.003 * 3  # px: the goal, tested on a third of the goal's points
 VALID = (0.7, 1.4)  # NEES / dof
 GREY = LineSettings(direction="columns")
+MAX_MEMORY = 4.0  # bytes per pixel: the response, 2, the excess of a colour, and less than 1 beside
 
 
 def errors_of(line, image):
@@ -207,6 +210,22 @@ def test_the_image_is_not_changed():
     before = image.copy()
     extract_laser_line(image, laser_off=np.zeros_like(image))
     np.testing.assert_array_equal(image, before)
+
+
+@pytest.mark.parametrize("kind", ["grey", "upright", "coloured"])
+def test_an_extraction_takes_little_memory(kind):
+    image = rendered(pipe_on_floor()).image
+    settings = LineSettings(channel="red" if kind == "coloured" else "grey")
+    if kind == "upright":
+        image = np.ascontiguousarray(image.T)
+    if kind == "coloured":
+        image = np.stack([image // 10, image // 10, image], axis=2)
+    extract_laser_line(image, settings)
+    tracemalloc.start()
+    extract_laser_line(image, settings)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak <= MAX_MEMORY * image.shape[0] * image.shape[1]
 
 
 @pytest.mark.filterwarnings("error")
