@@ -206,8 +206,8 @@ class LightSection(ComparedByValue):
             ray does not meet the laser plane.
         """
         points, jacobians = self._section_points(line.pixels)
-        covariances = jacobians @ _pixel_covariances(line) @ jacobians.transpose(0, 2, 1)
-        return Profile(points, PointNoise(covariances))
+        scaled = jacobians * _pixel_stds(line)[:, None, :]
+        return Profile(points, PointNoise(scaled @ scaled.transpose(0, 2, 1)))
 
     def points_from_pixels(self, pixels: npt.ArrayLike) -> Points:
         """Return the points of the section in which rays through pixels meet the laser plane.
@@ -323,15 +323,12 @@ class LightSection(ComparedByValue):
         return points, point_jacobians @ ray_jacobians
 
 
-def _pixel_covariances(line: LaserLine) -> FloatArray:
-    """Return the (n, 2, 2) covariances of points from their errors normal to and along the line.
-
-    Units: px^2.
-    """
+def _pixel_stds(line: LaserLine) -> FloatArray:
+    """Return the standard deviations of points along u and v (n, 2). Units: px."""
     along_v = line.direction == "columns"
     fractions = (STD_RATIO_ALONG_LINE, 1.0) if along_v else (1.0, STD_RATIO_ALONG_LINE)
-    covariances: FloatArray = line.std[:, None, None] ** 2 * np.diag(np.square(fractions))
-    return covariances
+    stds: FloatArray = line.std[:, None] * np.array(fractions)
+    return stds
 
 
 def _depths(rays: Points, plane: Plane) -> FloatArray:
