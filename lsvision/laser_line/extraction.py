@@ -22,7 +22,7 @@ from lsvision.laser_line.line_image import (
     find_full_scale,
     prepare_line_image,
 )
-from lsvision.laser_line.mosaic import colour_planes
+from lsvision.laser_line.mosaic import Bayer, colour_planes
 from lsvision.laser_line.noise import SLOPE_SPAN, block_excess_variance, excess_variance
 from lsvision.laser_line.settings import LineSettings
 from lsvision.laser_line.stripe_windows import Stripes, cut_windows
@@ -156,7 +156,7 @@ def extract_laser_line(
     """
     settings = settings or LineSettings()
     if settings.bayer is not None:
-        return _extract_from_mosaic(image, settings, laser_off)
+        return _extract_from_mosaic(image, settings, settings.bayer, laser_off)
     line_image = prepare_line_image(image, laser_off, settings.channel, settings.full_scale)
     _check_exposure(line_image)
     direction = settings.direction or find_direction(line_image, settings)
@@ -176,16 +176,15 @@ def extract_laser_line(
 
 
 def _extract_from_mosaic(
-    image: npt.ArrayLike, settings: LineSettings, laser_off: npt.ArrayLike | None
+    image: npt.ArrayLike, settings: LineSettings, pattern: Bayer, laser_off: npt.ArrayLike | None
 ) -> LaserLine:
     """Extract the line from the pixels of the laser's colour; for green from both their grids."""
-    assert settings.bayer is not None
     array = as_image(image)
-    planes = colour_planes(array, settings.bayer, settings.channel)
-    dark_planes: list[tuple[int, int, Image]] | list[None] = [None] * len(planes)
+    planes = colour_planes(array, pattern, settings.channel)
+    dark_planes: list[Image] | list[None] = [None] * len(planes)
     if laser_off is not None:
         dark = as_image(laser_off, "laser_off")
-        dark_planes = colour_planes(dark, settings.bayer, settings.channel)
+        dark_planes = [plane for _, _, plane in colour_planes(dark, pattern, settings.channel)]
     settings = replace(
         settings,
         bayer=None,
@@ -193,12 +192,14 @@ def _extract_from_mosaic(
         sigma=settings.sigma / 2,
         full_scale=find_full_scale(array, settings.full_scale),
     )
-    lines = []
+    lines, starts = [], []
     for (row, column, plane), dark_plane in zip(planes, dark_planes, strict=True):
-        line = extract_laser_line(plane, settings, dark_plane and dark_plane[2])
+        line = extract_laser_line(plane, settings, dark_plane)
+        # Both grids have the direction of the first one.
         settings = replace(settings, direction=line.direction)
         lines.append(_to_sensor_pixels(line, row, column))
-    return lines[0] if len(lines) == 1 else _interleave(lines[0], lines[1])
+        starts.append(column if line.direction == "columns" else row)
+    return lines[0] if len(lines) == 1 else _interleave(lines, starts)
 
 
 def _to_sensor_pixels(line: LaserLine, row: int, column: int) -> LaserLine:
@@ -221,12 +222,16 @@ def _to_sensor_pixels(line: LaserLine, row: int, column: int) -> LaserLine:
     )
 
 
-def _interleave(first: LaserLine, second: LaserLine) -> LaserLine:
-    """Return two lines of every second column as one, in the order of the columns."""
-    along = 0 if first.direction == "columns" else 1
-    pairs = [(line, int(np.nanmax(line.pixels[:, along])) % 2) for line in (first, second)]
-    columns = np.concatenate([2 * np.arange(len(line)) + odd for line, odd in pairs])
-    order = np.argsort(columns, kind="stable")
+def _interleave(lines: list[LaserLine], starts: list[int]) -> LaserLine:
+    """Return two lines of every second column as one, given the first column of each.
+
+    For lines with one point for each row, columns stand for rows.
+    """
+    first, second = lines
+    columns = np.concatenate(
+        [2 * np.arange(len(line)) + start for line, start in zip(lines, starts, strict=True)]
+    )
+    order = np.argsort(columns)
 
     def merge(name: str) -> Any:
         return np.concatenate([getattr(first, name), getattr(second, name)])[order]

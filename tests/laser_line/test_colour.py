@@ -136,6 +136,18 @@ def test_an_upright_line_of_a_mosaic_has_a_point_for_each_row():
     np.testing.assert_allclose(line.pixels[:, ::-1], level.pixels, rtol=0, atol=1e-3)
 
 
+@pytest.mark.parametrize("pattern", ["RGGB", "GRBG"])
+def test_ridge_points_of_both_green_grids_are_in_the_order_of_their_columns(pattern, rng):
+    """Ridge points lie beside the middle of their column, by less than one column here."""
+    rows, columns = np.mgrid[:300, :400]
+    light = np.exp(-0.5 * ((rows - 40.3 - 0.5 * columns) / 2.8) ** 2)
+    raw = (10 + 150 * light + rng.normal(0, 1.5, light.shape)).round().astype(np.uint8)
+    settings = LineSettings(method="steger", channel="green", bayer=pattern)
+    line = extract_laser_line(raw, settings)
+    assert line.lost < 40
+    assert np.nanmax(np.abs(line.pixels[:, 0] - np.arange(400))) < 1
+
+
 def on_a_chessboard(offset):
     """JPEG file of a green line across black and white squares, shifted up by `offset` px."""
     rng, rows, columns = np.random.default_rng(offset), np.arange(240)[:, None], np.arange(320)
