@@ -349,8 +349,9 @@ def _build_line(
 
 def _rows_at_columns(pixels: Points, columns: IntArray) -> FloatArray:
     """Return the rows (n,) of the line at whole columns, from ridge points up to 1 px beside."""
-    before, after = np.roll(pixels, SLOPE_SPAN, axis=0), np.roll(pixels, -SLOPE_SPAN, axis=0)
-    du, dv = (after - before).T
+    index, last = np.arange(len(pixels)), len(pixels) - 1
+    before, after = np.maximum(index - SLOPE_SPAN, 0), np.minimum(index + SLOPE_SPAN, last)
+    du, dv = (pixels[after] - pixels[before]).T
     slopes = np.divide(dv, du, out=np.zeros_like(dv), where=np.abs(du) > 1)
     rows: FloatArray = pixels[:, 1] - slopes * (pixels[:, 0] - columns)
     return rows

@@ -91,8 +91,7 @@ class Stripes:
     pixels : (n, 2) ndarray
         Positions u, v. Units: px.
     std : (n,) ndarray
-        Standard deviation along the line's normal, predicted from read and shot noise alone. Units:
-        px.
+        Standard deviation of v, predicted from read and shot noise and from clipping. Units: px.
     heights : (n,) ndarray
         Height above the background. Units: DN.
     sigmas : (n,) ndarray

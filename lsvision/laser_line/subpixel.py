@@ -261,8 +261,9 @@ def locate_by_steger(
     Returns
     -------
     Stripes
-        One for each window; NaN near the left and right border. Neither u nor v of a ridge point
-        is a whole number. `std` is that along the line's normal.
+        One for each window; NaN near the left and right border, and where the ridge lies more than
+        `MAX_SHIFT_PX` from the pixel. Neither u nor v of a ridge point is a whole number. `std` is
+        along v at constant u, as for the other methods.
 
     Notes
     -----
@@ -281,8 +282,9 @@ def locate_by_steger(
     normals, curvature = eigenvectors[:, :, 0], curvatures[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
         offset = -np.einsum("ij,ij->i", gradient, normals) / curvature
-        variance = np.median(variances, axis=1) + 0.5 * (variances.max(axis=1))
-        std = np.sqrt(variance / (8 * math.pi * sigma**4)) / np.abs(curvature)
+        # The median is that of the background; of the stripe's shot noise a half is assumed.
+        variance = np.median(variances, axis=1) + 0.5 * variances.max(axis=1)
+        std = np.sqrt(variance / (8 * math.pi * sigma**4)) / np.abs(curvature * normals[:, 1])
         # The expansion's own error on a Gaussian section: g / H = x / (1 - x^2 / (s^2 + q^2)).
         offset *= 1 - offset**2 / (sigma**2 + start.sigmas**2)
     std = np.hypot(std, windows.clipping_std)

@@ -84,6 +84,20 @@ def test_a_slanted_line_is_measured_across_itself(degrees, method, goal, rng):
     assert np.nanmedian(line.std) <= 1.4 * goal  # along the column or row: up to 1 / cos 45
 
 
+def test_the_std_of_ridge_points_is_along_their_column(rng):
+    """A line of the same section has errors along v that grow with 1 / cos(slope)."""
+    settings = LineSettings(method="steger", direction="columns", read_noise=1.5, gain=0.0)
+
+    def std_of_line(slope):
+        v, u = np.mgrid[:400, :500]
+        distance = (v - 200.3 - slope * (u - 250)) / np.hypot(1, slope)
+        stripe = 150 * np.exp(-0.5 * (distance / 1.5) ** 2)
+        image = np.rint(10 + stripe + rng.normal(0, 1.5, u.shape)).astype(np.uint8)
+        return float(np.nanmedian(extract_laser_line(image, settings).std))
+
+    assert std_of_line(0.9) == pytest.approx(std_of_line(0.0) * np.hypot(1, 0.9), rel=0.05)
+
+
 def test_intensity_and_width_are_those_of_the_stripe():
     image = rendered(plank(), peak=100, sheet_sigma=0.25)
     line = extract_laser_line(image.image)
