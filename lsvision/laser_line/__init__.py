@@ -4,5 +4,7 @@ In the order of the data flow: `line_image` reduces the image to the laser's cha
 `candidates` finds ridges in each column, `path_search` connects them to a line, `detection`
 decides whether it is a laser line, `subpixel` locates it in windows around it
 (`stripe_windows`), `noise` and, in JPEG images, `jpeg_blocks` estimate its standard deviation.
-`extraction` calls them all.
+`coarse_colours` chooses between colour and luminance, `mosaic` takes the laser's pixels out of a
+raw colour image. `extraction` calls them all. `line_blur`, with `line_shape` and `line_spread`,
+corrects an extracted line for the blur of the lens.
 """

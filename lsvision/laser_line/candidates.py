@@ -12,10 +12,10 @@ from lsvision.statistics.robust import mad_std
 
 FIXED_POINT = 32
 """Response of the integer filter to a stripe of 1 DN (digital number, grey level) in an 8-bit
-image; a stripe of 255 DN uses half the range of 16 bit."""
+image. No image has a response above 1.3 * 255 of these units, a third of the range of int16."""
 DETECTION_SIGMAS = 4.5
 """Height of a candidate in standard deviations of the filtered image; noise exceeds it in about
-one of 10^6 pixels."""
+three of 10^6 pixels."""
 NOISE_SAMPLE_STEP = 7
 """Step between the rows and columns from which the noise is estimated; prime, so that no regular
 pattern falls on them alone."""
@@ -80,7 +80,7 @@ def find_line_candidates(
     Parameters
     ----------
     signal : (height, width) ndarray
-        uint8, int16 or float32. Units: DN.
+        uint8, uint16, int16 or float32. Units: DN.
     sigma : float
         Standard deviation of the matched filter. Units: px.
     min_score : float
@@ -133,7 +133,7 @@ def _find_maxima(response: Image, threshold: float, radius: int) -> tuple[IntArr
 def _highest_of_each_column(
     columns: IntArray, scores: FloatArray, max_count: int
 ) -> IntArray | slice:
-    """Return the indices of the highest-scoring candidates of each column, in the given order."""
+    """Return the indices of the highest-scoring candidates of each column, in ascending order."""
     if np.bincount(columns, minlength=1).max() <= max_count:
         return slice(None)
     order = np.lexsort((-scores, columns))
@@ -142,16 +142,22 @@ def _highest_of_each_column(
 
 
 def _apply_matched_filter(signal: Image, sigma: float) -> tuple[Image, float]:
-    """Return the integer response of the matched filter, and its value for a stripe of 1 DN."""
-    kernel = matched_kernel(sigma).astype(np.float32)[:, None]
+    """Return the response of the matched filter, and its value for a stripe of 1 DN.
+
+    The response is int16 for an 8-bit image, which takes half the memory, otherwise float32.
+    """
+    kernel, identity = matched_kernel(sigma).astype(np.float32), np.ones(1, np.float32)
     if signal.dtype == np.uint8:
-        along = np.ones(1, np.float32)
-        return cv2.sepFilter2D(signal, cv2.CV_16S, along, kernel * FIXED_POINT), FIXED_POINT
-    return cv2.sepFilter2D(signal, cv2.CV_32F, np.ones(1, np.float32), kernel), 1.0
+        return cv2.sepFilter2D(signal, cv2.CV_16S, identity, kernel * FIXED_POINT), FIXED_POINT
+    return cv2.sepFilter2D(signal, cv2.CV_32F, identity, kernel), 1.0
 
 
 def _subpixel_peaks(response: Image, columns: IntArray, rows: IntArray) -> FloatArray:
-    """Return the rows (n,) of the vertices of the parabolas through maxima and their neighbours."""
+    """Return the rows (n,) of the vertices of the parabolas through maxima and their neighbours.
+
+    At the border of the image, and in a plateau, the row of the maximum itself or half a pixel from
+    it.
+    """
     above, below = np.maximum(rows - 1, 0), np.minimum(rows + 1, len(response) - 1)
     before, at, after = (response[row, columns].astype(np.float64) for row in (above, rows, below))
     curvature = 2 * at - before - after

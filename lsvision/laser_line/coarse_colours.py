@@ -13,7 +13,7 @@ import numpy as np
 from lsvision.geometry import BoolArray, FloatArray, IntArray
 from lsvision.laser_line.detection import DetectedLine, add_rounding_errors, locate_line
 from lsvision.laser_line.line_image import LineImage
-from lsvision.laser_line.noise import errors_are_interpolated, roughness
+from lsvision.laser_line.noise import errors_are_correlated, roughness
 from lsvision.laser_line.settings import LineSettings
 from lsvision.statistics.robust import MAD_TO_STD
 
@@ -30,8 +30,8 @@ MAX_ROUGHNESS_SIGMAS = 1.5
 """Roughness of the line in a JPEG file's luminance, in standard deviations of its noise, from which
 on a print is seen in it. Measured: 0.2 to 1.3 on grey surfaces (where a comparison with the
 smoother colours would wrongly show a print), 2 to 16 on prints, 1 to 2 on thin text."""
-MIN_BRIGHT_FRACTION = 0.75
-"""Smallest fraction of the columns in which the luminance has a stripe, too."""
+MIN_LUMINANCE_FRACTION = 0.75
+"""Smallest fraction of the line's columns in which the luminance has a stripe, too."""
 
 
 def select_sharper_line(
@@ -51,12 +51,14 @@ def select_sharper_line(
     Returns
     -------
     image, line
-        The given ones if the colours have the image's resolution, or if the line in the luminance
-        is rougher, as on a printed pattern (in a JPEG file: rougher than its rounding explains).
-        Otherwise those of the luminance; columns in which an edge of a print shifts the luminance
-        keep the line of the colour.
+        The given ones if the colours have the image's resolution, if the luminance has no stripe in
+        too many columns, or if the line in the luminance is rougher, as on a printed pattern (in a
+        JPEG file: rougher than its rounding explains). In a mosaic also if both lines agree or the
+        one in the colour has the smaller standard deviation. Otherwise those of the luminance;
+        columns in which an edge of a print shifts the luminance keep the line of the colour.
     std : (n,) ndarray or float
-        Standard deviation that the coarseness adds. Units: px.
+        Standard deviation that the coarseness adds; one for each column of the returned line, or
+        for all. Units: px.
 
     Notes
     -----
@@ -66,11 +68,11 @@ def select_sharper_line(
     """
     coarse = detected.select(detected.stripes.found)
     columns, rows = coarse.windows.columns, coarse.stripes.pixels[:, 1]
-    if not errors_are_interpolated(columns, rows):
+    if not errors_are_correlated(columns, rows):
         return image, detected, 0.0
     luminance_image = image.with_luminance_signal()
     luminance_line = locate_line(luminance_image, columns, rows, detected.sigma, settings)
-    if luminance_line.stripes.found.mean() < MIN_BRIGHT_FRACTION:
+    if luminance_line.stripes.found.mean() < MIN_LUMINANCE_FRACTION:
         return image, detected, 0.0
     luminance_line = add_rounding_errors(luminance_image, luminance_line)
     pair = _ComparedLines.of(coarse, luminance_line)
@@ -144,18 +146,22 @@ class _ComparedLines:
         return roughness(self.columns, self.colour_rows)
 
     @property
+    def luminance_roughness(self) -> float:
+        """Roughness of the line in the luminance. Units: px."""
+        found = np.isfinite(self.luminance_rows)
+        return roughness(self.columns[found], self.luminance_rows[found])
+
+    @property
     def print_in_luminance(self) -> bool:
         """Whether the line in the luminance is rougher, in spite of the finer resolution."""
         found = np.isfinite(self.luminance_rows)
-        of_luminance = roughness(self.columns[found], self.luminance_rows[found])
-        return of_luminance > roughness(self.columns[found], self.colour_rows[found])
+        return self.luminance_roughness > roughness(self.columns[found], self.colour_rows[found])
 
     @property
     def noise_explains_luminance(self) -> bool:
-        """Whether the luminance is as rough as its noise, the rounding of a JPEG file included."""
-        found = np.isfinite(self.luminance_rows)
-        of_luminance = roughness(self.columns[found], self.luminance_rows[found])
-        return of_luminance < MAX_ROUGHNESS_SIGMAS * float(np.median(self.luminance_std[found]))
+        """Whether the luminance is no rougher than its noise with the rounding of a JPEG file."""
+        std = float(np.nanmedian(self.luminance_std))
+        return self.luminance_roughness < MAX_ROUGHNESS_SIGMAS * std
 
     @property
     def colour_is_better(self) -> bool:

@@ -29,7 +29,8 @@ from lsvision.statistics.robust import median
 MAX_SIGMA_DOUBLINGS = 3
 """Largest number of times that the sigma of the filter is doubled: to 8 times its value."""
 MAX_WIDTH_SIGMAS = 1.32
-"""Width of a line over sigma of the filter above which a wider filter is used."""
+"""Width of a line over sigma of the filter above which the sigma is doubled, to at most 1.5 times
+the width, up to which the filter is precise."""
 MIN_STRIPE_FRACTION = 0.75
 """Smallest fraction of a line's columns in which its ridge is a stripe."""
 MAX_RIVAL_RATIO = 4.5
@@ -39,8 +40,9 @@ MIN_LENGTH_RATIO = 0.75
 find ridges along the edges of a wide laser line."""
 MIN_POINTS = 30
 """Smallest number of columns of a line."""
-COARSE_HEIGHT_PX = 256
-"""Height to which an image is shrunk to find the direction of its line. Units: px."""
+COARSE_SIDE_PX = 256
+"""Length to which the shorter side of an image is about shrunk to find the direction of its line.
+Units: px."""
 COARSE_CANDIDATES = 6
 """Candidates in each column of the shrunk image."""
 MIN_RIVAL_SCORE_RATIO = 0.5
@@ -58,15 +60,16 @@ class DetectedLine:
     windows : Windows
         Windows around the line, one for each of n columns, ordered by column.
     stripes : Stripes
-        Stripes, one for each window.
+        Stripes, one for each window; NaN where it has none.
     variances : (n, w) ndarray
-        Read and shot noise of the windows' pixels. Units: DN^2.
+        Read and shot noise of the windows' pixels, with the errors of the rounding if `blocks` are
+        given. Units: DN^2.
     sigma : float
         Standard deviation of the filter that suits its width. Units: px.
     second_line_fraction : float
         Fraction of the image's columns in which a second, shorter line runs beside it.
     blocks : JpegBlocks, optional
-        Blocks of an image that was a JPEG image; `variances` include the errors of its rounding.
+        Blocks of an image that was a JPEG image.
     """
 
     windows: Windows
@@ -91,7 +94,7 @@ class DetectedLine:
             other,
             blocks=self.blocks,
             windows=self.windows.replace_columns(other.windows, which),
-            stripes=self.stripes.replace_columns(other.stripes, which),
+            stripes=self.stripes.replace_at(np.flatnonzero(which), other.stripes.select(which)),
             variances=np.where(which[:, None], other.variances, self.variances),
         )
 
@@ -100,7 +103,7 @@ def find_direction(image: LineImage, settings: LineSettings) -> Direction:
     """Decide whether the line has one point in each column or one in each row.
 
     A line is searched in both directions of the shrunk image. The direction with the larger score
-    is chosen: squared length of the line over the ratio of strong ridges to those of the line.
+    is chosen: squared length of the line over its ratio of rivals (`_rival_ratio`).
 
     Parameters
     ----------
@@ -109,7 +112,7 @@ def find_direction(image: LineImage, settings: LineSettings) -> Direction:
     settings : LineSettings
         Settings of `extract_laser_line`.
     """
-    shrink = max(1, round(min(image.signal.shape) / COARSE_HEIGHT_PX))
+    shrink = max(1, round(min(image.signal.shape) / COARSE_SIDE_PX))
     small = _shrink(image.signal, shrink)
     path = replace(
         settings.path,
@@ -121,7 +124,8 @@ def find_direction(image: LineImage, settings: LineSettings) -> Direction:
     min_score = settings.min_contrast * image.full_scale
     by_column = find_line_candidates(small, sigma, min_score, path.candidates)
     score = _line_score(by_column, path)
-    # No line is longer than the image, or than there are columns with candidates.
+    # An upright line is not longer than the image is high, nor than the number of rows with
+    # candidates.
     if score >= len(small) ** 2:
         return "columns"
     by_row = find_line_candidates(cv2.transpose(small), sigma, min_score, path.candidates)
@@ -141,7 +145,7 @@ def _shrink(image: Image, factor: int) -> Image:
 
 
 def _line_score(candidates: LineCandidates, settings: PathSettings) -> float:
-    """Return the squared length of the line over the ratio of its rivals. Units: px^2."""
+    """Return the squared length of the line over its ratio of rivals, if above 1. Units: px^2."""
     path = shortest_line_path(candidates, settings)
     return path.cost_reduction**2 / max(_rival_ratio(candidates, path), 1.0)
 
@@ -167,12 +171,11 @@ def find_line(image: LineImage, settings: LineSettings) -> DetectedLine:
         If no width of the filter yields a line; the reason is that of the narrowest filter.
     """
     reasons: list[str] = []
-    longest = 0
+    longest, min_score = 0, settings.min_contrast * image.full_scale
     for doubling in range(MAX_SIGMA_DOUBLINGS + 1):
         sigma = settings.sigma * 2**doubling
         if math.ceil(3 * sigma) * 4 > image.signal.shape[0]:
             break
-        min_score = settings.min_contrast * image.full_scale
         candidates = find_line_candidates(image.signal, sigma, min_score, settings.path.candidates)
         path = shortest_line_path(candidates, settings.path)
         if len(path.indices) < MIN_POINTS:
@@ -189,13 +192,18 @@ def find_line(image: LineImage, settings: LineSettings) -> DetectedLine:
             second = _second_line_fraction(candidates, path, sigma, settings)
             return replace(add_rounding_errors(image, line), second_line_fraction=second)
         reasons.append(reason or f"the ridge is {width:.0f} px wide (one sigma), a band of light")
+    raise _no_line_error(image, reasons, settings)
+
+
+def _no_line_error(image: LineImage, reasons: list[str], settings: LineSettings) -> NoLaserLine:
+    """Return the error for an image in which no filter found a line, with the first reason."""
     rows, columns = image.signal.shape
     if not reasons:
-        raise NoLaserLine(
+        return NoLaserLine(
             f"the image is {rows} px across the laser line and needs "
             f"{4 * math.ceil(3 * settings.sigma)} px: use a larger region of the camera image"
         )
-    raise NoLaserLine(
+    return NoLaserLine(
         f"no laser line runs through the {columns} x {rows} px: {reasons[0]}",
         "darken the room or give a laser_off frame, expose longer until the line is bright, set "
         "channel to the laser's colour, or lower min_contrast for a dim line",
@@ -239,6 +247,11 @@ def locate_line(
         Standard deviation of the filter. Units: px.
     settings : LineSettings
         Settings of `extract_laser_line`.
+
+    Returns
+    -------
+    DetectedLine
+        With one window for each position; `second_line_fraction` is 0, `blocks` None.
     """
     windows = cut_windows(image, image.signal, columns, rows, sigma)
     variances = choose_pixel_noise(image, windows, settings).variances(windows.values)
@@ -247,7 +260,7 @@ def locate_line(
 
 
 def add_rounding_errors(image: LineImage, line: DetectedLine) -> DetectedLine:
-    """Add the errors of a JPEG image's coefficients to the noise of its pixels.
+    """Add the errors of a JPEG image's coefficients to the noise of a line's pixels and its stds.
 
     Parameters
     ----------
@@ -274,7 +287,10 @@ def add_rounding_errors(image: LineImage, line: DetectedLine) -> DetectedLine:
 
 
 def _rival_ratio(candidates: LineCandidates, path: LinePath) -> float:
-    """Return the ratio of strong candidates in the image to those on the line, or inf."""
+    """Return the number of strong candidates in the image over that of the line's candidates.
+
+    Infinite if there is no line.
+    """
     if not len(path.indices):
         return math.inf
     strong = candidates.scores > MIN_RIVAL_SCORE_RATIO * median(candidates.scores[path.indices])
@@ -314,6 +330,7 @@ def _second_line_fraction(
     apart = np.abs(candidates.rows - line_rows[candidates.columns]) > SECOND_LINE_MIN_SIGMAS * sigma
     strong = candidates.scores > MIN_RIVAL_SCORE_RATIO * median(candidates.scores[path.indices])
     others = candidates.select(apart & strong)
+    # So few candidates do not outweigh the cost of a segment.
     if len(others) < settings.path.restart_cost:
         return 0.0
     return len(shortest_line_path(others, settings.path).indices) / width

@@ -61,7 +61,8 @@ class LaserLine(ComparedByValue):
     intensity : (n,) ndarray
         Height above the background. Units: DN.
     width : (n,) ndarray
-        Standard deviation of the Gaussian cross-section. Units: px.
+        Standard deviation of the Gaussian section down the column (along the row): on a steep part
+        of the line larger than across it. Units: px.
     saturated : (n,) ndarray of bool
         Whether the line is at full scale there.
     direction : {"columns", "rows"}
@@ -95,6 +96,9 @@ class LaserLine(ComparedByValue):
             object.__setattr__(
                 self, name, as_readonly_array(getattr(self, name), (len(self.pixels),), name)
             )
+        saturated = np.array(self.saturated, dtype=bool)
+        saturated.setflags(write=False)
+        object.__setattr__(self, "saturated", saturated)
 
     def __len__(self) -> int:
         return len(self.pixels)
@@ -216,7 +220,7 @@ def _to_sensor_pixels(line: LaserLine, row: int, column: int) -> LaserLine:
     return replace(
         line,
         pixels=2 * line.pixels + np.array([column, row]),
-        std=2 * np.hypot(line.std, alias / math.sqrt(2)),
+        std=2 * np.hypot(line.std, alias / math.sqrt(2)),  # rms of a sine
         width=2 * line.width,
         filter_sigma=2 * line.filter_sigma,
     )
@@ -231,7 +235,7 @@ def _interleave(lines: list[LaserLine], starts: list[int]) -> LaserLine:
     columns = np.concatenate(
         [2 * np.arange(len(line)) + start for line, start in zip(lines, starts, strict=True)]
     )
-    order = np.argsort(columns)
+    order = np.argsort(columns, kind="stable")
 
     def merge(name: str) -> Any:
         return np.concatenate([getattr(first, name), getattr(second, name)])[order]
@@ -291,16 +295,11 @@ def _relocate_saturated(image: LineImage, detected: DetectedLine) -> Stripes:
     wider = locate_by_derivative(windows, start, variances, sigma)
     replaced = wider.found | (image.channel_signal is not image.signal)
     at = np.flatnonzero(clipped)[replaced]
-    merged = detected.stripes
-    for name in ("pixels", "std", "heights", "sigmas"):
-        values = getattr(merged, name).copy()
-        values[at] = getattr(wider, name)[replaced]
-        merged = replace(merged, **{name: values})
-    return merged
+    return detected.stripes.replace_at(at, wider.select(replaced))
 
 
 def _near_border(image: LineImage, detected: DetectedLine) -> BoolArray:
-    """Return whether the upper or lower border cuts off a window of the line."""
+    """Return whether the upper or lower border cuts off a flank of the line (n,)."""
     margin = BORDER_SIGMAS * detected.sigma
     rows = detected.windows.centre_rows
     near: BoolArray = (rows < margin) | (rows > image.signal.shape[0] - 1 - margin)

@@ -26,14 +26,15 @@ def as_image(image: npt.ArrayLike, name: str = "image") -> Image:
     Returns
     -------
     (height, width) or (height, width, 3) ndarray
-        The image itself where it is one already.
+        Contiguous; the given array itself where it has this form.
 
     Raises
     ------
     TypeError
         If it is not an array (such as the name of a file), or its numbers are of another type.
     ValueError
-        If the shape is another, or a float image holds NaN.
+        If the shape is another, a side is shorter than `MIN_SIZE_PX`, or a float image holds NaN,
+        infinity or a number beyond `MAX_LEVEL`.
 
     Examples
     --------

@@ -9,6 +9,7 @@ An image that was scaled or turned by another angle than 90 deg after it was dec
 grid.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -133,39 +134,40 @@ class JpegBlocks:
         (n,) ndarray
             One for all pixels of a window. Units: DN^2.
         """
-        tops, lefts = self._block_of(windows.centre_rows, windows.columns)
-        phases = windows.centre_rows - tops
-        phases_along = windows.columns - lefts
-        reach = -(-int(windows.offsets[-1]) // BLOCK)
+        tops = _first_of_block(windows.centre_rows, self.row)
+        lefts = _first_of_block(windows.columns, self.column)
+        # Row and column of a window's central pixel in its block.
+        rows, columns = windows.centre_rows - tops, windows.columns - lefts
+        max_step = math.ceil(windows.offsets[-1] / BLOCK)
         variances = np.zeros(len(tops))
-        for step in range(-reach, reach + 1):
+        for step in range(-max_step, max_step + 1):
             gains = _filter_gains(windows.offsets, sigma, step)
-            errors, index = self._errors(signal, tops + step * BLOCK, lefts)
-            by_column = errors @ COSINES**2
-            variances += (gains[phases] * by_column[index, :, phases_along]).sum(axis=1)
+            of_blocks, index = self._coefficient_variances(signal, tops + step * BLOCK, lefts)
+            by_column = of_blocks @ COSINES**2
+            variances += (gains[rows] * by_column[index, :, columns]).sum(axis=1)
         return variances
 
-    def _block_of(self, rows: IntArray, columns: IntArray) -> tuple[IntArray, IntArray]:
-        """Return the first row and column of the blocks that contain pixels."""
-        return (
-            (rows - self.row) // BLOCK * BLOCK + self.row,
-            (columns - self.column) // BLOCK * BLOCK + self.column,
-        )
-
-    def _errors(
+    def _coefficient_variances(
         self, signal: Image, tops: IntArray, lefts: IntArray
     ) -> tuple[FloatArray, IntArray]:
-        """Return the variances (m, 8, 8) of the coefficients of blocks, and the index (n,) of each.
+        """Return the error variances (m, 8, 8) of m blocks, and the index (n,) of each window's.
 
         Beyond the border of the image the nearest whole block is used.
         """
         height, width = signal.shape
-        last_top, last_left = self._block_of(np.array(height - BLOCK), np.array(width - BLOCK))
+        last_top = _first_of_block(np.array(height - BLOCK), self.row)
+        last_left = _first_of_block(np.array(width - BLOCK), self.column)
         tops = np.clip(tops, self.row, last_top)
         lefts = np.clip(lefts, self.column, last_left)
         first_pixels, index = np.unique(tops * width + lefts, return_inverse=True)
         zero = np.abs(_coefficients(signal, first_pixels)) < self.steps / 2
         return np.where(zero, self.zero_variances, self.steps**2 / 12), index
+
+
+def _first_of_block(pixels: IntArray, start: int) -> IntArray:
+    """Return the first row (or column) of the blocks that contain rows, one of which is `start`."""
+    first: IntArray = (pixels - start) // BLOCK * BLOCK + start
+    return first
 
 
 def find_jpeg_blocks(signal: Image, windows: Windows) -> JpegBlocks | None:
@@ -181,8 +183,8 @@ def find_jpeg_blocks(signal: Image, windows: Windows) -> JpegBlocks | None:
     Returns
     -------
     JpegBlocks or None
-        None for an image that was never a JPEG image, or was one of so high a quality that the
-        rounding is negligible.
+        None for an image that was never a JPEG image, was one of so high a quality that the
+        rounding is negligible, or has more than 8 bit.
     """
     if np.abs(windows.values).max() > MAX_LEVEL:
         return None
@@ -258,8 +260,8 @@ def _coefficients(signal: Image, first_pixels: IntArray) -> FloatArray:
 def _coefficients_along_line(signal: Image, windows: Windows, row: int, column: int) -> FloatArray:
     """Return the coefficients (n, 8, 8) of the blocks that contain the line."""
     height, width = signal.shape
-    tops = (windows.centre_rows - row) // BLOCK * BLOCK + row
-    lefts = (windows.columns - column) // BLOCK * BLOCK + column
+    tops = _first_of_block(windows.centre_rows, row)
+    lefts = _first_of_block(windows.columns, column)
     whole = (tops >= 0) & (tops <= height - BLOCK) & (lefts >= 0) & (lefts <= width - BLOCK)
     first_pixels = np.unique(tops[whole] * width + lefts[whole])
     return _coefficients(signal, first_pixels[:: max(1, len(first_pixels) // MAX_BLOCKS)])
@@ -326,10 +328,10 @@ def _zero_variances(coefficients: FloatArray, steps: FloatArray) -> FloatArray:
 
 
 def _filter_gains(offsets: IntArray, sigma: float, step: int) -> FloatArray:
-    """Return the squared gains (phase, frequency) of the derivative filter for a block's rows.
+    """Return the squared gains (row, frequency) of the derivative filter for the rows of a block.
 
-    The phase is the central pixel's row in its block, `step` the block's number below that one; the
-    squares of the filter's weights sum up to 1.
+    The row is that of the central pixel in its own block; the gains are those for the block that
+    lies `step` blocks below. The squares of the filter's weights sum up to 1.
     """
     weights = offsets * np.exp(-0.5 * (offsets / sigma) ** 2)
     weights = weights / np.linalg.norm(weights)

@@ -45,8 +45,8 @@ def correct_line_blur(
     -------
     LaserLine
         With corrected `pixels`, and `std` increased by the uncertainty of the correction, which
-        is largest at the ends of the line and at other edges of its light. Runs shorter than
-        11 px are not corrected.
+        is largest at the ends of the line and at other edges of its light. Runs of fewer than
+        11 points are not corrected.
 
     Notes
     -----
@@ -70,7 +70,7 @@ def correct_line_blur(
     if blur == 0:
         return line
     across = 1 if line.direction == "columns" else 0
-    sheet = np.array([0.0, 1.0])
+    sheet = np.array([0.0, 1.0])  # along and across the line's columns
     if sheet_direction is not None:
         sheet = np.asarray(sheet_direction, dtype=np.float64)[[1 - across, across]]
     # A colour mosaic has a point in every second column: all lengths in steps between points.
@@ -98,7 +98,8 @@ def _compute_shift(
     """Return the shift (n,) of a run by its blur, and its standard deviation. Units: px."""
     _, c_uv, c_uu = spread.values
     variance = np.minimum(width**2, MAX_VARIANCE_RATIO * median(width**2))
-    lag = shape.slope * c_uu - c_uv  # minus the covariance of row and column of a pixel's light
+    # Minus the covariance of the displacements of light along u and from the line along v.
+    lag = shape.slope * c_uu - c_uv
     bend = shape.curvature * c_uu / 2
     fade = lag * shape.fade
     skew = -1.5 * shape.curvature * lag**2 / (variance + filter_sigma**2)

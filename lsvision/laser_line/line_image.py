@@ -38,8 +38,8 @@ class LineImage:
     ----------
     signal : (height, width) ndarray
         uint8, uint16, int16 or float32; image in which the line is found: the grey values, or in
-        colour images the excess of the laser's colour over the mean of the others. The laser-off
-        image is subtracted. Units: DN.
+        colour images the excess of the laser's colour over the mean of the others (0 where it is
+        negative and the type unsigned). The laser-off image is subtracted. Units: DN.
     channel_signal : (height, width) ndarray
         As `signal`, but the laser's colour without subtraction of the others. Where all colours are
         saturated the excess is zero, and only this channel shows the line. Units: DN.
@@ -138,6 +138,11 @@ def find_full_scale(array: Image, given: float | None) -> float:
     """Return the largest possible value of a pixel: as given, else by the type of the image.
 
     For uint16 it is the smallest of `FULL_SCALES` that is not below the brightest pixel. Units: DN.
+
+    Raises
+    ------
+    TypeError
+        If none is given for a float image.
     """
     if given is not None:
         return float(given)

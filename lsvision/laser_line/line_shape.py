@@ -38,7 +38,7 @@ class LineShape:
     fade_std : (n,) ndarray
         Standard deviation of `fade`. Units: 1 / px.
     edge : (n,) ndarray of bool
-        Whether the light changes abruptly.
+        Whether the light changes abruptly, or the smooth points beside it are fewer than a window.
     """
 
     slope: FloatArray
@@ -73,10 +73,10 @@ def compute_line_shape(rows: FloatArray, light: FloatArray, relative_std: FloatA
     local_fade = (before + after) / 2
     factor = mad_std(np.diff(steps) / relative_std[1:-1])
     noise = factor / np.sqrt(6) * relative_std  # 6: the variance of a second difference
-    edge = np.abs(local_fade) > np.maximum(EDGE_FADE, EDGE_SIGMAS * noise / np.sqrt(2))
+    abrupt = np.abs(local_fade) > np.maximum(EDGE_FADE, EDGE_SIGMAS * noise / np.sqrt(2))
     slope, curvature, fade = np.full((3, len(rows)), np.nan)
     fade_std = noise / np.sqrt(2)
-    for piece in _smooth_runs(~edge):
+    for piece in _smooth_runs(~abrupt):
         slope[piece] = _derivative(rows[piece], DEGREE, 1)[0]
         curvature[piece] = _derivative(rows[piece], DEGREE, 2)[0]
         fade[piece], gain = _derivative(log_light[piece], FADE_DEGREE, 1)
@@ -88,10 +88,10 @@ def compute_line_shape(rows: FloatArray, light: FloatArray, relative_std: FloatA
 
 
 def _fade_at_edges(before: FloatArray, after: FloatArray) -> FloatArray:
-    """Change of blurred light (n,) from those from and to its neighbours.
+    """Return the relative change of light (n,) from those to the columns before and after.
 
-    Their geometric mean, 0 if they differ in sign: across the end of a line the logarithm of the
-    light bends so much that their arithmetic mean is five times too large 1.5 px from the end.
+    It is their geometric mean, 0 if they differ in sign: across the end of a line the logarithm of
+    the light bends so much that the arithmetic mean is five times too large 1.5 px from the end.
     """
     fade: FloatArray = np.sign(before) * np.sqrt(np.maximum(before * after, 0.0))
     return fade
@@ -132,14 +132,16 @@ def _filters(degree: int, order: int) -> tuple[FloatArray, FloatArray]:
 def _extrapolate_at_edges(
     slope: FloatArray, curvature: FloatArray, edge: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return slope and curvature; at edges those of the nearest smooth point."""
+    """Return slope and curvature; at edges those of the parabola at the nearest smooth point.
+
+    Zeros if no point is smooth.
+    """
     smooth, at = np.flatnonzero(~edge), np.flatnonzero(edge)
     if not len(smooth):
         return np.zeros_like(slope), np.zeros_like(slope)
-    after = np.clip(np.searchsorted(smooth, at), 1, len(smooth) - 1) if len(smooth) > 1 else 0 * at
-    before = np.maximum(after - 1, 0)
-    nearer = np.where(at - smooth[before] < smooth[after] - at, before, after)
-    nearest = smooth[nearer]
+    after = np.clip(np.searchsorted(smooth, at), 1, len(smooth) - 1)
+    before, after = smooth[after - 1], smooth[after]
+    nearest = np.where(at - before < after - at, before, after)
     slope[at] = slope[nearest] + curvature[nearest] * (at - nearest)
     curvature[at] = curvature[nearest]
     return slope, curvature

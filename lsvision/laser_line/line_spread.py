@@ -29,7 +29,7 @@ SPREAD_STD, TILT_STD, ALONG_STD = 1.0, 0.4, 0.3
 """Prior standard deviations of C_vv, C_uv and C_uu, relative to the line's variance: a pipe's axis
 is tilted from the laser plane's normal by an unknown angle."""
 SHEET_STD = 0.02
-"""Standard deviation of the sheet's part of C_uu that follows from C_uv, over C_vv."""
+"""Standard deviation, over C_vv, of the sheet's part of C_uu as it follows from C_uv and C_vv."""
 CONSTRAINT_STEPS = 3
 """Number of times that the constraint by a stated blur is linearised."""
 MIN_SQUARED_SINE = 0.05
@@ -86,7 +86,13 @@ def estimate_line_spread(
     blur : float, optional
         Standard deviation of the point spread of lens and pixel, if measured. Units: px.
     sheet : (2,) ndarray
-        Direction u, v in which the normal of the laser plane is seen: a unit vector, or zeros.
+        Direction u, v in which the normal of the laser plane is seen: a unit vector, or zeros if
+        unknown.
+
+    Returns
+    -------
+    LineSpread
+        All zeros, which means no correction, if no width is usable.
     """
     usable = np.isfinite(width_std) & shape.far_from_edges(CLEARANCE)
     variances, slope = width[usable] ** 2, shape.slope[usable]
@@ -133,7 +139,11 @@ def _with_stated_blur(spread: LineSpread, blur: float) -> LineSpread:
 def _prior(
     variances: FloatArray, slope: FloatArray, blur: float | None, sheet: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the spread (3,) that is assumed before the widths are used, and its stds."""
+    """Return prior values (3,) of C_vv, C_uv and C_uu, and their stds (3,).
+
+    They follow from the narrow parts of the line, for lens and pixel, and from the median width,
+    for the sheet.
+    """
     ordered = np.sort(variances / (1 + slope**2))
     position = NARROW_QUANTILE * (len(ordered) - 1)
     narrow = float(np.interp(position, np.arange(len(ordered)), ordered))

@@ -19,7 +19,7 @@ COLOUR_ORDER = "BGR"
 
 
 def colour_planes(array: Image, pattern: Bayer, colour: str) -> list[tuple[int, int, Image]]:
-    """Return the pixels of one colour of a mosaic, each time every second row and column.
+    """Return the pixels of one colour of a mosaic, as images of every second row and column.
 
     Parameters
     ----------

@@ -30,10 +30,10 @@ photographs."""
 LONGER_LAGS = (6, 12)
 """Distances in columns that are tried in this case. Units: px."""
 COMPARED_LAGS = (1, 2, 3, 6)
-"""Distances in columns whose scatters are compared to see whether columns are interpolated."""
-MAX_INTERPOLATED_RATIO = 0.7
-"""Ratio of the smallest to the largest scatter below which columns are interpolated: 0.84 and more
-in images of a camera with three sensors, 0 to 0.56 in JPEG files and interpolated mosaics."""
+"""Distances at which scatters are compared to see whether errors are correlated. Units: px."""
+MAX_CORRELATED_RATIO = 0.7
+"""Ratio of the smallest to the largest scatter below which errors are correlated: 0.84 and more in
+images of a camera with three sensors, 0 to 0.56 in JPEG files and interpolated mosaics."""
 MIN_SCATTER_GROWTH = 1.25
 """Smallest ratio by which the scatter must grow for a longer distance to be used."""
 MIN_LENGTH_RATIO = 20
@@ -88,7 +88,7 @@ def estimate_pixel_noise(signal: Image, windows: Windows) -> PixelNoise:
     Returns
     -------
     PixelNoise
-        Noise of unsaturated pixels.
+        Read variance and gain, neither negative.
 
     Notes
     -----
@@ -197,8 +197,10 @@ def block_excess_variance(
     return excess
 
 
-def errors_are_interpolated(columns: IntArray, rows: FloatArray) -> bool:
-    """Return whether the scatter of a line depends on the distance of its points.
+def errors_are_correlated(columns: IntArray, rows: FloatArray) -> bool:
+    """Return whether the errors of neighbouring columns of a line are correlated.
+
+    They are where the scatter of the line depends on the distance of its points.
 
     Parameters
     ----------
@@ -211,10 +213,10 @@ def errors_are_interpolated(columns: IntArray, rows: FloatArray) -> bool:
     -------
     bool
         True where columns were computed from their neighbours (a mosaic, the colours of a JPEG
-        file), and in speckle; false in read and shot noise.
+        file), and in speckle; False in read and shot noise.
     """
     scatters = _scatters(columns, rows)
-    return min(scatters) < MAX_INTERPOLATED_RATIO * max(scatters)
+    return min(scatters) < MAX_CORRELATED_RATIO * max(scatters)
 
 
 def roughness(columns: IntArray, rows: FloatArray) -> float:
@@ -248,7 +250,7 @@ def line_slopes(columns: IntArray, rows: FloatArray) -> FloatArray:
     Parameters
     ----------
     columns, rows
-        As for `errors_are_interpolated`.
+        As for `errors_are_correlated`.
 
     Returns
     -------

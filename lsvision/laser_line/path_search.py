@@ -117,7 +117,11 @@ def _sparse_matrix(
 def _edges(
     candidates: LineCandidates, settings: PathSettings
 ) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return start, stop and cost of each edge; node ``count + c`` is "no line in column c"."""
+    """Return start, stop and cost of each edge.
+
+    Node ``count + c`` is "no line in column c"; the path leads from the first of them to
+    ``count + width``, beyond the last column.
+    """
     count, width = len(candidates), candidates.shape[1]
     candidate_costs = settings.empty_column_cost * (
         1 - np.minimum(candidates.scores / (settings.max_score_ratio * candidates.threshold), 1.0)
@@ -168,7 +172,7 @@ def _links(
 
 
 def _pairs(column_starts: IntArray, columns: IntArray) -> tuple[IntArray, IntArray]:
-    """Return the pairs of each candidate with the candidates of the column that is given for it."""
+    """Return the pairs of each candidate with all candidates of the column given for it (n,)."""
     low = column_starts[columns]
     counts = column_starts[columns + 1] - low
     first = np.repeat(np.arange(len(low)), counts)

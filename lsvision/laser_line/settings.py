@@ -26,13 +26,14 @@ class LineSettings(ShowsChanges):
         both directions; its smoothing along the line biases curves inwards (a radius of 25 mm
         by -10 um on the rig of the tests) and correlates the errors of neighbours.
     sigma : float
-        Standard deviation of the filter: best at 1 to 1.5 times that of the line. Doubled, up
-        to 8 times, where the line is wider. Units: px.
+        Standard deviation of the filter: best at 1 to 1.5 times that of the line. For a wide line
+        it is doubled, once to three times. Units: px.
     direction : {"columns", "rows"}, optional
         One point for each column (a nearly horizontal line), or for each row (a nearly vertical
         one). Detected by default.
     channel : {"grey", "red", "green", "blue", "white"}
-        The laser's colour in a colour image; "grey" for a camera without colours.
+        The laser's colour in a colour image, "white" for a line of white light; "grey" for a camera
+        without colours.
     bayer : {"RGGB", "BGGR", "GRBG", "GBRG"}, optional
         Colours of a sensor's first two pixels of the first row, then of the second: only the
         pixels of the colour `channel` are used, with a filter of the same sigma. The image is raw
@@ -42,10 +43,11 @@ class LineSettings(ShowsChanges):
         lower resolution, and no printed pattern is seen in it. False where the line is known to
         cross one, which the colour alone ignores.
     full_scale : float, optional
-        Largest value of a pixel; by default that of the image's depth, see
-        `prepare_line_image`. Units: DN.
+        Largest value of a pixel. By default 255 for uint8; for uint16 the smallest of 10, 12, 14
+        and 16 bit that holds the image; required for float. Units: DN.
     min_contrast : float
-        Smallest height of a line above the background, as a fraction of the full scale.
+        Smallest height of a line above the background, as a fraction of the full scale; the noise
+        of the image may raise it.
     read_noise : float, optional
         Standard deviation of a dark pixel; estimated from the image by default. Units: DN.
     gain : float, optional
@@ -57,7 +59,8 @@ class LineSettings(ShowsChanges):
     Raises
     ------
     ValueError
-        If a number is not positive, or a string is not one of those listed.
+        If a number is not positive (of `read_noise` and `gain`: negative), a string is not one of
+        those listed, or `bayer` comes with the channel grey or white.
 
     Examples
     --------
@@ -92,7 +95,7 @@ class LineSettings(ShowsChanges):
             )
         if self.bayer not in (None, *get_args(Bayer)):
             raise ValueError(
-                f"expected bayer among {', '.join(get_args(Bayer))}, got {self.bayer!r}"
+                f"expected bayer among {', '.join(get_args(Bayer))} or None, got {self.bayer!r}"
             )
         if self.bayer and self.channel in ("grey", "white"):
             raise ValueError(

@@ -23,7 +23,7 @@ END_PIXELS = 2
 
 @dataclass(frozen=True, eq=False)
 class Windows:
-    """Pixels around a laser line, a row of w pixels for each of its n columns.
+    """Pixels around a laser line: w pixels down each of its n columns.
 
     Parameters
     ----------
@@ -44,11 +44,11 @@ class Windows:
     saturated: BoolArray
 
     @property
-    def background_subtracted(self) -> FloatArray:
-        """Values minus the mean of the outermost pixels of each window (n, w). Units: DN."""
+    def backgrounds(self) -> FloatArray:
+        """Mean of the outermost pixels of each window (n,). Units: DN."""
         ends = np.hstack([self.values[:, :END_PIXELS], self.values[:, -END_PIXELS:]])
-        subtracted: FloatArray = self.values - ends.mean(axis=1, keepdims=True)
-        return subtracted
+        backgrounds: FloatArray = ends.mean(axis=1)
+        return backgrounds
 
     @property
     def clipping_std(self) -> FloatArray:
@@ -95,7 +95,7 @@ class Stripes:
     heights : (n,) ndarray
         Height above the background. Units: DN.
     sigmas : (n,) ndarray
-        Standard deviation of the Gaussian cross-section. Units: px.
+        Standard deviation of the Gaussian section down the column. Units: px.
     """
 
     pixels: FloatArray
@@ -105,7 +105,7 @@ class Stripes:
 
     @property
     def found(self) -> BoolArray:
-        """Whether a window has a stripe (n,)."""
+        """Whether a window has a stripe with a finite standard deviation (n,)."""
         found: BoolArray = np.isfinite(self.pixels).all(axis=1) & np.isfinite(self.std)
         return found
 
@@ -113,14 +113,14 @@ class Stripes:
         """Return the stripes of a mask (n,)."""
         return Stripes(self.pixels[which], self.std[which], self.heights[which], self.sigmas[which])
 
-    def replace_columns(self, other: "Stripes", which: BoolArray) -> "Stripes":
-        """Return the stripes with those of a mask (n,) taken from `other`, of the same columns."""
-        return Stripes(
-            np.where(which[:, None], other.pixels, self.pixels),
-            np.where(which, other.std, self.std),
-            np.where(which, other.heights, self.heights),
-            np.where(which, other.sigmas, self.sigmas),
+    def replace_at(self, indices: IntArray, others: "Stripes") -> "Stripes":
+        """Return the stripes with those at indices (k,) replaced by k others."""
+        merged = Stripes(
+            self.pixels.copy(), self.std.copy(), self.heights.copy(), self.sigmas.copy()
         )
+        merged.pixels[indices], merged.std[indices] = others.pixels, others.std
+        merged.heights[indices], merged.sigmas[indices] = others.heights, others.sigmas
+        return merged
 
 
 def cut_windows(
@@ -134,8 +134,10 @@ def cut_windows(
         With the line from left to right; its raw channel decides what is saturated.
     signal : (height, width) ndarray
         Source of the values: a channel of `image`. Units: DN.
-    columns, rows : (n,) ndarray
-        Coarse positions of the line. Units: px.
+    columns : (n,) ndarray of int
+        Columns of the windows. Units: px.
+    rows : (n,) ndarray
+        Coarse rows of the line, at which the windows are centred. Units: px.
     sigma : float
         Standard deviation of the filter, which sets the width of a window. Units: px.
     """
@@ -145,6 +147,6 @@ def cut_windows(
     window_rows = np.clip(centre_rows + offsets[:, None], 0, signal.shape[0] - 1)
     values = signal[window_rows, columns]
     raw = values if image.raw_channel is signal else image.raw_channel[window_rows, columns]
-    # Views of transposed arrays: sums over each window run along the memory.
+    # Transposed views: a sum over the pixels of each window adds whole rows of memory.
     saturated = (raw >= image.full_scale).T
     return Windows(columns, centre_rows, offsets, values.astype(np.float64).T, saturated)

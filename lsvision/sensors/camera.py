@@ -104,7 +104,7 @@ class Camera(ComparedByValue):
         rays : (n, 3) ndarray
             Result of `rays`.
         jacobian : (n, 2, 2) ndarray
-            d(x / z, y / z) / d(u, v). Units: 1 / px.
+            d(x / z, y / z) / d(u, v); NaN where the ray is. Units: 1 / px.
 
         Examples
         --------

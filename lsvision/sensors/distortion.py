@@ -49,11 +49,8 @@ def distort(normalised: Points, coefficients: FloatArray) -> tuple[Points, Float
     k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, tau_x, tau_y = coefficients
     x, y = normalised[:, 0], normalised[:, 1]
     r2 = x * x + y * y
-    numerator, denominator = (
-        1 + r2 * (k1 + r2 * (k2 + r2 * k3)),
-        1 + r2 * (k4 + r2 * (k5 + r2 * k6)),
-    )
-    radial = numerator / denominator
+    denominator = 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
+    radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / denominator
     # d radial / d r2, by the quotient rule.
     slope = (
         k1 + r2 * (2 * k2 + 3 * k3 * r2) - radial * (k4 + r2 * (2 * k5 + 3 * k6 * r2))
@@ -89,7 +86,7 @@ def undistort(distorted: Points, coefficients: FloatArray) -> tuple[Points, Floa
         Undistorted points; NaN beyond a fold of the model, where no point is mapped to the given
         one. Units: focal lengths.
     jacobian : (n, 2, 2) ndarray
-        d distorted / d normalised at `normalised`.
+        d distorted / d normalised at `normalised`; NaN where that is.
     """
     normalised = np.array(distorted)
     for _ in range(MAX_NEWTON_ITERATIONS):

@@ -29,8 +29,9 @@ from lsvision.sensors.rig_file import read_rig, write_rig
 from lsvision.sensors.section_frame import section_pose
 
 STD_RATIO_ALONG_LINE = 0.05
-"""Standard deviation along the line over that along its normal. The column of a point is exact, but
-without an error along the line its weight at a steep flank would be infinite."""
+"""Standard deviation along u over that along v of a line with a point in each column (in each row:
+the reverse). The column of a point is exact, but without an error along u the weight of a point
+at a steep flank would be infinite."""
 MIN_BASELINE_MM = 0.1
 """Smallest distance of the laser plane from the camera's centre: a plane through it shows no depth.
 Units: mm."""
@@ -115,7 +116,7 @@ class LightSection(ComparedByValue):
         Parameters
         ----------
         image : (height, width) or (height, width, 3) array_like
-            Raw image of the camera, 8 to 16 bit.
+            Raw image of the camera, as for `extract_laser_line`.
         settings : LineSettings, optional
             Settings of `extract_laser_line`.
         laser_off : array_like, optional
@@ -129,7 +130,8 @@ class LightSection(ComparedByValue):
         Raises
         ------
         TypeError, ValueError
-            If `image` is not an image (for the name of a file use `read_image`).
+            If `image` is not an image (for the name of a file use `read_image`), or its colours and
+            ``settings.channel`` disagree.
         LsvisionError
             If the size of the image differs from that of the camera.
         NoLaserLine
@@ -165,10 +167,8 @@ class LightSection(ComparedByValue):
 
         Raises
         ------
-        LsvisionError
-            If the size of the image differs from that of the camera.
-        NoLaserLine
-            If no line is found.
+        TypeError, ValueError, LsvisionError, NoLaserLine
+            As for `profile`.
 
         Examples
         --------
@@ -215,12 +215,13 @@ class LightSection(ComparedByValue):
         Parameters
         ----------
         pixels : (n, 2) array_like
-            Pixels u, v. Units: px.
+            Pixels u, v; NaN rows for lost points. Units: px.
 
         Returns
         -------
         (n, 2) ndarray
-            Points in the section frame; NaN rows where a ray misses the laser plane. Units: mm.
+            Points in the section frame; NaN rows for lost points and where a ray misses the laser
+            plane. Units: mm.
         """
         return self._section_points(np.asarray(pixels, dtype=np.float64))[0]
 
@@ -235,7 +236,7 @@ class LightSection(ComparedByValue):
         Returns
         -------
         (n, 2) ndarray
-            Pixels u, v. Units: px.
+            Pixels u, v, as of `Camera.project`. Units: px.
 
         Examples
         --------
@@ -298,7 +299,10 @@ class LightSection(ComparedByValue):
             raise DegenerateGeometry(f"{path}: {error}") from error
 
     def _normal_in_image(self, pixels: Points) -> FloatArray:
-        """Return the image direction (2,) of the plane's normal halfway along a line, or zeros."""
+        """Return the image direction (2,) of the plane's normal halfway along a line.
+
+        Zeros where the line's ray misses the plane, or the normal is seen end on.
+        """
         valid = pixels[np.isfinite(pixels).all(axis=1)]
         ray = self.camera.rays(valid[[len(valid) // 2]])
         point = ray * _depths(ray, self.laser_plane)

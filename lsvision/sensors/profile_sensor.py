@@ -47,7 +47,7 @@ class ProfileSensor:
     Raises
     ------
     ValueError
-        If a length is not positive.
+        If a length is not positive, `quantum` is negative, or `max_range` not above `min_range`.
 
     Examples
     --------
@@ -160,7 +160,7 @@ def find_sensor(name: str) -> ProfileSensor:
 
 
 def as_noise_model(sensor: NoiseModel | str | None) -> NoiseModel | None:
-    """Return a noise model that is given as such or by the name of its sensor.
+    """Return a noise model that is given as such or by the name of its sensor; None for None.
 
     Raises
     ------

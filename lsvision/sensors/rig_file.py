@@ -23,15 +23,16 @@ from lsvision.sensors.camera import Camera
 SCHEMA = "lsvision/light-section/1"
 """Name and version of the format of a rig file."""
 UNITS = {"length": "mm", "pixel": "px", "angle": "rad"}
+"""Units of the numbers in a rig or camera file, which every such file states."""
 MAX_SIZE_PX = 1 << 20
 """Largest side of an image, the limit of OpenCV's decoders. Units: px."""
 MAX_LINE_BLUR_PX = 1e3
 """Largest blur of a laser line that a rig file may state. Units: px."""
 MIN_FOCAL_LENGTH_PX = 1e-3
-"""Shortest focal length that a camera file may state. Units: px."""
+"""Shortest focal length that a rig or camera file may state. Units: px."""
 MAX_VALUE = 1e9
-"""Largest number that a camera file may contain: products of larger ones may overflow, and no lens
-has such a value."""
+"""Largest number in a rig or camera file: products of larger ones may overflow, and no lens has
+such a value."""
 
 # Exceptions that wrong or missing values of a parsed file raise.
 _DAMAGE_ERRORS = (
@@ -59,7 +60,8 @@ def camera_from_json(values: Mapping[str, Any]) -> Camera:
     Raises
     ------
     KeyError, TypeError, ValueError
-        If a key is missing or a value has another type or shape.
+        If a key is missing, or a value has another type or shape or is beyond the limits of this
+        module.
     """
     width, height = (int(length) for length in values["size"])
     if not (0 < width <= MAX_SIZE_PX and 0 < height <= MAX_SIZE_PX):
@@ -88,7 +90,7 @@ def plane_from_json(values: Mapping[str, Any]) -> Plane:
     Raises
     ------
     KeyError, TypeError, ValueError
-        If a key is missing or a value has another type or shape.
+        If a key is missing, or a value has another type or shape or is beyond `MAX_VALUE`.
     """
     plane = Plane(values["normal"], values["distance"])
     if not abs(plane.distance) <= MAX_VALUE:
@@ -130,7 +132,7 @@ def parse_document(text: str, source: Path, schemas: Sequence[str]) -> dict[str,
     source : Path
         Name of the file in messages.
     schemas : sequence of str
-        Names of the schemas that are accepted.
+        Names of the schemas that are accepted; messages name the last one.
     """
     try:
         values = parse_json(text)
