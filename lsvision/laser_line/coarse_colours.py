@@ -24,8 +24,8 @@ MAX_DISTANCE_SIGMAS = 3.0
 """Distance of the two lines in a column, in standard deviations, beyond which the edge of a print
 has shifted the line in the luminance there."""
 BLOCK_FACTOR = 2.0
-"""Factor on the standard deviation of errors that are common to the columns of a JPEG file's block:
-a fit treats them as independent."""
+"""Factor on the standard deviation of errors that neighbouring columns share (those of a JPEG
+file's block, or those between which a mosaic interpolates): a fit treats them as independent."""
 MAX_ROUGHNESS_SIGMAS = 1.5
 """Roughness of the line in a JPEG file's luminance, in standard deviations of its noise, from which
 on a print is seen in it. Measured: 0.2 to 1.3 on grey surfaces (where a comparison with the

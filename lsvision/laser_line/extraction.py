@@ -290,8 +290,9 @@ def _relocate_saturated(image: LineImage, detected: DetectedLine) -> Stripes:
     sigma = SATURATED_SIGMA_FACTOR * detected.sigma
     columns = detected.windows.columns[clipped]
     windows = cut_windows(image, image.channel_signal, columns, start, sigma)
-    brightest = detected.variances[clipped].max(axis=1, keepdims=True)
-    variances = np.broadcast_to(brightest, windows.values.shape)
+    # An upper limit: each pixel is as noisy as the brightest one.
+    largest = detected.variances[clipped].max(axis=1, keepdims=True)
+    variances = np.broadcast_to(largest, windows.values.shape)
     wider = locate_by_derivative(windows, start, variances, sigma)
     replaced = wider.found | (image.channel_signal is not image.signal)
     at = np.flatnonzero(clipped)[replaced]

@@ -32,7 +32,7 @@ class LineImage:
     """Channels of an image from which a laser line is extracted.
 
     Equal channels, such as those of a grey image, are the same array, not copies. Only `signal` is
-    contiguous in memory: whole images are processed in it alone.
+    always contiguous in memory: whole images are processed in it alone.
 
     Parameters
     ----------

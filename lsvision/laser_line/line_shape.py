@@ -105,7 +105,7 @@ def _smooth_runs(smooth: BoolArray) -> list[IntArray]:
 
 
 def _derivative(values: FloatArray, degree: int, order: int) -> tuple[FloatArray, FloatArray]:
-    """Return the derivative (n,) of local polynomials, and its std for values of std 1."""
+    """Return the 1st or 2nd derivative (n,) of local polynomials, and its std for stds of 1."""
     filters, gains = _filters(degree, order)
     half, last = WINDOW // 2, len(values) - WINDOW
     inner = np.correlate(values, filters[half], mode="valid")
