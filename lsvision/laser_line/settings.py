@@ -95,7 +95,7 @@ class LineSettings(ShowsChanges):
             )
         if self.bayer not in (None, *get_args(Bayer)):
             raise ValueError(
-                f"expected bayer among {', '.join(get_args(Bayer))} or None, got {self.bayer!r}"
+                f"expected bayer among {', '.join(get_args(Bayer))}, got {self.bayer!r}"
             )
         if self.bayer and self.channel in ("grey", "white"):
             raise ValueError(
