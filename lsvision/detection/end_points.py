@@ -38,6 +38,8 @@ NO_DEPARTURE_PRIOR = 0.5
 """Prior probability that no departure begins inside the end."""
 MAX_STEP_RATIO = 5.0
 """Largest ratio of two successive steps with which another line is extrapolated."""
+MIN_INCIDENCE_COSINE = 0.05
+"""Smallest cosine of the angle of incidence (87 deg) at which a sensor can see a surface."""
 EXCLUDED = 1 / math.sqrt(np.finfo(float).eps)
 """Factor on the variance of points that the filter must not use: the inverse square root of the
 precision of a float, so that the factorisation keeps half of the digits."""
@@ -65,8 +67,8 @@ class EndPoints(NamedTuple):
         Variances of the residuals. Units: mm^2.
     jacobian : (..., 5, k + 2) ndarray
         Displacement of the ellipse along its normals by each parameter.
-    visible : (..., k + 2) bool ndarray
-        Whether the sensor can see a surface with this normal; False for padding.
+    incidence_cosines : (..., k + 2) ndarray
+        Cosine of the angle between the ray and the ellipse's normal; -1 for padding.
     positions : (..., k + 2) ndarray
         Arc length, increasing outwards. Units: mm.
     """
@@ -74,7 +76,7 @@ class EndPoints(NamedTuple):
     residuals: FloatArray
     variances: FloatArray
     jacobian: FloatArray
-    visible: BoolArray
+    incidence_cosines: FloatArray
     positions: FloatArray
 
 
@@ -152,10 +154,10 @@ def find_end_inliers(ends: EndPoints, prediction: Prediction) -> EndInliers:
         return inliers
     has_decisive: BoolArray = np.logical_or.reduce(decisive, axis=-1)
     first_decisive = decisive & (decisive.cumsum(axis=-1) == 1)
-    visible = ends.visible.copy()
-    visible[..., PREDECESSORS:] &= ~first_decisive
+    cosines = ends.incidence_cosines.copy()
+    cosines[..., PREDECESSORS:][first_decisive] = -1.0
     without, without_likelihood = _filter_ends(
-        *select_rows((ends._replace(visible=visible), prediction), has_decisive)
+        *select_rows((ends._replace(incidence_cosines=cosines), prediction), has_decisive)
     )
     better = has_decisive.copy()
     better[has_decisive] = without_likelihood > likelihood[has_decisive]
@@ -170,8 +172,11 @@ def _filter_ends(ends: EndPoints, prediction: Prediction) -> tuple[EndInliers, F
     point_variances = ends.variances[..., PREDECESSORS:]
     residuals = prediction.innovations(ends.residuals[..., PREDECESSORS:], jacobian)
     correlation_time = prediction.autocorrelation_time[..., None]
-    log_outlier = np.log(OUTLIER_FRACTION / 2 / prediction.radius)[..., None]
-    covariance, visible = prediction.covariances(jacobian), ends.visible[..., PREDECESSORS:]
+    covariance, cosines = prediction.covariances(jacobian), ends.incidence_cosines[..., PREDECESSORS:]
+    visible = cosines > MIN_INCIDENCE_COSINE
+    # An outlier has an error of up to a radius along the ray, of which this part is along n.
+    ranges = 2 * prediction.radius[..., None] * np.maximum(cosines, MIN_INCIDENCE_COSINE)
+    log_outlier = np.log(OUTLIER_FRACTION / ranges)
     # The filter uses only points that are possible inliers of the ellipse predicted without them.
     variances = point_variances + covariance.diagonal(axis1=-2, axis2=-1)
     possible = visible & (_log_inlier_density(residuals, variances) > log_outlier)

@@ -42,8 +42,6 @@ from lsvision.profile import PreparedProfile
 
 MAX_ITERATIONS = 3
 """Largest number of fits and comparisons; more iterations change hardly any inlier."""
-MIN_INCIDENCE_COSINE = 0.05
-"""Smallest cosine of the angle of incidence (87 deg) at which a sensor can see a surface."""
 GUARD_POINTS = 1
 """Number of inliers dropped at a contact: the outermost inlier is selected by its own residual, and
 with a noise model 4 % of the radius intervals would miss the radius because of it. To drop two has
@@ -243,11 +241,10 @@ def _end_points(fits: _ArcFits, jacobian: FloatArray) -> EndPoints:
     feet = points.z - residuals.astype(complex) * normals
     steps = np.zeros(residuals.shape)
     np.abs(feet[..., 1:] - feet[..., :-1], out=steps[..., 1:])
-    visible = points.incidence_cosines(normals) > MIN_INCIDENCE_COSINE
-    visible &= stack.ends_valid
+    cosines = np.where(stack.ends_valid, points.incidence_cosines(normals), -1.0)
     variances = stack.take_ends(evaluated.inflated_variances)
     variances = variances * fits.noise.variance_factor[:, None, None]
-    return EndPoints(residuals, variances, jacobian, visible, steps.cumsum(axis=-1))
+    return EndPoints(residuals, variances, jacobian, cosines, steps.cumsum(axis=-1))
 
 
 def _screened_arcs(
