@@ -49,8 +49,8 @@ def circle_end(rng, count=24, *, radius=20.0, std=0.05, start_deg=40.0, step_deg
     rows = rows_of(angles)
     variances = std**2 * rng.uniform(0.5, 2.0, len(angles))
     residuals = np.sqrt(variances) * rng.normal(size=len(angles))
-    visible = np.ones(len(angles), dtype=bool)
-    end = EndPoints(residuals, variances, rows, visible, radius * (angles - angles[0]))
+    cosines = rng.uniform(0.06, 1.0, len(angles))
+    end = EndPoints(residuals, variances, rows, cosines, radius * (angles - angles[0]))
     return end, Prediction(offset, np.linalg.inv(known), time, radius)
 
 
@@ -62,34 +62,34 @@ def rows_of(angles):
 
 def spoiled(rng, end, *, jumps=0.15, leaves_at=None):
     """With jumps of both signs, points that turn away, and a line that leaves at one of them."""
-    residuals, visible = end.residuals.copy(), end.visible.copy()
+    residuals, cosines = end.residuals.copy(), end.incidence_cosines.copy()
     jump = rng.random(len(residuals)) < jumps
     jump[:2] = False
     residuals[jump] += rng.choice([-1, 1], jump.sum()) * rng.uniform(0.2, 5, jump.sum())
     if leaves_at is not None:
         beyond = np.maximum(end.positions - end.positions[leaves_at + 1], 0.0)
         residuals += 0.4 * beyond + 0.03 * beyond**2
-    visible[-3:] = rng.random(3) < 0.5
-    return end._replace(residuals=residuals, visible=visible)
+    cosines[-3:] = rng.choice([-1.0, 0.04, 0.06, 1.0], 3)
+    return end._replace(residuals=residuals, incidence_cosines=cosines)
 
 
 def kalman_oracle(end, prediction):
     """Plain Kalman filter, point after point: members, log odds and leverages."""
     offset, covariance, time, radius = prediction
-    log_outlier = math.log(OUTLIERS * 1 / (2 * radius))
     state, own_covariance = offset.copy(), covariance.copy()
-    cumulated, largest, gains, log_inliers, totals = 0.0, 0.0, [], [], []
+    cumulated, largest, gains, odds, totals = 0.0, 0.0, [], [], []
     for i in range(2, len(end.residuals)):
         h, v = end.jacobian[:, i], end.variances[i]
+        log_outlier = outlier_density(end, i, radius)
         prior = log_in(end.residuals[i] - h @ offset, v + h @ covariance @ h)
         innovation = end.residuals[i] - h @ state
         s = h @ own_covariance @ h
-        seen = bool(end.visible[i])
+        seen = end.incidence_cosines[i] > 0.05
         inlier = log_in(innovation, s + v) if seen else -math.inf
-        log_inliers.append(inlier)
+        odds.append(inlier - log_outlier)
         totals.append((s + v) / v)
         cumulated += (
-            np.logaddexp(inlier, log_outlier) - other_line(end, i, radius, log_outlier)
+            np.logaddexp(inlier, log_outlier) - other_line(end, i, radius)
         ) / time
         gains.append(cumulated)
         largest = max(largest, cumulated)
@@ -97,25 +97,29 @@ def kalman_oracle(end, prediction):
             gain = own_covariance @ h / (s + time * v)
             state = state + gain * innovation
             own_covariance = own_covariance - np.outer(gain, h @ own_covariance)
-    good = [value > log_outlier for value in log_inliers]
+    good = [value > 0 for value in odds]
     ends = [i for i, g in enumerate(gains) if g >= largest - math.log(20) and good[i]]
     members = [i for i in range(ends[-1] + 1 if ends else 0) if good[i]]
-    log_odds = [log_inliers[i] - log_outlier for i in members]
-    return members, log_odds, [totals[i] for i in members]
+    return members, [odds[i] for i in members], [totals[i] for i in members]
 
 
 def log_in(residual, variance):
     return math.log(1 - OUTLIERS) + norm.logpdf(residual, scale=math.sqrt(variance))
 
 
-def other_line(end, i, radius, log_outlier):
+def outlier_density(end, i, radius):
+    """Log of an outlier's density: an error up to a radius along the ray, seen along the normal."""
+    return math.log(OUTLIERS / (2 * radius * max(end.incidence_cosines[i], 0.05)))
+
+
+def other_line(end, i, radius):
     """Straight on from the two points before, or an outlier."""
     (e0, e1, e2), (v0, v1, v2) = end.residuals[i - 2 : i + 1], end.variances[i - 2 : i + 1]
     before, step = np.diff(end.positions[i - 2 : i + 1])
     ratio = min(step / before, 5.0)
     bend = step * (step + before) / 2 / radius
     variance = v2 + v1 * (1 + ratio) ** 2 + v0 * ratio**2 + bend**2
-    return np.logaddexp(log_in(e2 - e1 - ratio * (e1 - e0), variance), log_outlier)
+    return np.logaddexp(log_in(e2 - e1 - ratio * (e1 - e0), variance), outlier_density(end, i, radius))
 
 
 def assert_same_inliers(end, prediction):
@@ -151,7 +155,7 @@ def end_with_a_jump_after_a_gap(leverage):
     rows = np.zeros((5, len(residuals)))
     rows[1] = math.sqrt(leverage - 1)
     positions = np.array([0.0, 0.5, 6.0, 6.5, 7.0, 7.5, 8.0])
-    end = EndPoints(residuals, np.ones(7), rows, np.ones(7, dtype=bool), positions)
+    end = EndPoints(residuals, np.ones(7), rows, np.ones(7), positions)
     return end, Prediction(np.zeros(5), np.diag([0, 1.0, 0, 0, 0]), 1.0, 20.0)
 
 
@@ -200,28 +204,30 @@ def test_no_points_beyond_have_no_inliers(rng):
     assert [len(part) for part in found] == [0, 0, 0]
 
 
-def certain(residuals, *, std=1.0, radius=100.0, positions=None, visible=None):
+def certain(residuals, *, std=1.0, radius=100.0, positions=None, cosines=1.0):
     """An ellipse that is known exactly: each point is judged by its own residual."""
     residuals = np.concatenate([[0.0, 0.0], residuals])
     count = len(residuals)
     steps = np.arange(count, dtype=float) if positions is None else np.asarray(positions, float)
-    seen = np.ones(count, dtype=bool) if visible is None else np.asarray(visible, dtype=bool)
     rows = rows_of(np.linspace(0.5, 1.0, count))
-    end = EndPoints(residuals, np.full(count, std**2), rows, seen, steps)
+    end = EndPoints(residuals, np.full(count, std**2), rows, np.broadcast_to(cosines, count), steps)
     return end, Prediction(np.zeros(5), np.zeros((5, 5)), 1.0, radius)
 
 
-def largest_inlier(std, radius):
-    """Residual at which both densities are alike, .95 N(e; 0, std^2) = .05 / (2 radius)."""
-    return std * math.sqrt(2 * math.log(0.95 / 0.05 * 2 * radius / (std * math.sqrt(2 * math.pi))))
+def largest_inlier(std, radius, cosine=1.0):
+    """Residual at which both densities are alike, .95 N(e; 0, std^2) = .05 / (2 radius cosine)."""
+    width = 2 * radius * cosine
+    return std * math.sqrt(2 * math.log(0.95 / 0.05 * width / (std * math.sqrt(2 * math.pi))))
 
 
 @pytest.mark.parametrize(("std", "radius"), [(0.02, 5.0), (0.1, 30.0), (1.0, 100.0)])
 @pytest.mark.parametrize("sign", [-1, 1])
-def test_an_outlier_lies_where_the_flat_density_is_higher(std, radius, sign):
-    limit = largest_inlier(std, radius)
+@pytest.mark.parametrize("cosine", [1.0, 0.2])
+def test_an_outlier_lies_where_the_flat_density_is_higher(std, radius, sign, cosine):
+    limit = largest_inlier(std, radius, cosine)
     for share, expected in ((0.999, [0, 1, 2, 3]), (1.001, [0, 1, 3])):
-        end, prediction = certain([0, 0, sign * share * limit, 0], std=std, radius=radius)
+        residuals = [0, 0, sign * share * limit, 0]
+        end, prediction = certain(residuals, std=std, radius=radius, cosines=cosine)
         np.testing.assert_array_equal(find_end_inliers(end, prediction).members, expected)
 
 
@@ -234,7 +240,7 @@ def test_the_odds_are_the_ratio_of_the_densities():
 
 
 def test_a_point_that_the_sensor_cannot_see_is_no_inlier():
-    end, prediction = certain([0, 0, 0, 0], visible=[1, 1, 1, 1, 0, 0])
+    end, prediction = certain([0, 0, 0, 0], cosines=[1, 1, 1, 0.051, 0.049, -1])
     np.testing.assert_array_equal(find_end_inliers(end, prediction).members, [0, 1])
 
 

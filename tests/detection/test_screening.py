@@ -335,7 +335,7 @@ def test_the_points_of_an_end_run_outwards_with_their_residuals(monkeypatch):
         np.testing.assert_allclose(end.variances, 4 * 1.1 * STD**2)
         # On the ellipse, whatever a jump does.
         np.testing.assert_allclose(end.positions, STEP * np.arange(14), atol=1e-9)
-        assert end.visible.all()
+        assert (end.incidence_cosines > 0.05).all()
     assert left.residuals[11] == pytest.approx(0.5, abs=1e-9)
     assert right.residuals[8] == pytest.approx(0.5, abs=1e-9)
     # Of the distance outwards by centre_x: the sine of the angle from the top.
