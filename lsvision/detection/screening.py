@@ -277,8 +277,8 @@ def _select_probable(fits: _ArcFits, ends: _EndComparison) -> BoolArray:
     if contacts.any():
         at_contacts = select_rows((ends.points, ends.prediction, members, following), contacts)
         probability[contacts] *= departure_free_probability(*at_contacts)
-    # The costs of a wrong decision: without a true inlier the ellipse remains as it is; a false one
-    # may shift the ellipse by sqrt(leverage) of its standard deviations.
+    # Quadratic costs of a wrong decision: without a true inlier the ellipse remains as it is; a false
+    # one may shift the ellipse by sqrt(leverage) of its standard deviations.
     selected = members & (probability > leverages * (1 - probability))
     # A contact has enough connected points beyond the last inlier, or enough rejected inliers.
     rejected = (members & ~selected).sum(axis=-1)

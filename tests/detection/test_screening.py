@@ -367,12 +367,12 @@ def test_a_departure_is_looked_for_with_the_eight_points_that_follow(monkeypatch
     np.testing.assert_array_equal(np.flatnonzero(following), np.arange(12, 20))
 
 
-LOG_ODDS = np.log([1e9, 3.0, 3.0, 1.2, 0.9, 1e9])
-LEVERAGES = np.array([1.0, 8.0, 10.0, 1.0, 1.0, 30.0])
+LOG_ODDS = np.log([1e9, 8.2, 7.8, 1.2, 0.9, 1e9])
+LEVERAGES = np.array([1.0, 8.0, 8.0, 1.0, 1.0, 30.0])
 
 
 def test_an_inlier_that_decides_much_must_be_the_more_probable(monkeypatch):
-    """Its odds must exceed the square root of its leverage: 3 > 2.8, but not 3.2."""
+    """Its odds must exceed its leverage of 8: 8.2 do, 7.8 do not."""
     found = both_ends(np.r_[0:5, 11], LOG_ODDS, LEVERAGES)
     monkeypatch.setattr(screening, "find_end_inliers", lambda *_: found)
     kept = screened(exact(arc_points(ANGLES)), 0, 81)
