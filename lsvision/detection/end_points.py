@@ -1,9 +1,8 @@
 """Posterior probability that each point at an end of an arc lies on the arc's ellipse.
 
 From the middle part outwards, a Kalman filter of the ellipse predicts each point from the inliers
-closer to the middle. The probability density of its residual is compared with those of an outlier,
-of a point on another smooth line, and of a gradual departure from the ellipse, such as the foot of
-a weld bead.
+closer to the middle. The probability density of its residual is compared with those of an outlier
+and of a point on another smooth line, such as the foot of a weld bead.
 
 The functions take a stack of ends, as arrays with one or more leading axes, and up to k points of
 each end. A shorter end is padded with points that are not visible; they have no influence.
@@ -15,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from lsvision.geometry import BoolArray, FloatArray
-from lsvision.geometry.arrays import TINY, select_rows
-from lsvision.statistics.compiled_routines import dposv, dpotrf
+from lsvision.geometry.arrays import TINY
+from lsvision.statistics.compiled_routines import dpotrf
 
 OUTLIER_FRACTION = 0.05
 """Prior probability that a point is an outlier, from stray light or a jump."""
@@ -24,18 +23,10 @@ END_LOG_MARGIN = -math.log(OUTLIER_FRACTION)
 """Largest decrease of the cumulated log likelihood ratio from its maximum to the last inlier of an
 arc: the decrease that one outlier causes. With 5, more of the foot of a weld would be included;
 with 0, valid points at the ends would be lost."""
-POINTS_BEYOND = 8
-"""Largest number of connected points beyond the last inlier that are used to detect a departure."""
-WINDOW = 2 * POINTS_BEYOND
-"""Number of outermost inliers at which a departure may begin; also the number of points beyond each
-end of an arc that are screened. An arc may be longer than rough identification found: growing stops
-early where the initial ellipse deviates from a tilted section."""
-TURN_STD = 0.5
-"""Prior standard deviation of the angle at which a line departs. Units: rad."""
-BEND_STD_RADII = 2.0
-"""Prior standard deviation of the departing line's curvature, in curvatures of the ellipse."""
-NO_DEPARTURE_PRIOR = 0.5
-"""Prior probability that no departure begins inside the end."""
+WINDOW = 16
+"""Number of points beyond each end of an arc that are screened. An arc may be longer than rough
+identification found: growing stops early where the initial ellipse deviates from a tilted
+section."""
 MAX_STEP_RATIO = 5.0
 """Largest ratio of two successive steps with which another line is extrapolated."""
 MIN_INCIDENCE_COSINE = 0.05
@@ -46,11 +37,6 @@ precision of a float, so that the factorisation keeps half of the digits."""
 PREDECESSORS = 2
 """Number of points of the middle part, next to an end, that are stored before the points of the
 end: another line is extrapolated from two points."""
-DECISIVE_LEVERAGE = 10.0
-"""Leverage above which a single point determines the prediction of the points beyond it. It may be
-a jump, so that the end is evaluated also without it. 5 to 10 % of the ends of simulated arcs have
-such a point; in one of 1200 arcs it was a jump that, without this test, changed the radius by 11
-sigma."""
 LOG_INLIER = math.log(1 - OUTLIER_FRACTION) - 0.5 * math.log(2 * math.pi)
 """Logarithm of the prior probability of an inlier times the constant factor of the normal
 density."""
@@ -133,9 +119,6 @@ class EndInliers(NamedTuple):
 def find_end_inliers(ends: EndPoints, prediction: Prediction) -> EndInliers:
     """Find the points of ends that are on the ellipse, up to where the line leaves it.
 
-    A single point that determines the prediction of the points beyond it (`DECISIVE_LEVERAGE`) is
-    an inlier only if the likelihood of the end is at least as high with it as without it.
-
     Parameters
     ----------
     ends : EndPoints
@@ -148,31 +131,12 @@ def find_end_inliers(ends: EndPoints, prediction: Prediction) -> EndInliers:
     EndInliers
         Inliers of each end.
     """
-    inliers, likelihood = _filter_ends(ends, prediction)
-    decisive = inliers.members & (inliers.leverages > DECISIVE_LEVERAGE)
-    if not np.count_nonzero(decisive):
-        return inliers
-    has_decisive: BoolArray = np.logical_or.reduce(decisive, axis=-1)
-    first_decisive = decisive & (decisive.cumsum(axis=-1) == 1)
-    cosines = ends.incidence_cosines.copy()
-    cosines[..., PREDECESSORS:][first_decisive] = -1.0
-    without, without_likelihood = _filter_ends(
-        *select_rows((ends._replace(incidence_cosines=cosines), prediction), has_decisive)
-    )
-    better = has_decisive.copy()
-    better[has_decisive] = without_likelihood > likelihood[has_decisive]
-    for field, replacement in zip(inliers, without, strict=True):
-        field[better] = replacement[better[has_decisive]]
-    return inliers
-
-
-def _filter_ends(ends: EndPoints, prediction: Prediction) -> tuple[EndInliers, FloatArray]:
-    """Return the inliers of ends by a Kalman filter, and the log likelihood ratio of each end."""
     jacobian = ends.jacobian[..., PREDECESSORS:]
     point_variances = ends.variances[..., PREDECESSORS:]
     residuals = prediction.innovations(ends.residuals[..., PREDECESSORS:], jacobian)
     correlation_time = prediction.autocorrelation_time[..., None]
-    covariance, cosines = prediction.covariances(jacobian), ends.incidence_cosines[..., PREDECESSORS:]
+    covariance = prediction.covariances(jacobian)
+    cosines = ends.incidence_cosines[..., PREDECESSORS:]
     visible = cosines > MIN_INCIDENCE_COSINE
     # An outlier has an error of up to a radius along the ray, of which this part is along n.
     ranges = 2 * prediction.radius[..., None] * np.maximum(cosines, MIN_INCIDENCE_COSINE)
@@ -191,10 +155,7 @@ def _filter_ends(ends: EndPoints, prediction: Prediction) -> tuple[EndInliers, F
     likely = log_inlier > log_outlier
     inside = likely & (cumulated >= highest[..., None] - END_LOG_MARGIN)
     before_last = np.logical_or.accumulate(inside[..., ::-1], axis=-1)[..., ::-1]
-    inliers = EndInliers(
-        likely & before_last, log_inlier - log_outlier, variances / point_variances
-    )
-    return inliers, highest
+    return EndInliers(likely & before_last, log_inlier - log_outlier, variances / point_variances)
 
 
 def _predict_sequentially(
@@ -227,82 +188,6 @@ def _predict_sequentially(
         single_variances = covariance.diagonal(axis1=-2, axis2=-1) + variances
         predicted_variances[failed] = single_variances[failed]
     return predicted, predicted_variances
-
-
-def departure_free_probability(
-    ends: EndPoints, prediction: Prediction, members: BoolArray, following: BoolArray
-) -> FloatArray:
-    """Return the probability (n, k) that the line still follows the ellipse at each inlier.
-
-    The marginal likelihood of a departure that begins at an inlier, with normal priors on its angle
-    and curvature, is compared with that of no departure. Departures may begin at the `WINDOW`
-    outermost inliers or beyond; the probability of the inliers before them is 1.
-
-    Parameters
-    ----------
-    ends : EndPoints
-        Points of n ends.
-    prediction : Prediction
-        Ellipses predicted without the points of the ends.
-    members : (n, k) bool ndarray
-        Inliers, at least one in each end.
-    following : (n, k) bool ndarray
-        Connected points beyond the last inlier.
-    """
-    used = members | following
-    begins = used & (members[:, ::-1].cumsum(axis=1)[:, ::-1] <= WINDOW)
-    # The last columns: all points at which a departure may begin, and possibly some others.
-    columns = begins.argsort(axis=1, kind="stable")[:, -(WINDOW + POINTS_BEYOND) :]
-    cells = columns + used.shape[1] * np.arange(len(used))[:, None]
-    begins = begins.take(cells)
-    jacobian = ends.jacobian[..., PREDECESSORS:] * used[:, None]
-    positions = ends.positions[:, PREDECESSORS - 1 :]
-    # A departure that begins at a point leaves the ellipse at the used point before it.
-    before = np.where(used, positions[:, 1:], positions[:, :1])
-    before = np.concatenate([positions[:, :1], before[:, :-1]], axis=1)
-    origins = np.maximum.accumulate(before, axis=1).take(cells)
-    beyond = np.maximum(positions[:, None, 1:] - origins[..., None], 0.0) * used[:, None]
-    residuals = prediction.innovations(ends.residuals[:, PREDECESSORS:], jacobian) * used
-    covariance = prediction.covariances(jacobian)
-    diagonal = covariance.reshape(len(covariance), -1)[:, :: covariance.shape[1] + 1]
-    diagonal += prediction.autocorrelation_time[:, None] * ends.variances[:, PREDECESSORS:]
-    bends = (BEND_STD_RADII / 2 / prediction.radius)[:, None, None] * beyond * beyond
-    log_ratio = _log_marginal_ratio(covariance, residuals, TURN_STD * beyond, bends)
-    log_ratio += math.log((1 - NO_DEPARTURE_PRIOR) / NO_DEPARTURE_PRIOR)
-    log_ratio -= np.log(begins.sum(axis=1))[:, None]
-    log_ratio[~begins] = -np.inf
-    # Cumulated weights: no departure, and all departures that begin at each point or beyond it.
-    largest = np.maximum(log_ratio.max(axis=1, keepdims=True), 0.0)
-    no_departure, weights = np.exp(-largest), np.exp(log_ratio - largest)
-    from_here = weights[:, ::-1].cumsum(axis=1)[:, ::-1] + no_departure
-    later = np.concatenate([from_here, no_departure], axis=1)
-    probability = np.ones(used.shape)
-    probability.put(cells, np.where(begins, later[:, 1:] / later[:, :1], 1.0))
-    return probability
-
-
-def _log_marginal_ratio(
-    covariance: FloatArray, residuals: FloatArray, turn: FloatArray, bend: FloatArray
-) -> FloatArray:
-    """Return the log of the likelihood ratio (n, j) of each of j departures to no departure.
-
-    `covariance` (n, k, k) is that of the `residuals` (n, k) without a departure; `turn` and `bend`
-    (n, j, k) are displacements of the points, whose factors have standard normal priors.
-    """
-    count = turn.shape[1]
-    displacements = np.concatenate([turn, bend], axis=1)
-    pairs = zip(covariance, displacements, strict=True)
-    weighted = np.array([dposv(matrix, rows.T)[1].T for matrix, rows in pairs])
-    squares = (displacements * weighted).sum(axis=2)
-    products = (weighted @ residuals[..., None])[..., 0]
-    # Normal equations of the factors of turn and bend: their priors add 1 to the diagonal.
-    m11, m22 = 1 + squares[:, :count], 1 + squares[:, count:]
-    m12 = (turn * weighted[:, count:]).sum(axis=2)
-    g1, g2 = products[:, :count], products[:, count:]
-    determinant = m11 * m22 - m12 * m12
-    quadratic = (m22 * g1 * g1 - 2 * m12 * g1 * g2 + m11 * g2 * g2) / determinant
-    ratio: FloatArray = 0.5 * (quadratic - np.log(determinant))
-    return ratio
 
 
 def _log_inlier_density(residuals: FloatArray, variances: FloatArray) -> FloatArray:

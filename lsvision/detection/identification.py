@@ -92,8 +92,8 @@ class _GrowingArc:
         Position of the first point of the last window among the free points.
     normals : (w,) complex ndarray
         Outward unit normals of the ellipse at the points of that window.
-    previous_spans : set of (int, int)
-        First and last inlier after each step so far.
+    span : (int, int)
+        First and last inlier after the last step.
     """
 
     def __init__(self, number: int, seed: Seed) -> None:
@@ -104,7 +104,7 @@ class _GrowingArc:
         self.max_noise_factor = profile.max_noise_factor(candidate.radius)
         self.inliers: IntArray = in_candidate[free].nonzero()[0]
         self.start, self.normals = 0, self.points.z
-        self.previous_spans: set[tuple[int, int]] = set()
+        self.span = -1, -1
 
     def next_window(self) -> NoisyPoints:
         """Return the points around the inliers, extended by half their span at either end."""
@@ -114,9 +114,7 @@ class _GrowingArc:
         return self.points[self.start : stop + step]
 
     def update(self, inliers: IntArray, normals: ComplexArray) -> bool:
-        """Set the inliers in the last window, and return whether their span has occurred before.
-
-        If so, the arc has converged, or alternates between two spans.
+        """Set the inliers in the last window, and return whether their span is as it was before.
 
         Parameters
         ----------
@@ -126,10 +124,8 @@ class _GrowingArc:
             Outward unit normals of the ellipse at the points of the window.
         """
         self.inliers, self.normals = self.start + inliers, normals
-        span = int(self.inliers[0]), int(self.inliers[-1])
-        is_repeated = span in self.previous_spans
-        self.previous_spans.add(span)
-        return is_repeated
+        previous, self.span = self.span, (int(self.inliers[0]), int(self.inliers[-1]))
+        return self.span == previous
 
     def result(self, parameters: FloatArray) -> GrownArc:
         """Return the arc with the ellipse of these parameters (5,), in mm."""
