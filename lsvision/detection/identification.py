@@ -16,7 +16,6 @@ from lsvision.detection.acceptance import AcceptanceSettings, shape_rejection_re
 from lsvision.detection.arcs import MAX_OVERLAP, MIN_POINTS, IdentifiedArc, Rejection
 from lsvision.detection.candidates import Candidate, seed_ellipse
 from lsvision.ellipse.parameters import (
-    PARAMETERS,
     ellipse_from_parameters,
     parameters_from_ellipse,
 )
@@ -220,7 +219,8 @@ def grow_arcs(seeds: Sequence[Seed]) -> list[GrownArc | None]:
     grown: list[GrownArc | None] = [None] * len(seeds)
     arcs = [_GrowingArc(number, seed) for number, seed in enumerate(seeds)]
     arcs = [arc for arc in arcs if len(arc.inliers) >= MIN_POINTS]
-    arcs, parameters = _fit_seeds(arcs)
+    ellipses = [seed_ellipse(arc.seed.profile, arc.seed.candidate) for arc in arcs]
+    parameters = np.array([parameters_from_ellipse(ellipse) for ellipse in ellipses])
     for _ in range(MAX_ITERATIONS):
         if not arcs:
             break
@@ -245,17 +245,6 @@ def grow_arcs(seeds: Sequence[Seed]) -> list[GrownArc | None]:
     for arc, row in zip(arcs, parameters, strict=True):
         grown[arc.number] = arc.result(row)
     return grown
-
-
-def _fit_seeds(arcs: list[_GrowingArc]) -> tuple[list[_GrowingArc], FloatArray]:
-    """Return the arcs that have an ellipse, and its parameters (k, 5) after one refinement."""
-    if not arcs:
-        return arcs, np.empty((0, PARAMETERS))
-    ellipses = [seed_ellipse(arc.seed.profile, arc.seed.candidate) for arc in arcs]
-    parameters = np.array([parameters_from_ellipse(ellipse) for ellipse in ellipses])
-    points, valid = NoisyPoints.stack([arc.points[arc.inliers] for arc in arcs])
-    evaluated = ellipse_residuals(points, parameters)
-    return _drop_failed(arcs, gauss_newton_step(evaluated, parameters, valid))
 
 
 def _drop_failed(
