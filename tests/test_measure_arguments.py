@@ -258,7 +258,7 @@ def test_a_job_and_a_measurement_are_not_exchanged(measured):
 
 
 def test_a_file_name_is_no_indentation_of_json(measured):
-    with pytest.raises(TypeError, match=r"blanks, got .out.json.: pathlib\.Path"):
+    with pytest.raises(TypeError, match=r"spaces, got .out.json.: pathlib\.Path"):
         measured.to_json("out.json")
 
 
