@@ -14,6 +14,9 @@ from lsvision.geometry import FloatArray, Plane, Points, Pose
 
 MAX_ROTATION = np.radians(15.0)
 """Largest rotation of a board about its normal. Units: rad."""
+MAX_DRAWS = 1000
+"""Largest number of random poses until the line crosses a board: the default scene needs one to
+five."""
 MAX_OFFSET_FRACTION = 0.24
 """Largest distance of a board's centre from the middle of the image, as a fraction of its width and
 height: then some corners reach the borders."""
@@ -103,9 +106,6 @@ def simulate_boards(
 ) -> tuple[SimulatedBoard, ...]:
     """Simulate boards in random poses, each crossed by the laser line from side to side.
 
-    Poses are drawn until the line crosses the board along its rows; it must be able to, or the
-    drawing does not end.
-
     Parameters
     ----------
     scene : BoardScene
@@ -120,19 +120,31 @@ def simulate_boards(
     tuple of SimulatedBoard
         Measurement of each board.
 
+    Raises
+    ------
+    ValueError
+        If the line crosses the board from side to side in none of `MAX_DRAWS` poses.
+
     Examples
     --------
     >>> board = simulate_boards(BoardScene(), 1, rng=np.random.default_rng(0))[0]
     >>> len(board.pixels), len(board.line_pixels)
     (70, 100)
     """
-    boards: list[SimulatedBoard] = []
-    while len(boards) < count:
+    return tuple(_measure(scene, *_draw_crossed_pose(scene, rng), rng) for _ in range(count))
+
+
+def _draw_crossed_pose(scene: BoardScene, rng: np.random.Generator) -> tuple[Pose, Points]:
+    """Return a random pose in which the line crosses the board, and the line's points on it."""
+    for _ in range(MAX_DRAWS):
         pose = _random_pose(scene, rng)
         line = _line_on_board(scene, pose)
         if line is not None:
-            boards.append(_measure(scene, pose, line, rng))
-    return tuple(boards)
+            return pose, line
+    raise ValueError(
+        f"expected a laser plane that crosses the board from side to side, got none in {MAX_DRAWS} "
+        "poses; move the laser or the board's distance"
+    )
 
 
 def _measure(
