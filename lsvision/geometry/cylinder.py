@@ -16,7 +16,7 @@ from lsvision.geometry.equality import ComparedByValue
 from lsvision.geometry.pose import Pose, as_pose
 
 MIN_COS_PHI = 1e-9
-"""Cosine of the tilt below which an axis is parallel to the section plane."""
+"""Cosine of the tilt below which an axis counts as parallel to the section plane."""
 
 
 class WithCylinder:
@@ -81,6 +81,8 @@ class Cylinder(ComparedByValue):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "point", as_readonly_array(self.point, (3,), "point"))
+        if not np.isfinite(self.point).all():
+            raise ValueError(f"expected a finite point in mm, got {self.point}")
         object.__setattr__(self, "direction", as_unit_vector(self.direction, "direction")[0])
         if not (math.isfinite(self.radius) and self.radius > 0):
             raise ValueError(f"expected a positive radius in mm, got {self.radius}")
@@ -133,7 +135,7 @@ class Cylinder(ComparedByValue):
         return points
 
     def signed_distances(self, points: npt.ArrayLike) -> FloatArray:
-        """Return the distance of points from the surface.
+        """Return the signed distances of points from the surface.
 
         Parameters
         ----------

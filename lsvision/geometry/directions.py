@@ -9,7 +9,7 @@ def tangent_frame(direction: FloatArray) -> FloatArray:
     """Return the (3, 3) rotation whose rows are e_phi, e_theta and the direction.
 
     e_theta = Z x direction (normalised) points where the azimuth of the direction increases,
-    e_phi where its angle from Z increases; for a direction along Z they are X and Y.
+    e_phi where its angle from Z increases. For the direction Z they are Y and X, for -Z Y and -X.
 
     Parameters
     ----------
@@ -23,7 +23,10 @@ def tangent_frame(direction: FloatArray) -> FloatArray:
 
 
 def hemisphere_directions(count: int) -> FloatArray:
-    """Return (count, 3) unit vectors with z > 0, uniformly distributed (Fibonacci lattice)."""
+    """Return (count, 3) unit vectors with z > 0, uniformly distributed (Fibonacci lattice).
+
+    They are ordered by their angle from Z.
+    """
     k = np.arange(count) + 0.5
     z = 1 - k / count
     azimuth = np.pi * (1 + np.sqrt(5.0)) * k

@@ -13,8 +13,7 @@ from lsvision.geometry.arrays import TINY, FloatArray, Points
 MAX_FOOT_POINT_ITERATIONS = 30
 """Largest number of steps of the foot point iteration."""
 FOOT_POINT_TOLERANCE = 1e-5
-"""Change of the eccentric anomaly (rad) at which the foot point iteration stops. Near the ellipse
-each step gains about two digits, and the distance depends on the remaining error quadratically."""
+"""Change of the cosine of the eccentric anomaly at which the foot point iteration stops."""
 
 
 class WithEllipse:
@@ -309,21 +308,24 @@ def foot_directions(
     a, b : float
         Semi-axes along u and v. Units: mm.
     tolerance : float
-        Change of the cosine at which the iteration stops. The remaining error is of the order of
-        its square, times the distance divided by the radius of curvature.
+        Change of the cosine at which the iteration stops. The remaining error of the eccentric
+        anomaly (rad) is of the order of its square, times the distance divided by the radius of
+        curvature.
 
     Returns
     -------
     cos, sin : (n,) ndarray
-        Direction of the nearest point ``(a cos, b sin)``.
+        The nearest point is ``(a cos, b sin)``. At the centre of a circle, where it is undefined,
+        both are sqrt(1/2).
     """
     p, q = np.abs(u), np.abs(v)
     cos, sin = _normalise(b * p, a * q)
     evolute = abs(a * a - b * b)
     # Cheap necessary condition: the evolute's cusps, at evolute / a and evolute / b, bound it.
-    if min(a, b) * (p + q).min(initial=math.inf) < evolute:
-        inside = (a * p) ** (2 / 3) + (b * q) ** (2 / 3) < evolute ** (2 / 3)
-        # Inside the evolute the ray from the centre may lead to the farthest point.
+    if min(a, b) * (p + q).min(initial=math.inf) <= evolute:
+        inside = (a * p) ** (2 / 3) + (b * q) ** (2 / 3) <= evolute ** (2 / 3)
+        # Inside the evolute the ray from the centre may lead to the farthest point; the evolute of
+        # a circle is its centre, from which there is no ray.
         cos, sin = np.where(inside, math.sqrt(0.5), cos), np.where(inside, math.sqrt(0.5), sin)
     ca, cb = (a * a - b * b) / a, (b * b - a * a) / b
     for _ in range(MAX_FOOT_POINT_ITERATIONS if a != b else 0):
@@ -341,5 +343,6 @@ def foot_directions(
 
 
 def _normalise(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the components of the unit vectors along (x, y); 0 for the zero vector."""
     norm = np.maximum(np.hypot(x, y), TINY)
     return x / norm, y / norm

@@ -41,7 +41,8 @@ class ComparedByValue:
 def _are_equal(first: Any, second: Any) -> bool:
     """Return whether two values are equal; see `ComparedByValue`."""
     if type(first) is not type(second):
-        return bool(first == second)
+        is_array = isinstance(first, np.ndarray) or isinstance(second, np.ndarray)
+        return not is_array and bool(first == second)
     if isinstance(first, np.ndarray):
         return np.array_equal(first, second, equal_nan=first.dtype.kind in "fc")
     if is_dataclass(first):

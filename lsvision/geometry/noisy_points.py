@@ -99,10 +99,11 @@ class NoisyPoints:
         """Return the cosine between unit normals (..., n) and the direction to the sensor.
 
         A point with a negative cosine is not visible. The ray is assumed to have the direction of
-        the point's largest error; if that is not clearly along Y, the largest cosine over a fan
-        of rays within 30 deg of +Y is returned.
+        the point's largest error; where that is not clearly along Y, 30 deg from +Y on the side of
+        the normal: a point that is not visible along this ray is not along any of the fan.
         """
-        # The square root halves the angle of the deviator: the conjugate of a vector along the ray.
+        # The deviator has twice the negative angle of the largest error: its root is the conjugate
+        # of a vector along that error.
         roots = np.sqrt(self.deviator)
         cosines: FloatArray = (normals * roots).real
         cosines /= np.copysign(np.maximum(np.abs(roots), TINY), -roots.imag)

@@ -22,7 +22,8 @@ class Plane(ComparedByValue):
         Normal of any non-zero length; stored as a unit vector, with `distance` divided by the
         same length.
     distance : float
-        Distance from the origin along `normal`. Units: mm.
+        Right-hand side of the equation for the given normal. Stored for the unit normal: the
+        position of the plane along it, from the origin. Units: mm.
 
     Raises
     ------
@@ -46,7 +47,7 @@ class Plane(ComparedByValue):
         object.__setattr__(self, "distance", float(self.distance) / length)
 
     def signed_distances(self, points: npt.ArrayLike) -> FloatArray:
-        """Return the distance of points from the plane.
+        """Return the signed distances of points from the plane.
 
         Parameters
         ----------
@@ -56,7 +57,7 @@ class Plane(ComparedByValue):
         Returns
         -------
         (n,) ndarray
-            Distances, positive on the side of the normal. Units: mm.
+            Distances, positive on the side to which the normal points. Units: mm.
 
         Examples
         --------

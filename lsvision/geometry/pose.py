@@ -30,7 +30,8 @@ class Pose(ComparedByValue):
     Raises
     ------
     ValueError
-        If `rotation` is not orthonormal to 1e-6 or has a negative determinant.
+        If `rotation` is not orthonormal to 1e-6 or has a negative determinant, or `translation` is
+        not finite.
 
     Examples
     --------
@@ -104,7 +105,7 @@ class Pose(ComparedByValue):
         Raises
         ------
         ValueError
-            If the last row is not ``0 0 0 1`` or the rotation is invalid.
+            If the shape is not (4, 4), the last row is not ``0 0 0 1``, or `Pose` raises.
 
         Examples
         --------
@@ -168,6 +169,11 @@ class Pose(ComparedByValue):
         -------
         (n, 3) ndarray
             Points in frame a. Units: mm.
+
+        Raises
+        ------
+        ValueError
+            If the shape is neither (n, 3) nor (n, 2).
         """
         array = np.asarray(points, dtype=np.float64)
         if array.ndim != 2 or array.shape[1] not in (2, 3):

@@ -80,3 +80,9 @@ def test_an_axis_in_the_section_plane_has_no_section():
 def test_an_invalid_cylinder_raises_an_error(direction, radius, message):
     with pytest.raises(ValueError, match=message):
         Cylinder((0, 0, 0), direction, radius)
+
+
+@pytest.mark.parametrize("coordinate", [math.nan, math.inf])
+def test_a_point_that_is_not_finite_raises_an_error(coordinate):
+    with pytest.raises(ValueError, match="expected a finite point in mm"):
+        Cylinder((0, coordinate, 0), (0, 0, 1), 1.0)

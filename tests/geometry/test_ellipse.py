@@ -210,6 +210,13 @@ def test_foot_points_on_a_circle_lie_on_the_ray_from_its_centre():
     np.testing.assert_allclose(foot_points(own, 10.0, 10.0), expected, atol=MACHINE)
 
 
+def test_orthogonal_residual_at_the_centre_is_minus_the_smaller_semi_axis():
+    for semi_major in (15.0, 20.0):
+        ellipse = Ellipse((3.0, -400.0), semi_major, 15.0, 0.5)
+        residuals = orthogonal_residuals(np.array([ellipse.centre]), ellipse)
+        np.testing.assert_allclose(residuals, [-15.0], rtol=0, atol=MACHINE)
+
+
 def test_no_points_have_no_residuals():
     nothing = np.empty((0, 2))
     assert radial_residuals(nothing, TILTED).shape == (0,)

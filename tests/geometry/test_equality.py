@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 import lsvision
 from lsvision.geometry import Cylinder, Plane, Pose
+from lsvision.geometry.equality import ComparedByValue
 from lsvision.profile import PointNoise, Profile
 
 POINTS = [[0.0, -400.0], [np.nan, 0.0], [1.0, -401.0]]
@@ -47,6 +48,17 @@ def test_other_content_is_not_equal():
 def test_another_class_is_not_equal():
     assert Pose() != Plane((0.0, 0.0, 1.0), 1.0)
     assert (Pose() == "pose", Pose() == np.eye(4)) == (False, False)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class WithOptionalArray(ComparedByValue):
+    covariance: np.ndarray | None
+
+
+@pytest.mark.parametrize("other", [None, 1.0])
+def test_a_value_with_an_array_differs_from_one_without(other):
+    assert WithOptionalArray(np.eye(2)) != WithOptionalArray(other)
+    assert WithOptionalArray(other) != WithOptionalArray(np.eye(2))
 
 
 def test_the_two_zeros_are_equal_and_have_one_hash():
