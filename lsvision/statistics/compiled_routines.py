@@ -76,18 +76,20 @@ def levenberg_marquardt(
     Parameters
     ----------
     residuals, jacobian : callable
-        Functions of the parameters (k,) that return (n,) and (n, k) numbers.
+        Functions of the parameters (k,) that return the residuals (n,) and their derivatives
+        (n, k).
     initial_guess : (k,) ndarray
         Initial parameters.
     xtol, ftol : float
         Relative changes of the parameters and of the sum of squares, below which the iteration
         has converged.
     max_evaluations : int
-        Largest number of evaluations.
+        Largest number of evaluations of the residuals.
 
     Returns
     -------
     LeastSquares
+        Not converged only if `max_evaluations` were not enough.
 
     Raises
     ------

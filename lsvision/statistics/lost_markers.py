@@ -1,5 +1,6 @@
 """Detection of marker values, which sensors write in place of lost points."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -17,8 +18,10 @@ MIN_MULTIPLICITY_RATIO = 2.5
 rounded heights and planes without noise repeat, too."""
 MIN_LIMIT_GAP, MIN_KNOWN_GAP, MIN_ZERO_GAP, MIN_UNKNOWN_GAP = 0.1, 1.0, 2.0, 4.0
 """Smallest distance of a marker from the nearest other value, in spans of the other values: for the
-limit of an integer type, a value such as -9999, 0, and any other value (a floor without noise
-under a pipe is 3 spans from it)."""
+limit of an integer type, a repeated value such as -9999, 0, and any other value (a floor without
+noise under a pipe is 3 spans from it)."""
+MIN_SINGLE_KNOWN_GAP = 5.0
+"""The same for a value such as -9999 that is not repeated."""
 _BITS = (15, 16, 23, 24, 31, 32)
 """Sizes of the integer types (with and without sign) in which sensors store distances; the limits
 of 64 bits are beyond `_HUGE`."""
@@ -40,19 +43,23 @@ def find_lost_markers(
     is_range: bool = False,
     known_only: bool = False,
 ) -> tuple[float, ...]:
-    """Return the values that look like markers of lost points: far from the others, and repeated.
+    """Return the values that look like markers of lost points.
+
+    They are far from the other values, and repeated or known markers: the limits of an integer
+    type, values such as 9999, and of distances 0 and less.
 
     Parameters
     ----------
     values : (n,) ndarray
-        One coordinate of all points, in the units of the file; NaN is ignored.
+        One coordinate of all points, in the units of the file; NaN, infinity and numbers close to
+        the largest float are ignored.
     limits : sequence of float
-        Smallest and largest number of the type in which the values were stored.
+        Smallest and largest number of the type in which the values were stored: known markers.
     is_range : bool
         True for distances from the sensor: 0 and less are not distances, and the largest may be
         the end of the sensor's range.
     known_only : bool
-        Return common marker values only, not others that are merely repeated.
+        Return known markers only, not values that are merely repeated.
 
     Returns
     -------
@@ -66,67 +73,65 @@ def find_lost_markers(
     (-999.9999,)
     """
     finite = values[np.abs(values) < np.finfo(np.float64).max / 4]
-    if len(finite) < MIN_OTHER_VALUES + 1 or not _may_hold_marker(finite):
+    if len(finite) < MIN_OTHER_VALUES + 1 or not _may_have_marker(finite):
         return ()
     unique, counts = np.unique(finite, return_counts=True)
-    ends = [range(len(unique)), range(len(unique) - 1, -1, -1)]
-    suspects: list[int] = []
-    for end in ends:
-        for index in list(end)[:MAX_MARKERS_PER_SIDE]:
-            if (
-                counts[index] < 2
-                and not _is_limit(unique[index])
-                and not _is_common_marker(unique[index])
-            ):
-                break
-            suspects.append(index)
+    suspects = _find_suspects(unique, counts)
     others = np.setdiff1d(np.arange(len(unique)), suspects)
     if counts[others].sum() < MIN_OTHER_VALUES:
         return ()
     markers: list[float] = []
     initial_others = unique[others]
+    # The nearest suspect first: if it is no marker, the next one is compared with it, too.
     for index in sorted(suspects, key=lambda i: _distance(float(unique[i]), initial_others)):
         value, count = float(unique[index]), int(counts[index])
-        needed = _min_distance(value, count, limits, is_range=is_range, known_only=known_only)
-        span = _central_span(unique[others], counts[others])
+        spans = _min_spans(value, count, limits, is_range=is_range, known_only=known_only)
+        min_distance = spans * _central_span(unique[others], counts[others])
         is_repeated = count >= MIN_MULTIPLICITY_RATIO * counts[others].mean()
-        is_known = (
-            value in limits
-            or _is_limit(value)
-            or _is_common_marker(value)
-            or (is_range and value <= 0)
-        )
-        if (
-            needed is None
-            or _distance(value, unique[others]) <= needed * span
-            or not (is_known or is_repeated)
-        ):
-            others = np.append(others, index)
-        else:
+        is_known = value in limits or _is_known_marker(value) or (is_range and value <= 0)
+        if (is_known or is_repeated) and _distance(value, unique[others]) > min_distance:
             markers.append(value)
+        else:
+            others = np.append(others, index)
     return tuple(sorted(markers))
 
 
-def _may_hold_marker(finite: FloatArray) -> bool:
-    """Return whether an extreme value repeats or is a common marker; if not, there is no marker."""
+def _find_suspects(unique: FloatArray, counts: IntArray) -> list[int]:
+    """Return the indices of the outermost values, as far as they are repeated or known markers."""
+    suspects: list[int] = []
+    for end in (range(len(unique)), range(len(unique) - 1, -1, -1)):
+        for index in end[:MAX_MARKERS_PER_SIDE]:
+            if counts[index] < 2 and not _is_known_marker(float(unique[index])):
+                break
+            suspects.append(index)
+    return suspects
+
+
+def _may_have_marker(finite: FloatArray) -> bool:
+    """Return whether an extreme value is repeated or a known marker; if not, there is none."""
     low, high = float(finite.min()), float(finite.max())
     repeated = np.count_nonzero(finite == low) > 1 or np.count_nonzero(finite == high) > 1
-    return bool(repeated) or any(_is_limit(v) or _is_common_marker(v) for v in (low, high))
+    return bool(repeated) or any(map(_is_known_marker, (low, high)))
 
 
-def _min_distance(
+def _min_spans(
     value: float, count: int, limits: Sequence[float], *, is_range: bool, known_only: bool
-) -> float | None:
-    """Return the smallest distance of a marker, in spans of the others; None if it is none."""
+) -> float:
+    """Return the smallest distance of a marker, in spans of the others; inf if it is none."""
     if value in limits or _is_limit(value) or (is_range and value <= 0 and not known_only):
         return MIN_LIMIT_GAP
     if _is_common_marker(value):
-        return MIN_KNOWN_GAP if count > 1 else 5 * MIN_KNOWN_GAP
+        return MIN_KNOWN_GAP if count > 1 else MIN_SINGLE_KNOWN_GAP
     if known_only or count < MIN_REPEATS:
-        return None
+        return math.inf
     if is_range:
         return MIN_KNOWN_GAP
     return MIN_UNKNOWN_GAP if value else MIN_ZERO_GAP
+
+
+def _is_known_marker(value: float) -> bool:
+    """Return whether a value is the limit of an integer type, or like 9999."""
+    return _is_limit(value) or _is_common_marker(value)
 
 
 def _is_limit(value: float) -> bool:

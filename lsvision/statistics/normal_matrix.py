@@ -3,6 +3,7 @@
 import numpy as np
 
 from lsvision.geometry import FloatArray
+from lsvision.geometry.arrays import TINY
 
 
 def invert_normal_matrix(matrix: FloatArray) -> FloatArray:
@@ -19,6 +20,7 @@ def invert_normal_matrix(matrix: FloatArray) -> FloatArray:
     Returns
     -------
     (k, k) ndarray
+        Inverse: the covariance of the parameters for residuals of unit variance.
 
     Raises
     ------
@@ -30,6 +32,6 @@ def invert_normal_matrix(matrix: FloatArray) -> FloatArray:
     >>> invert_normal_matrix(np.diag([4.0, 1e-20])).diagonal()
     array([2.5e-01, 1.0e+20])
     """
-    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), TINY))
     inverse: FloatArray = np.linalg.inv(matrix * np.outer(scale, scale)) * np.outer(scale, scale)
     return inverse
