@@ -15,7 +15,7 @@ from lsvision.calibration.observations import (
     masked_least_squares,
 )
 from lsvision.calibration.rotations import find_nearest_rotations
-from lsvision.geometry import BoolArray, FloatArray, IntArray, Plane, Pose
+from lsvision.geometry import BoolArray, FloatArray, IntArray, Plane, Pose, hemisphere_directions
 
 MAX_LINE_SLOPE = np.radians(60.0)
 """Largest slope of the line from the section's X in a planned pose; steeper planes reflect too
@@ -132,7 +132,7 @@ class PlaneObservations:
         With the normal n given, n.(B X p) = d is linear in the first two columns of X's rotation,
         its translation and d; B is the pose of the mount, X that of the sensor on it.
         """
-        normals = _hemisphere_directions(INITIAL_NORMALS)
+        normals = hemisphere_directions(INITIAL_NORMALS)
         count = int(self.groups.max()) + 1
         states = [self._states_with_normal(normal, masks, count) for normal in normals]
         rotations = np.stack([state.rotations for state in states], axis=1)
@@ -178,15 +178,6 @@ def _tangent_bases(normals: FloatArray) -> FloatArray:
     first = np.cross(normals, np.eye(3)[smallest])
     first = first / np.linalg.norm(first, axis=-1, keepdims=True)
     return np.stack([first, np.cross(normals, first)], axis=-1)
-
-
-def _hemisphere_directions(count: int) -> FloatArray:
-    """Return unit vectors evenly distributed over a hemisphere (Fibonacci lattice)."""
-    index = np.arange(count) + 0.5
-    height = index / count
-    angle = np.pi * (1 + 5**0.5) * index
-    width = np.sqrt(1 - height**2)
-    return np.column_stack([width * np.cos(angle), width * np.sin(angle), height])
 
 
 @dataclass(frozen=True, eq=False)
