@@ -10,6 +10,7 @@ import numpy as np
 
 from lsvision.geometry import FloatArray
 from lsvision.geometry.equality import ComparedByValue
+from lsvision.statistics.quantiles import squared_quantile
 
 QUADRATURE_NODES = 64
 """Nodes of the quadrature for the length of a vector."""
@@ -160,19 +161,15 @@ def two_sided_factor(level: float, degrees_of_freedom: float = math.inf) -> floa
     level : float
         Level of confidence of the interval.
     degrees_of_freedom : float
-        Infinite: the normal quantile; else Student's.
+        Degrees of freedom of the standard uncertainty, at least 1. Infinite: the normal quantile;
+        else Student's.
 
     Examples
     --------
     >>> f"{two_sided_factor(0.95):.3f} {two_sided_factor(0.95, 10):.3f}"
     '1.960 2.228'
     """
-    from scipy.special import ndtri, stdtrit
-
-    quantile = (1 + level) / 2
-    if math.isfinite(degrees_of_freedom):
-        return float(stdtrit(degrees_of_freedom, quantile))
-    return float(ndtri(quantile))
+    return math.sqrt(squared_quantile(1, np.array([degrees_of_freedom]), level)[0])
 
 
 def _exceedance_probability(length: float, mean: FloatArray, stds: FloatArray) -> float:
