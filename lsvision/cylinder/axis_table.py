@@ -17,7 +17,7 @@ AxisQuantity = Literal[
 AXIS_QUANTITIES: tuple[AxisQuantity, ...] = get_args(AxisQuantity)
 
 AXIS_HEADER = ("radius mm", "direction x y z", "± deg", "point x y z mm", "± mm")
-COVARIANCE_ORDER = "point along e_phi, e_theta (mm), direction along them (rad), radius"
+COVARIANCE_ORDER = "point along e_phi, e_theta (mm), direction along them (rad), radius (mm)"
 
 
 def axis_cells(fit: "CylinderFit") -> tuple[str, ...]:

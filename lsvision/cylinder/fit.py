@@ -52,11 +52,11 @@ class CylinderFittingSettings(ShowsChanges):
     reweightings : int
         Number of times the weights 1 / (n' Sigma n) are recomputed at the fitted cylinder.
     truncation : float, optional
-        Largest distance of an inlier from the surface, in standard deviations, above 1. Other
-        points are excluded, and the fit is repeated until the inliers do not change; more than
-        half of the points must be inliers. The standard deviation is the larger of that of the
-        noise model, if there is one, and the robust one (MAD) of the residuals. None: all points
-        are inliers.
+        Largest distance of an inlier from the surface, in standard deviations; above 1. Other
+        points are excluded, and the fit is repeated until the inliers do not change. The method
+        assumes that more than half of the points are inliers. The standard deviation is the larger
+        of that of the noise model, if there is one, and the robust one (MAD) of the residuals.
+        None: all points are inliers.
     """
 
     reweightings: int = 3
@@ -104,8 +104,8 @@ def fit_cylinder(
     Raises
     ------
     ValueError
-        If a shape is wrong, a number is not finite or beyond 1e9 mm, or a covariance is zero or
-        not positive semi-definite.
+        If a shape is wrong, a number is not finite or a coordinate beyond 1e9 mm, or a covariance
+        is zero or not symmetric and positive semi-definite.
     TooFewPoints
         If there are fewer than 6 points.
     DegenerateGeometry
@@ -213,24 +213,28 @@ def _fit_truncated(
             return fit
         cylinder = fit.cylinder
         residuals, stds, normalised = _residuals(points, covariances, cylinder)
+        fit = replace(fit, residuals=residuals, normalised=normalised, stds=stds, inliers=inliers)
         # Outliers bias the first fits, so that the limit decreases while outliers are excluded.
         noise_factor = max(1.0, mad_std(normalised))
         new_inliers = np.abs(normalised) <= settings.truncation * noise_factor
         if new_inliers.sum() <= PARAMETERS or (new_inliers == inliers).all():
             break
         inliers = new_inliers
-    return replace(fit, residuals=residuals, normalised=normalised, stds=stds, inliers=inliers)
+    return fit
 
 
 def _residuals(
     points: Points, covariances: FloatArray | None, cylinder: Cylinder
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return residuals, their standard deviations and the normalised residuals."""
-    frame = tangent_frame(cylinder.direction)
+    """Return residuals, their standard deviations and the normalised residuals.
+
+    Without covariances the standard deviation is the robust one (MAD) of all residuals.
+    """
     residuals = cylinder.signed_distances(points)
     if covariances is None:
         std = max(mad_std(residuals), TINY)
         return residuals, np.full(len(points), std), residuals / std
+    frame = tangent_frame(cylinder.direction)
     stds, offsets, _ = distance_stds_and_biases(
         points @ frame.T,
         rotate_covariances(covariances, frame),
@@ -246,7 +250,7 @@ def _fit(
     known_radius: RadiusPrior | None,
     reweightings: int,
 ) -> CylinderFit:
-    """Fit a cylinder to points from an initial one, with the weights recomputed at each fit."""
+    """Fit a cylinder to points from an initial one, with the weights recomputed before each fit."""
     for _ in range(reweightings + 1):
         frame = tangent_frame(cylinder.direction)
         rotated = None if covariances is None else rotate_covariances(covariances, frame)

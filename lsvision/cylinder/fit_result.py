@@ -40,12 +40,13 @@ class CylinderFit(WithCylinder, Result):
     residuals : (n,) ndarray
         Signed distance of every point from the surface, positive outside. Units: mm.
     normalised : (n,) ndarray
-        Residuals minus their bias, divided by `stds`; the fit minimises their sum of squares.
+        Residuals minus their bias, divided by `stds`; the fit minimises the sum of squares of
+        those of the inliers.
     stds : (n,) ndarray
-        Predicted standard deviation of the residuals; without a noise model their rms.
-        Units: mm.
+        Predicted standard deviation of the residuals. Without a noise model: the root of their
+        sum of squares over n - 5, with truncation the robust one (MAD). Units: mm.
     inliers : (n,) ndarray of bool
-        Mask of the points to which the cylinder was fitted.
+        Mask of the points to which the cylinder was fitted; all without truncation.
     variance_factor : float
         Factor by which the covariance exceeds that from `stds` alone: 1 if the stds explain the
         residuals, more if the residuals are larger or correlated along the line.
@@ -128,10 +129,11 @@ class CylinderFit(WithCylinder, Result):
         if name == "radius":
             value, std = self.radius, self.radius_std
         else:
-            index, row = "xyz".index(axis), 0 if name == "point" else 2
+            vector, row = (self.point, 0) if name == "point" else (self.direction, 2)
+            index = "xyz".index(axis)
             gradient = self.tangent_basis[:, index]
             covariance = self.covariance[row : row + 2, row : row + 2]
-            value = float((self.point if name == "point" else self.direction)[index])
+            value = float(vector[index])
             std = math.sqrt(max(float(gradient @ covariance @ gradient), 0.0))
         return value - factor * std, value + factor * std
 
@@ -192,7 +194,7 @@ class CylinderFit(WithCylinder, Result):
         ]
 
     def with_reference_point(self, near: npt.ArrayLike) -> "CylinderFit":
-        """Return the fit with point and covariance at the axis point nearest to `near`.
+        """Return the fit with `point` at the axis point nearest to a position, and its covariance.
 
         Parameters
         ----------
@@ -208,7 +210,7 @@ class CylinderFit(WithCylinder, Result):
     def with_reversed_direction(self) -> "CylinderFit":
         """Return the fit with the opposite direction."""
         cylinder = Cylinder(self.point, -self.direction, self.radius)
-        # In the basis of the new direction; errors of the direction also change their sign.
+        # In the tangent basis of the new direction; errors of the direction also change their sign.
         change_of_basis = tangent_frame(-self.direction)[:2] @ self.tangent_basis.T
         jacobian = np.eye(PARAMETERS)
         jacobian[:2, :2], jacobian[2:4, 2:4] = change_of_basis, -change_of_basis

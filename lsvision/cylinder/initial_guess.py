@@ -3,10 +3,10 @@
 import numpy as np
 
 from lsvision.cylinder.problem import (
-    CylinderProblem,
     cylinder_from_parameters,
     minimise,
     parameters_from_cylinder,
+    weighted_problem,
 )
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import FitFailed
@@ -59,7 +59,9 @@ def guess_cylinder(points: Points, known_radius: RadiusPrior | None = None) -> C
         if cost < lowest_cost:
             best, lowest_cost = refined, cost
     if best is None:
-        raise FitFailed("no cylinder fits the points: they lie on another surface")
+        raise FitFailed(
+            "no cylinder fits the points: they lie on another surface; use points of one cylinder"
+        )
     return best
 
 
@@ -89,7 +91,7 @@ def _candidates(points: Points) -> list[Cylinder]:
 def fit_projected_circles(
     points: Points, directions: FloatArray
 ) -> tuple[Points, FloatArray, FloatArray]:
-    """Fit an algebraic circle (Kasa) to the projection of the points along each direction.
+    """Return the algebraic circles (Kasa) fitted to the projections along each direction.
 
     Parameters
     ----------
@@ -101,7 +103,7 @@ def fit_projected_circles(
     Returns
     -------
     centres : (k, 3) ndarray
-        Centres of the circles, in the frame of the points.
+        Centres of the circles, on the planes through the origin perpendicular to the directions.
     radii, costs : (k,) ndarray
         Radius, and mean square of (algebraic residual / diameter), which approximates the mean
         square distance from the circle.
@@ -146,8 +148,8 @@ def _refine(
 ) -> tuple[Cylinder, float]:
     """Return the least-squares cylinder near a candidate, and its sum of squared residuals."""
     frame = tangent_frame(candidate.direction)
-    ones = np.ones(len(points))
-    problem = CylinderProblem(points @ frame.T, ones, 0 * ones, known_radius)
-    parameters = minimise(problem, parameters_from_cylinder(frame, candidate))
+    start = parameters_from_cylinder(frame, candidate)
+    problem = weighted_problem(points @ frame.T, None, start, known_radius)
+    parameters = minimise(problem, start)
     residuals, _ = problem.evaluate(parameters)
     return cylinder_from_parameters(frame, parameters), float(residuals @ residuals)

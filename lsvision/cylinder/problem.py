@@ -45,8 +45,9 @@ class CylinderProblem:
     stds : (n,) ndarray
         Standard deviation of each distance. Units: mm.
     offsets : (n,) ndarray
-        Values that are subtracted from the distances: the bias due to curvature, minus the distance
-        from the foot point to the measured point. Units: mm.
+        Values that are subtracted from the distances of `points` from the surface: the bias due to
+        curvature, minus the distance of the measured point from the axis, plus that of its foot
+        point. Units: mm.
     known_radius : RadiusPrior or None
         Prior on the radius r.
     """
@@ -59,10 +60,15 @@ class CylinderProblem:
     def evaluate(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the normalised residuals and their Jacobian.
 
+        Parameters
+        ----------
+        parameters : (5,) ndarray
+            ``(x, y, a, b, r)`` of the cylinder.
+
         Returns
         -------
         residuals : (n,) ndarray, with a prior (n + 1,)
-            Residuals divided by their standard deviations; last that of the prior.
+            Distances from the surface minus `offsets`, divided by `stds`; last that of the prior.
         jacobian : (n, 5) ndarray, with a prior (n + 1, 5)
             Derivative of the residuals by the parameters.
         """
@@ -170,7 +176,8 @@ def distance_stds_and_biases(
     stds, offsets : (n,) ndarray
         ``distance - radius - offset`` has mean 0 and standard deviation std. Units: mm.
     foot_points : (n, 3) ndarray
-        Most probable true points, on the surface. Units: mm.
+        Most probable true points, on the surface; the measured points beyond `PLAUSIBLE_SIGMAS`.
+        Units: mm.
     """
     radius = float(parameters[4])
     distances, normals, _ = axis_distances(points, parameters)
@@ -178,14 +185,12 @@ def distance_stds_and_biases(
     min_variances = MIN_VARIANCE_RATIO * np.trace(covariances, axis1=1, axis2=2)
     variances = np.maximum((normals * error_directions).sum(axis=0), min_variances)
     plausible = np.abs(distances - radius) < PLAUSIBLE_SIGMAS * np.sqrt(variances)
-    normal_errors = distances - radius
+    normal_errors = np.where(plausible, distances - radius, 0.0)
     for _ in range(FOOT_POINT_ITERATIONS):
-        foot_points = points.T - error_directions * (
-            np.where(plausible, normal_errors, 0.0) / variances
-        )
+        foot_points = points.T - error_directions * (normal_errors / variances)
         foot_distances, foot_normals, _ = axis_distances(foot_points.T, parameters)
         normals = np.where(plausible, foot_normals, normals)
-        normal_errors = normal_errors + np.where(plausible, foot_distances - radius, 0.0)
+        normal_errors += np.where(plausible, foot_distances - radius, 0.0)
         error_directions = _multiply(covariances, normals)
         variances = np.maximum((normals * error_directions).sum(axis=0), min_variances)
     tangents = _tangents(normals, parameters)
@@ -193,10 +198,8 @@ def distance_stds_and_biases(
     tangent_variances = (tangents * _multiply(covariances, tangents)).sum(axis=0)
     uncorrelated = tangent_variances - normal_tangent**2 / variances
     offsets = np.where(plausible, distances - radius - normal_errors, 0.0)
-    offsets = offsets + uncorrelated / (2 * radius)
-    foot_points = points.T - error_directions * (
-        np.where(plausible, normal_errors, 0.0) / variances
-    )
+    offsets += uncorrelated / (2 * radius)
+    foot_points = points.T - error_directions * (normal_errors / variances)
     return np.sqrt(variances), offsets, foot_points.T
 
 
@@ -248,7 +251,7 @@ def minimise(problem: CylinderProblem, initial_guess: FloatArray) -> FloatArray:
     Raises
     ------
     FitFailed
-        If the radius diverges, as for the points of a plane.
+        If the radius diverges, as for the points of a plane, or numbers overflow.
     """
     evaluate = _cache_last_evaluation(problem.evaluate)
     with np.errstate(all="ignore"):
@@ -259,15 +262,14 @@ def minimise(problem: CylinderProblem, initial_guess: FloatArray) -> FloatArray:
     extent = measure_extent(problem.points)
     if not (np.isfinite(solution).all() and 0 < solution[4] < MAX_RADIUS_EXTENTS * extent):
         raise FitFailed(
-            f"no cylinder fits the points (radius {solution[4]:.3g} mm for an extent of "
-            f"{extent:.3g} mm): they lie on a plane or on several surfaces; use points "
-            "of one cylinder"
+            f"no cylinder fits the points (radius {solution[4] / extent:.3g} times their extent): "
+            "they lie on a plane or on several surfaces; use points of one cylinder"
         )
     return solution
 
 
 def _cache_last_evaluation(evaluate: Evaluation) -> Evaluation:
-    """Return a function that stores its last result: MINPACK asks for both parts separately."""
+    """Return the function with its last result stored: MINPACK asks for both parts separately."""
     last: dict[bytes, tuple[FloatArray, FloatArray]] = {}
 
     def cached(parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -281,14 +283,17 @@ def _cache_last_evaluation(evaluate: Evaluation) -> Evaluation:
 
 
 def parameters_from_cylinder(frame: FloatArray, cylinder: Cylinder) -> FloatArray:
-    """Return ``(x, y, a, b, r)`` in the frame of ``points @ frame.T``."""
+    """Return ``(x, y, a, b, r)`` of a cylinder for points transformed by ``points @ frame.T``."""
     u, c = frame @ cylinder.direction, frame @ cylinder.point
     tilt = u[:2] / u[2]
     return np.array([*(c[:2] - tilt * c[2]), *tilt, cylinder.radius])
 
 
 def cylinder_from_parameters(frame: FloatArray, parameters: FloatArray) -> Cylinder:
-    """Return the cylinder with given parameters, its point nearest to the origin of the frame."""
+    """Return the cylinder of parameters for ``points @ frame.T``, in the frame of the points.
+
+    Its point is the one of the axis nearest to the origin.
+    """
     u = np.array([parameters[2], parameters[3], 1.0])
     c = np.array([parameters[0], parameters[1], 0.0])
     foot = c - (c @ u) / (u @ u) * u

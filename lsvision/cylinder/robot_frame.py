@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, Protocol, cast
+from typing import Literal, NamedTuple, Protocol, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -25,8 +25,8 @@ from lsvision.results.result import Result
 Frame = Literal["base", "flange"]
 
 MIN_SIN_PHI = 1e-6
-"""Smallest sin(phi) used as a divisor; near it the linear errors of the direction are replaced by
-those of the section's ``phi_std`` and ``theta_std``."""
+"""Smallest sin(phi) used as a divisor; far above it the linear errors of the direction are already
+limited to the section's ``phi_std`` and ``theta_std``."""
 PLACED_HEADER = ("point x y z mm", "± mm", "direction x y z", "± deg")
 PLACED_COVARIANCE_ORDER = "point x, y, z (mm), direction along e_phi, e_theta (rad), radius (mm)"
 
@@ -227,36 +227,57 @@ def place_section(
     """
     flange_pose = Pose() if base_from_flange is None else as_pose(base_from_flange)
     frame: Frame = "flange" if base_from_flange is None else "base"
-    mount: SectionMount | Pose = (
-        cast("SectionMount", calibration)
-        if hasattr(calibration, "robot_std")
-        else as_pose(calibration)
-    )
-    # `motions` holds pivot, axes and covariance of each uncertain rigid motion.
-    if isinstance(mount, Pose):
-        section_pose, motions = flange_pose @ mount, []
-    else:
+    motions: list[_UncertainMotion] = []
+    if hasattr(calibration, "robot_std"):
+        mount = cast("SectionMount", calibration)
         section_pose = flange_pose @ mount.flange_from_section
-        motions = [(section_pose.translation, flange_pose.rotation, mount.covariance)]
+        motions.append(
+            _UncertainMotion(section_pose.translation, flange_pose.rotation, mount.covariance)
+        )
         if base_from_flange is not None:
-            motions.append((flange_pose.translation, np.eye(3), robot_covariance(mount)))
-
-    def place(twin: Cylinder, sign: float) -> PlacedCylinder:
+            motions.append(
+                _UncertainMotion(flange_pose.translation, np.eye(3), robot_covariance(mount))
+            )
+    else:
+        section_pose = flange_pose @ as_pose(calibration)
+    placed = []
+    for twin, sign in zip(Cylinder.twins(section.ellipse), (1.0, -1.0), strict=True):
+        jacobian = twin_jacobian(section, sign)
+        jacobian[:6] = np.kron(np.eye(2), section_pose.rotation) @ jacobian[:6]
         cylinder = twin.transformed(section_pose)
-        section_jacobian = twin_jacobian(section, sign)
-        section_jacobian[:6] = np.kron(np.eye(2), section_pose.rotation) @ section_jacobian[:6]
-        covariance = section_jacobian @ section.covariance @ section_jacobian.T
-        for pivot, axes, motion_covariance in motions:
-            motion_jacobian = rigid_motion_jacobian(cylinder, pivot, axes)
-            covariance += motion_jacobian @ motion_covariance @ motion_jacobian.T
-        projection = np.zeros((6, 7))
-        projection[:3, :3], projection[5, 6] = np.eye(3), 1.0
-        projection[3:5, 3:6] = tangent_frame(cylinder.direction)[:2]
-        covariance = projection @ covariance @ projection.T
-        return PlacedCylinder(cylinder, covariance, frame, bool(motions))
+        covariance = _add_motions(cylinder, jacobian @ section.covariance @ jacobian.T, motions)
+        placed.append(PlacedCylinder(cylinder, covariance, frame, bool(motions)))
+    first, second = placed
+    return first, second
 
-    first, second = Cylinder.twins(section.ellipse)
-    return place(first, 1.0), place(second, -1.0)
+
+class _UncertainMotion(NamedTuple):
+    """Error of a pose: a small rigid motion with its covariance.
+
+    Rotations are about the point `pivot` (3,), in mm; the columns of `axes` (3, 3) are the axes of
+    translations and rotations. `covariance` (6, 6): translation (mm), then rotation (rad).
+    """
+
+    pivot: FloatArray
+    axes: FloatArray
+    covariance: FloatArray
+
+
+def _add_motions(
+    cylinder: Cylinder, covariance: FloatArray, motions: list[_UncertainMotion]
+) -> FloatArray:
+    """Return the covariance of a `PlacedCylinder` (6, 6), with the errors of the poses.
+
+    `covariance` is that of point, direction and radius (7, 7) due to the section alone.
+    """
+    for motion in motions:
+        jacobian = rigid_motion_jacobian(cylinder, motion.pivot, motion.axes)
+        covariance = covariance + jacobian @ motion.covariance @ jacobian.T
+    # The three components of the direction become the two along the tangent basis.
+    projection = np.zeros((6, 7))
+    projection[:3, :3], projection[5, 6] = np.eye(3), 1.0
+    projection[3:5, 3:6] = tangent_frame(cylinder.direction)[:2]
+    return projection @ covariance @ projection.T
 
 
 def twin_jacobian(section: CylinderSection, sign: float) -> FloatArray:

@@ -192,6 +192,13 @@ def test_a_noisy_plane_raises_an_error() -> None:
         fit_cylinder(points)
 
 
+def test_the_radius_of_a_plane_is_reported_in_any_unit_as_a_multiple_of_the_extent() -> None:
+    x, z = np.random.default_rng(1).uniform(-50, 50, (2, 200))
+    beside = Cylinder((0.0, -50.0, 0.0), (0.0, 0.0, 1.0), 50.0)
+    with pytest.raises(FitFailed, match=r"radius \d\S+ times their extent"):
+        fit_cylinder(np.column_stack([x, 0 * x, z]), initial_guess=beside)
+
+
 @pytest.mark.parametrize(
     ("slip", "message"),
     [
