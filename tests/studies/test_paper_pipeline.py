@@ -6,6 +6,7 @@ import pytest
 from lsvision.errors import FitFailed
 from lsvision.studies.chen_liu_2016.paper_pipeline import (
     homogenise_profile_paper,
+    measure_cylinders_paper,
     smooth_profile_paper,
 )
 from tests.ellipse.arcs import pipe, upper_arc
@@ -31,3 +32,19 @@ def test_smoothing_over_x_rejects_an_arc_without_width():
     upright = np.column_stack([np.zeros(20), np.arange(20.0)])
     with pytest.raises(FitFailed, match="no width in x"):
         smooth_profile_paper(upright)
+
+
+def test_homogenising_over_x_rejects_an_arc_whose_x_increases_nowhere():
+    with pytest.raises(FitFailed, match="x increases nowhere"):
+        homogenise_profile_paper(np.column_stack([np.arange(5.0, 0.0, -1.0), np.zeros(5)]))
+
+
+def test_a_profile_in_the_order_of_decreasing_x_has_the_same_cylinders():
+    points = upper_arc(pipe(0.0), degrees=120)
+    rising, falling = (
+        measure_cylinders_paper(order, radius=19.0).cylinders for order in (points, points[::-1])
+    )
+    assert len(rising) == len(falling) > 0
+    for one, other in zip(rising, falling, strict=True):
+        assert other.radius == pytest.approx(one.radius, abs=MACHINE)
+        np.testing.assert_array_equal(np.sort(len(points) - 1 - other.indices), one.indices)

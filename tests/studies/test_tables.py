@@ -8,7 +8,13 @@ import pytest
 from lsvision.studies.chen_liu_2016.cases import Case, paper_cases
 from lsvision.studies.chen_liu_2016.methods import METHODS, case_bound, case_errors, measure_case
 from lsvision.studies.chen_liu_2016.published_results import PUBLISHED_ROWS, QUANTITIES, Triple
-from lsvision.studies.chen_liu_2016.tables import ErrorStatistics, measure_tables, pool_errors
+from lsvision.studies.chen_liu_2016.report_tables import error_table, readme_table
+from lsvision.studies.chen_liu_2016.tables import (
+    ErrorStatistics,
+    TableRow,
+    measure_tables,
+    pool_errors,
+)
 from tests.tolerances import CONVERGED, spread_of_rms
 
 NOISE = 0.1  # mm
@@ -80,6 +86,17 @@ def test_both_pipes_of_a_pair_are_identified():
     found = measure_case(case, "two", 0, noise_mm=QUIET)
     assert len(found) == 2
     assert [round(one[0], 1) for one in found] == [19.0, 19.0]
+
+
+def test_only_a_known_radius_is_given_also_at_little_noise():
+    (bound,) = case_bound(PIPE, "known", noise_mm=QUIET)
+    tiny = Triple(*(sigmas(case_bound(PIPE, "twenty", noise_mm=QUIET)[0]) / 10))
+    spreads = {way: ErrorStatistics(1, 0, tiny, tiny, tiny) for way in METHODS}
+    spreads["known"] = ErrorStatistics(1, 0, bound, bound, bound)
+    row = TableRow(PUBLISHED_ROWS[2], spreads)
+    cells = [cell.text for line in error_table([row], 1).rows for cell in line.cells]
+    assert cells.count("given") == 1
+    assert readme_table([row]).count("given") == 1
 
 
 def test_pooled_errors_are_weighted_by_the_number_of_results():

@@ -108,7 +108,7 @@ def run_ablation(
 
 
 def _detect_arcs(section: SimulatedSection) -> list[tuple[TubeTruth, AblationArc]]:
-    """Return each detected pipe with its arc and the candidate from which it was extended."""
+    """Return each detected pipe with its arc and the first candidate on it."""
     profile = prepare_profile(section.profile, section.profile.noise)
     arcs, candidates = detect_arcs(profile)
     seeds = [IdentifiedArc(c.indices, seed_ellipse(profile, c)) for c in candidates]

@@ -45,9 +45,10 @@ class Achievability:
         Sum of the squared printed errors over their bounds.
     sections_needed : int or None
         Number of sections 1 mm apart for which 95 % of the errors are below `largest_printed`,
-        for the table's worst pipe; None if 2048 are not enough.
+        for the table's worst pipe; None if `MAX_SECTIONS` (2048) are not enough.
     noise_needed_mm : float
-        Noise at which one section is enough. Units: mm.
+        Noise along the ray at which one section has 95 % of the errors below `largest_printed`, for
+        the table's worst pipe. Units: mm.
     """
 
     table: int
@@ -65,7 +66,7 @@ class Achievability:
         return self.chance_at(1.0)
 
     def chance_at(self, noise_ratio: float) -> float:
-        """Return the probability for noise, and thus the bound, multiplied by a ratio."""
+        """Return `chance` for a noise, and thus a bound, that is larger by a ratio."""
         from scipy.special import chdtr
 
         return float(chdtr(self.pipes, self.chi_square / noise_ratio**2))
@@ -116,7 +117,10 @@ def _compare(rows: Sequence[TableRow], quantity: str, noise_mm: float) -> Achiev
 def _sections_needed(
     rows: Sequence[TableRow], quantity: str, std: float, noise_mm: float
 ) -> int | None:
-    """Return the number of sections that reach a std for every pipe."""
+    """Return the number of sections that reach a std for every pipe; None as in `Achievability`.
+
+    The unit of `std` is that of the quantity.
+    """
     view = SensorView(
         sensor=paper_sensor(noise_mm),
         standoff=STANDOFF_MM,

@@ -79,9 +79,8 @@ class Case:
         x, y, z = tubes[0].cylinder.direction
         sections = [tube.cylinder.section() for tube in tubes]
         leg = BEAD_LEG * self.radius_mm
-        bead = weld_bead(
-            *sections, leg=leg, bulge=0.0, along=(float(x), float(y), float(z))
-        )  # a concave fillet, as in the paper's Figure 12
+        # A bulge of 0 is a concave fillet, as in the paper's Figure 12.
+        bead = weld_bead(*sections, leg=leg, bulge=0.0, along=(float(x), float(y), float(z)))
         return Scene((*tubes, bead))
 
 

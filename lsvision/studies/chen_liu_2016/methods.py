@@ -99,6 +99,8 @@ def measure_case(
 def case_bound(case: Case, method: Method, *, noise_mm: float) -> tuple[Triple, ...]:
     """Return the Cramer-Rao bound for each pipe: the smallest stds of any unbiased estimate.
 
+    It is that of the points of one simulated measurement.
+
     Parameters
     ----------
     case : Case

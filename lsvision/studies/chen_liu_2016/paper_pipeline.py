@@ -103,11 +103,14 @@ def measure_cylinders_paper(
     search = as_number_or_pair(radius, "radius", "mm", "(min, max)")
     low, high = search_range(search, Priors.from_values(known_radius, None).radius, prepared)
     initial_radius = min(math.sqrt(low * high), MAX_INITIAL_RADIUS_MM)
-    points = prepared.points[prepared.valid_indices]
+    valid_indices = prepared.valid_indices
+    points = prepared.points[valid_indices]
+    if len(points) and points[0, 0] > points[-1, 0]:  # y(x) and S(x) need increasing x
+        valid_indices, points = valid_indices[::-1], points[::-1]
     cylinders: list[CylinderSection] = []
     rejections: list[Rejection] = []
     for start, stop in _identify_spans(points, initial_radius, settings):
-        indices = prepared.valid_indices[start:stop]
+        indices = valid_indices[start:stop]
         arc = Arc(int(indices.min()), int(indices.max()) + 1)
         try:
             screened = _screen(points[start:stop], indices, initial_radius, settings)
@@ -119,7 +122,7 @@ def measure_cylinders_paper(
         except LsvisionError as failure:
             rejections.append(Rejection(arc, str(failure)))
             continue
-        cylinders.append(CylinderSection(fit, arc, screened))
+        cylinders.append(CylinderSection(fit, arc, np.sort(screened)))
     return build_measurement(cylinders, rejections, prepared, profile)
 
 
@@ -202,12 +205,19 @@ def homogenise_profile_paper(points: Points, step_mm: float = 0.5) -> Points:
     -------
     (m, 2) ndarray
         Points at equal steps of x. Units: mm.
+
+    Raises
+    ------
+    FitFailed
+        If x increases nowhere.
     """
     from scipy.interpolate import CubicSpline
 
     increasing = points[
         np.concatenate([[True], points[1:, 0] > np.maximum.accumulate(points[:-1, 0])])
     ]
+    if len(increasing) < 2:
+        raise FitFailed("x increases nowhere on the arc: S(x) does not exist; leave it out")
     x = np.arange(increasing[0, 0], increasing[-1, 0], step_mm)
     return np.column_stack([x, CubicSpline(increasing[:, 0], increasing[:, 1])(x)])
 

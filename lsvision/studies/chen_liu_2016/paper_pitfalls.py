@@ -8,9 +8,9 @@ import numpy as np
 from lsvision.geometry import Ellipse, FloatArray, Points, orthogonal_residuals, radial_residuals
 from lsvision.measure import measure_cylinders
 from lsvision.profile import Profile
-from lsvision.studies.chen_liu_2016.cases import Case, paper_sensor, simulate_case
+from lsvision.studies.chen_liu_2016.cases import STANDOFF_MM, paper_sensor, simulate_case
 from lsvision.studies.chen_liu_2016.methods import METHODS
-from lsvision.studies.chen_liu_2016.published_results import PublishedRow, Triple
+from lsvision.studies.chen_liu_2016.repeatability import POSITION
 
 NOISE_MM = 0.05
 """Noise of the section whose Y axis is reversed. Units: mm."""
@@ -74,6 +74,10 @@ def printed_equation_one(points: Points, ellipse: Ellipse, theta: float) -> Floa
         Ellipse of which centre and semi-axes are used.
     theta : float
         Angle in the equation. Units: rad.
+
+    Returns
+    -------
+    (n,) ndarray
     """
     dx, dy = (points - ellipse.centre).T
     first = dx * math.sin(theta) - dy * math.cos(theta)
@@ -87,7 +91,7 @@ def printed_equation_one(points: Points, ellipse: Ellipse, theta: float) -> Floa
 def printed_equation_four(points: Points, ellipse: Ellipse, theta: float) -> FloatArray:
     """Return the paper's r_j, Eq. (4) as printed, in mm; it should be 0 on the ellipse.
 
-    Parameters are those of `printed_equation_one`; points are (n, 2) in mm.
+    Parameters are those of `printed_equation_one`. NaN for a point with the x of the centre.
     """
     dx, dy = (points - ellipse.centre).T
     a, b = ellipse.semi_major, ellipse.semi_minor
@@ -207,11 +211,11 @@ def _spline_along_arc(points: Points) -> Points:
 
 
 def _direction_of_y() -> Pitfall:
-    case = Case((PublishedRow(0, 1, 19.0, 20.0, 20.0, Triple(0.0, 0.0, 0.0)),))
-    (section,) = simulate_case(case, 0, METHODS["section"].poses, noise_mm=NOISE_MM)
+    radius = POSITION.radius_mm
+    (section,) = simulate_case(POSITION, 0, METHODS["section"].poses, noise_mm=NOISE_MM)
     upright, sensor = section.profile.points, paper_sensor(NOISE_MM)
     reversed_y = Profile(upright * [1.0, -1.0])
-    initial_error = float(np.nanmax(reversed_y.points[:, 1])) - 19.0 - 400.0
+    initial_error = float(np.nanmax(reversed_y.points[:, 1])) - radius - STANDOFF_MM
     return Pitfall(
         "Direction of Y",
         "The fit starts at y₀ = y_max − r, so Y grows towards the sensor; section 3.3 lets Y "
@@ -219,9 +223,9 @@ def _direction_of_y() -> Pitfall:
         "Y towards the sensor. A file whose range grows away from it is mirrored when it is read.",
         (
             Check("pipes found, Y towards the sensor", len(
-                measure_cylinders(Profile(upright), radius=19.0, sensor=sensor).cylinders)),
+                measure_cylinders(Profile(upright), radius=radius, sensor=sensor).cylinders)),
             Check("pipes found in the same profile, Y away from it", len(
-                measure_cylinders(reversed_y, radius=19.0).cylinders)),
+                measure_cylinders(reversed_y, radius=radius).cylinders)),
             Check("distance of the paper's initial centre from the true one, mm",
                   abs(initial_error)),
         ),

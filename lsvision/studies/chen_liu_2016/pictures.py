@@ -130,7 +130,7 @@ def draw_repeatability(repeatability: Repeatability) -> str:
     axes.plot(*_box(low, high).T, "--", color=GREY, lw=1, label="box of all centres")
     half = PUBLISHED_BOX_MM / 2
     axes.plot(*_box(np.full(2, -half), np.full(2, half)).T, "-", color="red", lw=1.2,
-              label="the paper's box, 0.6 mm")  # fmt: skip
+              label=f"the paper's box, {PUBLISHED_BOX_MM:g} mm")  # fmt: skip
     axes.set_aspect("equal")
     axes.set(xlabel="X off the true centre / mm", ylabel="Y off the true centre / mm")
     axes.grid(visible=True, lw=0.4, alpha=0.5)
@@ -162,17 +162,22 @@ def draw_recognition(steps: StepExample) -> str:
     section_axes.set_aspect("equal", adjustable="box")
     section_axes.margins(y=0.15)
     section_axes.set_xlabel("")
-    section_axes.legend(loc="lower center", fontsize=7, ncols=2, frameon=False,
-                 bbox_to_anchor=(0.5, 1.0))  # fmt: skip
+    section_axes.legend(
+        loc="lower center", fontsize=7, ncols=2, frameon=False, bbox_to_anchor=(0.5, 1.0)
+    )
     x, largest = steps.windows.T
     residual_axes.plot(x, np.minimum(largest, MAX_RESIDUAL_MM), "-", color=GREY, lw=0.8)
     limit = PaperSettings().sensor_error_mm
     accepted = largest < limit
-    residual_axes.plot(x[accepted], largest[accepted], ".", color=ORANGE, ms=4,
-               label="passes for an ellipse")  # fmt: skip
-    residual_axes.axhline(limit, color=PURPLE, lw=1, ls="--", label="sensor error, 0.9 mm")
-    residual_axes.set(ylim=(0, MAX_RESIDUAL_MM), xlabel="X / mm (along the laser line)",
-              ylabel="largest |rⱼ| of the window / mm")  # fmt: skip
+    residual_axes.plot(
+        x[accepted], largest[accepted], ".", color=ORANGE, ms=4, label="passes for an ellipse"
+    )
+    residual_axes.axhline(limit, color=PURPLE, lw=1, ls="--", label=f"sensor error, {limit:g} mm")
+    residual_axes.set(
+        ylim=(0, MAX_RESIDUAL_MM),
+        xlabel="X / mm (along the laser line)",
+        ylabel="largest |rⱼ| of the window / mm",
+    )
     residual_axes.legend(fontsize=8, loc="upper right")
     return inline_svg(
         figure, "recognition",
@@ -202,7 +207,7 @@ def draw_screening(steps: StepExample) -> str:
     limit = PaperSettings().sensor_error_mm
     for value in (-limit, limit):
         axes.axhline(value, color=PURPLE, lw=1, ls="--",
-                     label="the paper's limit, 0.9 mm" if value > 0 else None)  # fmt: skip
+                     label=f"the paper's limit, {limit:g} mm" if value > 0 else None)  # fmt: skip
     axes.set(ylim=(-RESIDUAL_LIMIT_MM, RESIDUAL_LIMIT_MM), xlabel="X / mm",
              ylabel="off the middle part's ellipse / mm")  # fmt: skip
     axes.legend(fontsize=7, ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False)
@@ -230,10 +235,9 @@ def draw_smoothing(steps: StepExample) -> str:
     plot_residuals(points[inliers], ".", color=GREY, ms=4, label="measured")
     if not inliers.all():
         plot_residuals(points[~inliers], "x", color=PURPLE, label="left out as jumps")
-    plot_residuals(steps.homogenised.points, "-", color=BLUE, lw=1.6,
-         label="smoothed along the arc (lsvision)")  # fmt: skip
-    plot_residuals(steps.literal, "-", color=ORANGE, lw=1.6,
-         label="smoothed as y over x (the paper's text)")  # fmt: skip
+    along, over_x = "smoothed along the arc (lsvision)", "smoothed as y over x (the paper's text)"
+    plot_residuals(steps.homogenised.points, "-", color=BLUE, lw=1.6, label=along)
+    plot_residuals(steps.literal, "-", color=ORANGE, lw=1.6, label=over_x)
     axes.axhline(0.0, color=GREEN, lw=0.8, label="the true pipe")
     axes.set(xlabel="X / mm", ylabel="off the true ellipse / mm")
     axes.legend(fontsize=7, ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False)

@@ -13,7 +13,8 @@ from lsvision.studies.chen_liu_2016.methods import METHODS, noise_of
 from lsvision.studies.chen_liu_2016.published_results import PUBLISHED_BOX_MM, PublishedRow, Triple
 
 POSITION = Case((PublishedRow(0, 1, 19.0, 20.0, 20.0, Triple(0.0, 0.0, 0.0)),))
-"""Radius of the paper's welded pipes, middle of its angles; the paper does not state the pipe."""
+"""Pipe with the radius of the paper's welded ones and the middle of its angles; the paper does not
+state the pipe, and prints no errors of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,9 +24,9 @@ class Repeatability:
     Parameters
     ----------
     ellipses : (n, 4) ndarray
-        Errors of centre x, y, semi-axes a, b. Units: mm.
+        Errors of centre x, y and semi-axes a, b in each measurement with one cylinder. Units: mm.
     missed : int
-        Number of measurements that did not report the pipe.
+        Number of measurements that did not report exactly one cylinder.
     bound : (4, 4) ndarray
         Cramer-Rao bound of their covariance. Units: mm^2.
     expected_box_mm : tuple of float

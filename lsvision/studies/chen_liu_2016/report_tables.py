@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from lsvision.planning.plan import MAX_SECTIONS
 from lsvision.studies.chen_liu_2016.ablation import AblationResult
 from lsvision.studies.chen_liu_2016.achievability import Achievability
 from lsvision.studies.chen_liu_2016.methods import METHODS
@@ -25,8 +26,6 @@ ERROR_NAMES = {
     "phi_deg": "φ error, degrees",
 }
 QUANTITY_NAMES = {"radius_mm": "radius, mm", "theta_deg": "θ, °", "phi_deg": "φ, °"}
-MAX_GIVEN_RADIUS_ERROR_MM = 1e-4
-"""Radius error below which the radius was given and not measured. Units: mm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +87,8 @@ class Table:
 def format_significant(value: float, digits: int = 2) -> str:
     """Return a number with some significant digits without exponent; a dash for NaN and infinity.
 
+    Digits before the decimal point are not rounded.
+
     Examples
     --------
     >>> [format_significant(value) for value in (0.01234, 12.6, 123.4, float("nan"))]
@@ -107,7 +108,7 @@ def readme_table(rows: Sequence[TableRow]) -> str:
     Parameters
     ----------
     rows : sequence of TableRow
-        Result of `measure_tables`. The figures in brackets are the Cramer-Rao bound, which
+        Result of `measure_tables`. The numbers in brackets are the Cramer-Rao bound, which
         depends on geometry and noise only: a test compares them with the README without
         measuring.
 
@@ -136,8 +137,8 @@ def readme_table(rows: Sequence[TableRow]) -> str:
 
 
 def _rms_and_bound(rms: float, bound: float) -> str:
-    """Return ``rms (bound)`` as text; "given" for a radius that was known."""
-    if bound < MAX_GIVEN_RADIUS_ERROR_MM:
+    """Return ``rms (bound)`` as text; "given" for a known radius, whose bound is 0."""
+    if bound == 0:
         return "given"
     return f"{format_significant(rms)} ({format_significant(bound)})"
 
@@ -148,7 +149,7 @@ def _markdown_row(*cells: str) -> str:
 
 
 def error_table(rows: Sequence[TableRow], number: int) -> Table:
-    """Return one of Tables 1-4: printed errors, one section's bound, errors of the five methods.
+    """Return one of Tables 1-4: printed errors, one section's bound, rms errors of the methods.
 
     Parameters
     ----------
@@ -181,7 +182,7 @@ def _error_row(row: TableRow, quantity: str) -> Row:
     for statistics in row.spreads.values():
         rms = getattr(statistics.rms, quantity)
         missed = f" ({statistics.missed} missed)" if statistics.missed else ""
-        given = rms < MAX_GIVEN_RADIUS_ERROR_MM
+        given = getattr(statistics.bound, quantity) == 0  # the radius is known
         errors.append(("given" if given else format_significant(rms)) + missed)
     return _row(
         name,
@@ -213,7 +214,7 @@ def _achievability_row(result: Achievability) -> Row:
             Cell(f"{format_significant(result.best_sigma)} {unit}"),
             Cell(_format_probability(result.chance)),
             Cell("yes", "good") if result.reachable else Cell("no", "bad"),
-            Cell("over 2048" if result.sections_needed is None else str(result.sections_needed)),
+            Cell(str(result.sections_needed or f"over {MAX_SECTIONS}")),
             Cell(format_significant(result.noise_needed_mm)),
         ),
     )

@@ -60,7 +60,7 @@ class AblationArc:
     arc : IdentifiedArc
         Result of rough identification.
     seed : IdentifiedArc
-        Candidate from which the arc grew.
+        First candidate on the same pipe, from which rough identification may have started.
     """
 
     profile: PreparedProfile
@@ -129,7 +129,7 @@ class Variant:
 
 
 def _fit_screened(screened: ScreenedArc) -> VariantFit:
-    """Return the fit of a screened arc: smoothed, homogenised and fitted."""
+    """Return the ellipse of a screened arc by the following steps of lsvision."""
     smoothed = _smooth(screened)
     return _fit(screened.points[smoothed.inliers], _homogenise(smoothed))
 
@@ -153,7 +153,10 @@ def _fit(points: NoisyPoints, initial_guess: Ellipse) -> VariantFit:
 
 
 def _with_evaluations(fit: EllipseFit, initial_guess: Ellipse) -> VariantFit:
-    """Return a fit with the number of its evaluations; raises FitFailed if not converged."""
+    """Return a fit with the number of its evaluations, counted by repeating it.
+
+    Raises FitFailed if it has not converged.
+    """
     if not fit.converged:
         raise FitFailed("the ellipse fit did not converge")
     start = parameters_from_ellipse(initial_guess)[None]
@@ -172,7 +175,10 @@ def _without_homogenising(arc: AblationArc) -> VariantFit:
 
 
 def _direct_fit(arc: AblationArc) -> VariantFit:
-    """Return OpenCV's algebraic fit, relative to the centroid (it computes in float32)."""
+    """Return OpenCV's algebraic fit, relative to the centroid (it computes in float32).
+
+    The screened ellipse if OpenCV returns none with two positive axes.
+    """
     points = as_vectors(arc.inliers.z)
     centroid = points.mean(axis=0)
     fitted = cv2.fitEllipseDirect((points - centroid).astype(np.float32))
