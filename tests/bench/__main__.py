@@ -1,7 +1,9 @@
-"""Every figure of accuracy and speed beside its goal: ``python -m tests.bench [--quick]``.
+"""Accuracy and speed of `measure_cylinders` beside the goals: ``python -m tests.bench [--quick]``.
 
-``python -m tests.bench core`` measures the core alone, of any commit: `tests.bench.core`;
-``python -m tests.bench end_to_end`` times whole commands: `tests.bench.end_to_end`.
+``python -m tests.bench core`` compares the core of any two commits: `tests.bench.core`;
+``python -m tests.bench end_to_end`` times whole commands: `tests.bench.end_to_end`. Scans, laser
+lines and calibrations have commands of their own: `tests.bench.scan`, `camera_chain`, `laser_line`,
+`laser_plane` and `hand_eye`.
 """
 
 import argparse
@@ -18,7 +20,12 @@ ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 @dataclass(frozen=True)
 class Effort:
-    """How much is simulated, and another seed; the quick one is what the slow tests run."""
+    """Numbers of simulated measurements.
+
+    Recognition: `scenes` of each kind. Comparison with the bound: `runs` sections of each of
+    `tubes` tubes. Coverage: `intervals` sections. Speed: `timed_scenes` of each kind, measured
+    `repeats` times. Images: `pictures` tubes, with random seed `seed` (None: the usual one).
+    """
 
     scenes: int
     tubes: int
@@ -30,12 +37,13 @@ class Effort:
     seed: int | None = None
 
 
+# The slow tests measure with QUICK.
 QUICK = Effort(scenes=100, tubes=20, runs=60, intervals=300, timed_scenes=16, repeats=5, pictures=5)
 FULL = Effort(
     scenes=400, tubes=40, runs=300, intervals=2000, timed_scenes=60, repeats=20, pictures=20
 )
 SHOTS = 10
-"""Images of each picture, each with its own noise."""
+"""Number of images of each picture (a tube with its camera), each with its own noise."""
 
 
 def recognition(effort):
@@ -94,9 +102,9 @@ def speed(effort):
 
 
 def steps(effort):
-    from tests.bench.steps import where_time_goes
+    from tests.bench.steps import time_steps
 
-    return where_time_goes(effort.timed_scenes, effort.repeats)
+    return time_steps(effort.timed_scenes, effort.repeats)
 
 
 BENCHES: dict[str, Callable[[Effort], Iterable[Number]]] = {
@@ -110,12 +118,15 @@ BENCHES: dict[str, Callable[[Effort], Iterable[Number]]] = {
     "speed": speed,
     "steps": steps,
 }
-"""Each goes from an effort to its rows; imports wait until the threads are counted."""
+"""Function of an effort that returns the rows of each part.
+
+Each imports its module when it is called, after `main` has limited the number of threads.
+"""
 
 
 def main():
     for variable in ONE_THREAD:
-        os.environ[variable] = "1"  # before numpy is imported: its pools are made on import
+        os.environ[variable] = "1"  # before numpy is imported, which starts its threads
     if sys.argv[1:2] == ["core"]:
         from tests.bench.core.command import main as measure_core
 
@@ -127,24 +138,24 @@ def main():
     parser = argparse.ArgumentParser(prog="python -m tests.bench", description=__doc__)
     parser.add_argument("only", nargs="*", help=f"of {', '.join(BENCHES)}; all without")
     parser.add_argument("--quick", action="store_true", help="a few minutes instead of many")
-    parser.add_argument("--seed", type=int, help="of the images, to try others than the usual")
+    parser.add_argument("--seed", type=int, help="random seed of the images")
     options = parser.parse_args()
     effort = replace(QUICK if options.quick else FULL, seed=options.seed)
     for unknown in set(options.only) - set(BENCHES):
         parser.error(f"expected one of {', '.join(BENCHES)}, got {unknown}")
     from tests.bench.sources import fingerprint
 
-    short, sources = [], fingerprint()
+    missed_rows, sources = [], fingerprint()
     print(f"lsvision sources {sources}, {time.strftime('%Y-%m-%d %H:%M')}")
     for name in options.only or BENCHES:
         start = time.perf_counter()
         numbers = list(BENCHES[name](effort))
         print_numbers(f"{name}  ({time.perf_counter() - start:.0f} s)", numbers)
-        short += missed(numbers)
+        missed_rows += missed(numbers)
     if fingerprint() != sources:
-        print("\nTHE SOURCES CHANGED WHILE MEASURING: run again on a tree that rests")
-    print(f"\n{len(short)} goals not reached")
-    for row in short:
+        print("\nTHE SOURCES CHANGED WHILE MEASURING: the numbers are of several states; run again")
+    print(f"\n{len(missed_rows)} goals not reached")
+    for row in missed_rows:
         print(f"  {row}")
     return 0
 

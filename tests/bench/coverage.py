@@ -1,4 +1,4 @@
-"""How often the 95 % intervals hold the truth, and how often theta is trusted wrongly."""
+"""Coverage of the 95 % intervals, and how often a wrong theta is reported as determined."""
 
 import math
 from dataclasses import dataclass
@@ -16,15 +16,17 @@ from tests.bench.single_section import CLEAN, ROUGH
 FIRST_SEED = 30_000
 QUANTITIES = ("radius", "theta", "phi", "centre_x", "centre_y")
 ANY_DIRECTION = math.pi - 1e-6
+"""Width from which an interval of theta contains all directions. Units: rad."""
 PHI_BANDS_DEG = ((0.0, 5.0), (5.0, 15.0), (15.0, 40.0))
-WRONG_THETA = math.radians(30.0)
-BLENDED_COLUMNS = 0.8
-"""Errors as alike as those of ``sphere-profiles``: correlation 0.68 one point on, 0.2 two on."""
+MAX_THETA_ERROR = math.radians(30.0)
+"""Error of theta above which it must not be reported as determined. Units: rad."""
+CORRELATION_COLUMNS = 0.8
+"""Correlation of the errors as in ``sphere-profiles``: 0.68 of neighbours, 0.2 at two columns."""
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """What is done to the sections, and whether the noise is given to the measurement."""
+    """Errors of the simulated sensor, and whether the measurement gets the noise model."""
 
     name: str
     settings: SectionSettings
@@ -39,56 +41,57 @@ CONDITIONS = (
 NOISE_UNKNOWN = (
     Conditions("noise unknown", CLEAN, noise_given=False),
     Conditions(
-        "noise unknown, blended along the line",
-        SectionSettings(lost_fraction=0, jump_fraction=0, correlation_columns=BLENDED_COLUMNS),
+        "noise unknown, smoothed along the line",
+        SectionSettings(lost_fraction=0, jump_fraction=0, correlation_columns=CORRELATION_COLUMNS),
         noise_given=False,
     ),
 )
-"""No goal of the issue, but what real files without a sensor's name are."""
+"""As for real files without the name of a sensor; without a goal."""
 
 
 @dataclass(frozen=True)
 class Coverage:
-    """One row per section: true phi, whether each interval holds, and what is said of theta."""
+    """Results of n sections in which the tube was found, and the number of others.
+
+    `phi` (n,) is the true tilt (rad), `contains_truth` (n, 5) whether the interval of each of
+    `QUANTITIES` contains the truth, `any_direction` (n,) whether that of theta contains all
+    directions, and `theta_wrong` (n,) whether theta is reported as determined and is not.
+    """
 
     conditions: Conditions
     phi: np.ndarray
-    holds: np.ndarray
+    contains_truth: np.ndarray
     any_direction: np.ndarray
     theta_wrong: np.ndarray
-    lacking: int
+    missed: int
 
     @property
     def numbers(self):
         name = self.conditions.name
         goal = (93, 97) if self.conditions.noise_given else (-math.inf, math.inf)
-        for quantity, share in zip(QUANTITIES, self.holds.mean(axis=0), strict=True):
-            yield Number(f"{name}: 95 % of {quantity}", 100 * share, *goal, "%", _spread(self.phi))
+        chance = f"+/- {100 * math.sqrt(0.95 * 0.05 / len(self.phi)):.1f} by chance"
+        for quantity, coverage in zip(QUANTITIES, self.contains_truth.mean(axis=0), strict=True):
+            yield Number(f"{name}: 95 % of {quantity}", 100 * coverage, *goal, "%", chance)
         wrong = 100 * self.theta_wrong.mean()
-        yield Number(f"{name}: theta trusted, off by > 30 deg", wrong, high=1.0, unit="%")
-        pointing = self.holds[~self.any_direction, 1]
+        yield Number(f"{name}: theta determined, off by > 30 deg", wrong, high=1.0, unit="%")
         note = f"{self.any_direction.sum()} sections allow any direction and are left out"
-        share = 100 * pointing.mean()
-        yield Number(f"{name}: 95 % of theta, if it has one", share, unit="%", note=note)
-        yield Number(f"{name}: tubes missed", self.lacking, note=f"beside {len(self.phi)} found")
+        coverage = 100 * self.contains_truth[~self.any_direction, 1].mean()
+        yield Number(f"{name}: 95 % of theta, if it is bounded", coverage, unit="%", note=note)
+        yield Number(f"{name}: tubes missed", self.missed, note=f"beside {len(self.phi)} found")
         yield from self._bands()
 
     def _bands(self):
         for low, high in PHI_BANDS_DEG:
             within = (np.radians(low) <= self.phi) & (self.phi < np.radians(high))
-            shares = 100 * self.holds[within].mean(axis=0)
-            words = ", ".join(f"{q} {s:.1f}" for q, s in zip(QUANTITIES, shares, strict=True))
-            what = f"{self.conditions.name}: phi {low:g}-{high:g} deg, least"
-            yield Number(what, shares.min(), unit="%", note=f"{words}; {within.sum()} sections")
-
-
-def _spread(sample):
-    return f"+/- {100 * math.sqrt(0.95 * 0.05 / len(sample)):.1f} by chance"
+            coverage = 100 * self.contains_truth[within].mean(axis=0)
+            each = ", ".join(f"{q} {c:.1f}" for q, c in zip(QUANTITIES, coverage, strict=True))
+            what = f"{self.conditions.name}: phi {low:g}-{high:g} deg, lowest coverage"
+            yield Number(what, coverage.min(), unit="%", note=f"{each}; {within.sum()} sections")
 
 
 @dataclass(frozen=True)
 class SquareOn:
-    """Pipes seen along their axis: theta does not exist."""
+    """Results for pipes along the laser plane's normal (phi = 0), whose theta is undefined."""
 
     sections: int
     determined: int
@@ -96,16 +99,16 @@ class SquareOn:
 
     @property
     def numbers(self):
-        trusted, excluded = (
+        determined, excluded = (
             100 * count / self.sections for count in (self.determined, self.phi_excludes_zero)
         )
-        yield Number("phi = 0: theta held to be determined", trusted, high=1.0, unit="%")
-        yield Number("phi = 0: 95 % of phi holds 0", 100 - excluded, unit="%")
+        yield Number("phi = 0: theta reported as determined", determined, high=1.0, unit="%")
+        yield Number("phi = 0: 95 % of phi contains 0", 100 - excluded, unit="%")
 
 
 def count_coverage(conditions, sections):
-    """Intervals of one single-tube section each of `sections` random tubes, phi 0-40 deg."""
-    rows, lacking = [], 0
+    """Measure one section of each of `sections` random tubes, phi 0-40 deg."""
+    rows, missed = [], 0
     for seed in counted(range(FIRST_SEED, FIRST_SEED + sections), f"coverage, {conditions.name}"):
         section = random_section("single", seed, settings=conditions.settings)
         noise = section.profile.noise if conditions.noise_given else None
@@ -114,13 +117,12 @@ def count_coverage(conditions, sections):
         if found:
             rows.append(_judge(found[0][1], section.truth.tubes[0]))
         else:
-            lacking += 1
-    phi, holds, free, wrong = (np.array(column) for column in zip(*rows, strict=True))
-    return Coverage(conditions, phi, holds, free, wrong, lacking)
+            missed += 1
+    return Coverage(conditions, *map(np.array, zip(*rows, strict=True)), missed)
 
 
 def count_square_on(sections):
-    """What is said of theta and phi where phi is 0."""
+    """Measure one section of each of `sections` random tubes with phi = 0."""
     determined = excluded = 0
     square = TubeRanges(phi_deg=(0.0, 0.0))
     for seed in counted(range(FIRST_SEED, FIRST_SEED + sections), "phi = 0"):
@@ -132,11 +134,12 @@ def count_square_on(sections):
 
 
 def _judge(cylinder, truth):
+    """Return true phi, coverage of each interval, and the two flags of `Coverage` on theta."""
     true = dict(zip(QUANTITIES, (truth.radius, truth.theta, truth.phi, *truth.centre), strict=True))
     intervals = {quantity: cylinder.interval(quantity) for quantity in QUANTITIES}
-    holds = [low <= true[quantity] <= high for quantity, (low, high) in intervals.items()]
+    contains = [low <= true[quantity] <= high for quantity, (low, high) in intervals.items()]
     low, high = intervals["theta"]
-    holds[1] = (truth.theta - low) % math.pi <= high - low
-    turn = abs((cylinder.theta - truth.theta + math.pi / 2) % math.pi - math.pi / 2)
-    wrong = cylinder.theta_determined and turn > WRONG_THETA
-    return truth.phi, holds, high - low > ANY_DIRECTION, wrong
+    contains[1] = (truth.theta - low) % math.pi <= high - low
+    theta_error = abs((cylinder.theta - truth.theta + math.pi / 2) % math.pi - math.pi / 2)
+    wrong = cylinder.theta_determined and theta_error > MAX_THETA_ERROR
+    return truth.phi, contains, high - low > ANY_DIRECTION, wrong

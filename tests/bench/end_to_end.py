@@ -1,7 +1,7 @@
-"""Time of whole commands beside commit 3666f4e: ``python -m tests.bench end_to_end [--quick]``.
+"""Time of whole commands compared with commit 3666f4e.
 
-Processor time of the commands, in alternating rounds with the same libraries, because the machine
-is shared; wall time only where several processes are the point.
+``python -m tests.bench end_to_end [--quick]``. Processor time, because other processes use the
+machine, and with the same libraries; wall time where several processes are compared.
 """
 
 import argparse
@@ -28,16 +28,23 @@ from lsvision.simulate import random_section
 from tests.bench.goals import Number, print_numbers
 
 BASE = "3666f4e"
+"""Commit that the times are compared with."""
 ROOT = Path(__file__).parents[2]
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 FIRST_SEED = 930_000
 PITCH_MM = 0.3
-RADIUS_MM, SEEN = 25.0, 0.9
+RADIUS_MM, VISIBLE_HALF_WIDTH = 25.0, 0.9
+"""Radius of the pipe of the matrix (mm), and the half width of its visible part in radii."""
 
 
 @dataclass(frozen=True)
 class Effort:
-    """Numbers of files and profiles; the base, which is slower, gets fewer of the latter."""
+    """Numbers of inputs of each part.
+
+    `files` of two pipes each; `rows` of a matrix, and `base_rows` for the base, which is slower;
+    `batch_profiles` in Parquet files; `sections` whose intervals are timed; numbers of rounds with
+    `images` and with `scans`.
+    """
 
     files: int
     rows: int
@@ -57,7 +64,7 @@ FULL = Effort(
 
 
 def points_of(count, kind="welded_pair"):
-    """Points of so many sections, 32 different ones."""
+    """Return the points of `count` sections, of which 32 differ."""
     sections = [random_section(kind, FIRST_SEED + k).profile.points for k in range(min(count, 32))]
     return [sections[k % len(sections)] for k in range(count)]
 
@@ -71,11 +78,14 @@ numbers = used.ru_utime + used.ru_stime, time.monotonic() - start, used.ru_maxrs
 print(json.dumps(numbers), file=sys.stderr)
 sys.exit(done.returncode)
 """
-"""A small process between, since a child's largest memory begins at that of its parent."""
+"""Program that runs a command and prints its processor time, wall time (s) and memory (MB).
+
+It is a process of its own because the largest memory of a child is at least that of its parent.
+"""
 
 
 def run(tree, *words):
-    """Processor and wall time of a command; the memory of its largest process in MB."""
+    """Return processor and wall time of a command (s), and memory of its largest process (MB)."""
     command = [sys.executable, "-P", "-m", "lsvision", *map(str, words)]
     done = subprocess.run(
         [sys.executable, "-I", "-c", LAUNCHER, *command], cwd=tree, text=True,
@@ -87,6 +97,7 @@ def run(tree, *words):
 
 
 def files_of_two_pipes(base, effort, folder):
+    """Yield the times of ``lsvision measure`` for a folder of CSV files, by one and by two jobs."""
     files = folder / "files"
     files.mkdir()
     for number, points in enumerate(points_of(effort.files)):
@@ -100,12 +111,12 @@ def files_of_two_pipes(base, effort, folder):
     yield Number(what, old / new, low=25, note=note)
     yield Number("the same with two processes: times faster than one", alone / both, low=1.7)
     side_by_side = _wall_of_two_commands(sorted(files.iterdir()), folder)
-    note = "two commands that share nothing, each with half of the files"
-    yield Number("what the machine's two cores allow", alone / side_by_side, note=note)
+    note = "two independent commands, each with half of the files"
+    yield Number("for comparison, two commands at once", alone / side_by_side, note=note)
 
 
 def _wall_of_two_commands(files, folder):
-    """Wall time of two commands side by side, each with every second file and one process."""
+    """Return the wall time (s) of two commands at once, each with half of the files."""
 
     def measure(first):
         outputs = "--csv", folder / f"{first}.csv", "--json", folder / f"{first}.json"
@@ -118,38 +129,44 @@ def _wall_of_two_commands(files, folder):
 
 
 def matrix(base, effort, folder):
-    """Rows of heights; both without and with start-up, since the base gets fewer rows."""
+    """Yield the times of a matrix of heights per row, the time to start the command included.
+
+    The base measures fewer rows.
+    """
     x = np.arange(400) * PITCH_MM - 60
     pipe = RADIUS_MM * (np.sqrt(np.maximum(1 - (x / RADIUS_MM) ** 2, 0.0)) - 1) - 400
-    heights = np.where(np.abs(x) < SEEN * RADIUS_MM, pipe, -450.0)
+    heights = np.where(np.abs(x) < VISIBLE_HALF_WIDTH * RADIUS_MM, pipe, -450.0)
     rng = np.random.default_rng(1)
     rows = heights + rng.normal(0, 0.02, (effort.rows, 400))
     small, large = folder / "small.npy", folder / "large.npy"
     np.save(small, rows[: effort.base_rows])
     np.save(large, rows)
-    words = "--x0", -60, "--dx", PITCH_MM, "--csv", folder / "m.csv"
-    old, _, _ = run(base, "measure", small, *words)
-    found = _cylinders_in(folder / "m.csv")
-    new, _, memory = run(ROOT, "measure", large, *words, "--jobs", 1)
+    options = "--x0", -60, "--dx", PITCH_MM, "--csv", folder / "m.csv"
+    old, _, _ = run(base, "measure", small, *options)
+    base_cylinders = _cylinders_in(folder / "m.csv")
+    new, _, memory = run(ROOT, "measure", large, *options, "--jobs", 1)
+    cylinders = _cylinders_in(folder / "m.csv")
     yield Number(
-        "cylinders a row of the base and of this commit, the smaller",
-        min(found / effort.base_rows, _cylinders_in(folder / "m.csv") / effort.rows),
+        "cylinders a row, the smaller number of both commits",
+        min(base_cylinders / effort.base_rows, cylinders / effort.rows),
         low=0.99,
     )
-    _, _, small_memory = run(ROOT, "measure", small, *words, "--jobs", 1)
+    _, _, small_memory = run(ROOT, "measure", small, *options, "--jobs", 1)
     ratio = old / effort.base_rows / (new / effort.rows)
     note = f"{effort.base_rows / old:.1f} and {effort.rows / new:.0f} profiles a second"
     yield Number(f"matrix of {effort.rows} x 400, --csv: times faster", ratio, low=40, note=note)
-    more = memory - small_memory
-    yield Number("its memory above that of the first rows", more, high=20, unit="MB")
+    increase = memory - small_memory
+    yield Number("its memory above that for the rows of the base", increase, high=20, unit="MB")
 
 
 def _cylinders_in(path):
+    """Return the number of cylinders in a CSV file of results."""
     with path.open(newline="") as file:
         return sum(bool(row["radius_mm"]) for row in csv.DictReader(file))
 
 
 def batch(_base, effort, folder):
+    """Yield profiles per second and memory of ``lsvision batch``."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -164,12 +181,12 @@ def batch(_base, effort, folder):
     rate = effort.batch_profiles / wall
     what = f"batch of {effort.batch_profiles} profiles of two pipes, two processes"
     yield Number(what, rate, low=400, unit="1/s")
-    note = "two of them, and one of 75 MB: 600 MB in all"
+    note = "with two of them and one of 75 MB it uses 600 MB"
     yield Number("its largest process", memory, high=260, unit="MB", note=note)
 
 
 def intervals(_base, effort, _folder):
-    """Of the cylinders of one profile, as in a live cell; of many profiles, as in files."""
+    """Yield the time of all intervals over that of the measurement, for one and many profiles."""
     for kind in ("single", "welded_pair"):
         profiles = [Profile(points) for points in points_of(effort.sections, kind)]
         one_by_one = [_measure_and_bound([profile]) for profile in profiles]
@@ -187,7 +204,7 @@ def intervals(_base, effort, _folder):
 
 
 def _measure_and_bound(profiles):
-    """Processor time, for each profile, of their measurement and of all intervals."""
+    """Return the processor time per profile (s) of the measurement and of all intervals."""
     measurements, measuring = _timed(lambda: measure_profiles(profiles))
     cylinders = [cylinder for each in measurements for cylinder in each.cylinders]
     _, bounding = _timed(lambda: compute_intervals(cylinders))
@@ -195,37 +212,41 @@ def _measure_and_bound(profiles):
 
 
 def _timed(function):
-    """Return the value of a function, and its processor time."""
+    """Return the value of a function, and its processor time (s)."""
     start = time.process_time()
     value = function()
     return value, time.process_time() - start
 
 
 def start_up(base, _effort, _folder):
+    """Yield the time of ``lsvision measure`` for one file."""
     file = ROOT / "fixtures/welded_pair.csv"
     rounds = [(run(base, "measure", file)[0], run(ROOT, "measure", file)[0]) for _ in range(5)]
     old, new = np.median(rounds, axis=0)
     note = f"{old:.2f} and {new:.2f} s of processor"
-    yield Number("lsvision measure FILE / the base", new / old, high=0.45, note=note)
+    yield Number("lsvision measure FILE / base", new / old, high=0.45, note=note)
 
 
 def images_and_scans(base, effort, folder):
+    """Yield the rows of `tests.bench.images_and_scans`."""
     from tests.bench.images_and_scans import compare
 
     yield from compare(base, folder, effort.images, effort.scans)
 
 
 PARTS = {
-    each.__name__: each
-    for each in (start_up, intervals, files_of_two_pipes, matrix, batch, images_and_scans)
+    part.__name__: part
+    for part in (start_up, intervals, files_of_two_pipes, matrix, batch, images_and_scans)
 }
+"""Each part by name: a function of the tree of the base, an effort and an empty folder."""
 
 
-def main(words=None):
+def main(arguments=None):
+    """Measure the parts and print their rows."""
     parser = argparse.ArgumentParser(prog="python -m tests.bench end_to_end", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="fewer files and profiles")
     parser.add_argument("--only", nargs="+", choices=PARTS, default=list(PARTS), metavar="PART")
-    options = parser.parse_args(words)
+    options = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory(prefix="lsvision_bench_") as name:
         folder = Path(name)
         archive = subprocess.run(
@@ -234,7 +255,7 @@ def main(words=None):
         with tarfile.open(fileobj=io.BytesIO(archive)) as tar:
             tar.extractall(folder / "base", filter="data")
         for part in options.only:
-            own = folder / part
-            own.mkdir()
+            part_folder = folder / part
+            part_folder.mkdir()
             effort = QUICK if options.quick else FULL
-            print_numbers(part, PARTS[part](folder / "base", effort, own))
+            print_numbers(part, PARTS[part](folder / "base", effort, part_folder))

@@ -6,9 +6,9 @@ from math import inf, isfinite
 
 @dataclass(frozen=True)
 class Number:
-    """One row of the report.
+    """Row of the report: a quantity and its value.
 
-    `low` and `high` are the goal, both included; without either the number is for information.
+    The goal is reached from `low` to `high`, both included; a value without them has no goal.
     """
 
     what: str
@@ -41,11 +41,12 @@ class Number:
 
 
 def print_numbers(title, numbers):
+    """Print rows below a title, each as soon as it is measured."""
     print(f"\n{title}")
     for number in numbers:
         print(f"  {number}", flush=True)
 
 
 def missed(numbers):
-    """Rows whose goal is not reached, as text."""
+    """Return the rows whose goal is not reached, as text."""
     return [str(number) for number in numbers if number.has_goal and not number.reached]

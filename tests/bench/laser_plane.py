@@ -1,7 +1,7 @@
-"""Goals G9 and G10 of the laser plane's calibration: python -m tests.bench.laser_plane [runs].
+"""Laser-plane calibrations beside goals G9 and G10: ``python -m tests.bench.laser_plane [RUNS]``.
 
-With ``images N`` instead: N sets of images as of the shipped example (JPEG, black squares,
-markers), other poses and noise each; 15 s a set.
+With ``images N`` instead, from N sets of images rendered like the example in the repository (JPEG,
+black squares, markers), each with other poses and noise; 15 s a set.
 """
 
 import sys
@@ -20,6 +20,7 @@ from lsvision.simulate.boards import BoardScene, simulate_boards
 from tests.scripts import import_script
 
 BOARDS = 15
+"""Number of board poses of a calibration."""
 SCENES = {
     "G9  flat board": BoardScene(),
     "G10 bow 0.1, 0 mm": BoardScene(bow=(0.1, 0.0)),
@@ -29,7 +30,7 @@ SCENES = {
 
 
 def calibrated(scene, seed):
-    """A calibration as a user makes it: camera from the same boards, then the plane."""
+    """Return a calibration of camera and laser plane from the same boards, and its time (s)."""
     boards = simulate_boards(scene, BOARDS, rng=np.random.default_rng(seed))
     camera = fit_camera([TargetView(b.points, b.pixels, scene.size) for b in boards]).camera
     std = np.full(scene.line_points, scene.line_std)
@@ -39,7 +40,10 @@ def calibrated(scene, seed):
 
 
 def errors(scene, found):
-    """RMS error over the measuring volume, mm: absolute, and after rigid alignment (shape)."""
+    """Return the RMS errors of points of the laser plane: absolute, and after rigid alignment.
+
+    The latter is the error of shape. The points fill the field of view. Units: mm.
+    """
     depth = scene.distance * (1 + np.linspace(-0.13, 0.13, 7))
     x, z = np.meshgrid(np.linspace(-0.2, 0.2, 9) * scene.distance, depth)
     normal = scene.plane.normal
@@ -52,29 +56,29 @@ def errors(scene, found):
     a, b = seen - seen.mean(axis=0), truth - truth.mean(axis=0)
     left, _, right = np.linalg.svd(a.T @ b)
     aligned = a @ left @ np.diag([1, 1, np.linalg.det(left @ right)]) @ right
-    return [np.sqrt(np.mean(np.sum(gap**2, axis=1))) for gap in (seen - truth, aligned - b)]
+    return [np.sqrt(np.mean(np.sum(error**2, axis=1))) for error in (seen - truth, aligned - b)]
 
 
 def plane_error(found, truth):
-    """Tilt about the section's X and Y (rad) and distance (mm)."""
+    """Return the errors of the plane: tilt about the section's X and Y (rad), distance (mm)."""
     x_axis, y_axis, z_axis = found.light_section.camera_from_section.rotation.T
     normal = truth.normal * np.sign(z_axis @ truth.normal)
     return np.array([normal @ y_axis, -(normal @ x_axis), found.plane.distance - truth.distance])
 
 
 def normalised(found, error):
-    """NEES/3."""
+    """Return error' covariance^-1 error / 3 (NEES/3), 1 on average for a valid covariance."""
     return error @ np.linalg.solve(found.covariance, error) / 3
 
 
 def recipe():
-    """The shipped example's recipe."""
+    """Return the script that made the example in the repository, as a module."""
     path = Path(__file__).parents[2] / "calibration" / "example" / "make.py"
     return import_script(path)
 
 
 def from_images(make, seed):
-    """Calibration from the images of one set, as the scripts do it."""
+    """Return the calibration from one set of images."""
     with tempfile.TemporaryDirectory() as folder:
         make.write_boards(Path(folder), np.random.default_rng([4, seed]))
         boards, lines = (
@@ -86,22 +90,22 @@ def from_images(make, seed):
 
 
 def main_images(runs):
-    """Print whether sigmas from images are valid."""
+    """Print errors and predicted standard deviations of calibrations from images."""
     make = recipe()
     found = [from_images(make, seed) for seed in range(runs)]
     rows = np.array([plane_error(each, make.RIG.laser_plane) for each in found])
-    said = np.sqrt(np.mean([np.diag(each.covariance) for each in found], axis=0))
+    predicted = np.sqrt(np.mean([np.diag(each.covariance) for each in found], axis=0))
     rms = np.sqrt(np.mean(rows**2, axis=0))
     nees = [normalised(each, row) for each, row in zip(found, rows, strict=True)]
     scale = np.array([np.degrees(1), np.degrees(1), 1.0])
     print(
-        f"{runs} sets of images: rms (deg, deg, mm) {np.round(rms * scale, 4)}  said "
-        f"{np.round(said * scale, 4)}  NEES/3 {np.mean(nees):.2f} | goal 0.7-1.4"
+        f"{runs} sets of images: rms (deg, deg, mm) {np.round(rms * scale, 4)}  predicted "
+        f"{np.round(predicted * scale, 4)}  NEES/3 {np.mean(nees):.2f} | goal 0.7-1.4"
     )
 
 
 def main(runs):
-    """Print what was measured beside the goals."""
+    """Print the errors of so many calibrations of each scene below the goals."""
     print("goals: shape <= 3.5 um, absolute <= 100 um, line <= 0.11 px, bow +/- 5 um")
     for name, scene in SCENES.items():
         rows, bows, nees = [], [], []
@@ -114,7 +118,7 @@ def main(runs):
         worst = 1e3 * np.abs(bows).max()
         print(
             f"{name:24s} shape {1e3 * rms[1]:5.2f} um  absolute {1e3 * rms[0]:6.1f} um  line "
-            f"{rms[2]:.4f} px  bow off by {1e3 * np.sqrt(np.mean(np.square(bows))):.2f} um rms, "
+            f"{rms[2]:.4f} px  bow error {1e3 * np.sqrt(np.mean(np.square(bows))):.2f} um rms, "
             f"{worst:.2f} worst  NEES/3 {np.mean(nees):.2f}  {rms[3]:.2f} s"
         )
 

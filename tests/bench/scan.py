@@ -1,4 +1,4 @@
-"""Accuracy of scans, measured: ``python -m tests.bench.scan [--runs N]``."""
+"""Accuracy of scans: ``python -m tests.bench.scan [grid] [two] [clutter] [shape] [--runs N]``."""
 
 import argparse
 import dataclasses
@@ -31,16 +31,31 @@ PAPER_ANGLES = ((10.0, 30.0), (20.0, 20.0), (30.0, 10.0))
 
 @dataclass(frozen=True)
 class Outcome:
-    """Errors of one measured tube over their bound, and in its own sigmas."""
+    """Errors of one measured tube.
+
+    Parameters
+    ----------
+    radius : float
+        Error of the radius over its Cramer-Rao bound.
+    direction : (2,) ndarray
+        Errors of the direction along e_phi and e_theta over their bounds.
+    nees : float
+        Squared error of direction and radius over the predicted covariance, divided by 3.
+    right_sign : bool
+        Whether the error of the direction is below phi; that of the twin is 2 phi.
+    gross : bool
+        Whether the radius is wrong by more than 5 % or the direction by more than 2 deg.
+    """
 
     radius: float
-    direction: FloatArray  # (2,) along e_phi, e_theta
-    nees: float  # of direction and radius together, per degree of freedom
+    direction: FloatArray
+    nees: float
     right_sign: bool
     gross: bool
 
 
 def feed(count: int, length: float) -> list[Pose]:
+    """Return poses evenly spaced over a length (mm) along Z, from 0."""
     step = length / (count - 1)
     return [Pose.along((0.0, 0.0, 1.0), step * k) for k in range(count)]
 
@@ -56,74 +71,85 @@ def centred_tube(radius: float, theta_deg: float, phi_deg: float, length: float)
 def bound_covariance(
     cylinder: Cylinder, label: int, seen: tuple[SimulatedSection, ...], poses: list[Pose]
 ) -> FloatArray:
-    """The bound from the points that the simulation says lie on the tube."""
+    """Return the Cramer-Rao bound (5, 5) from the true points of the tube with a label."""
     points, variances = [], []
     for section, pose in zip(seen, poses, strict=True):
-        mine = section.truth.labels == label
-        exact = section.truth.points[mine]
-        true = pose.apply(exact)
-        across = true - cylinder.point
-        across -= np.outer(across @ cylinder.direction, cylinder.direction)
-        normals = across / np.linalg.norm(across, axis=1, keepdims=True) @ pose.rotation
-        rays = exact / np.linalg.norm(exact, axis=1, keepdims=True)
-        std = section.sensor.range_std * (exact**2).sum(axis=1) / 400.0**2
+        in_section = section.truth.points[section.truth.labels == label]
+        in_base = pose.apply(in_section)
+        radial = in_base - cylinder.point
+        radial -= np.outer(radial @ cylinder.direction, cylinder.direction)
+        normals = radial / np.linalg.norm(radial, axis=1, keepdims=True) @ pose.rotation
+        rays = in_section / np.linalg.norm(in_section, axis=1, keepdims=True)
+        # The noise along the ray increases with the square of the range.
+        std = section.sensor.range_std * (in_section**2).sum(axis=1) / 400.0**2
         cosine = (normals[:, :2] * rays).sum(axis=1)
-        points.append(true)
+        points.append(in_base)
         variances.append((std * cosine) ** 2 + section.sensor.quantum**2 / 12)
     return scan_bound(cylinder, np.concatenate(points), np.concatenate(variances)).covariance
 
 
 def judge(found: ScannedCylinder, truth: Cylinder, bound: FloatArray) -> Outcome:
+    """Return the errors of a measured tube; `bound` is the Cramer-Rao bound (5, 5)."""
     direction = truth.direction * np.sign(truth.direction @ found.direction)
-    off = (found.direction - direction) @ found.fit.tangent_basis.T
-    errors = np.array([*off, found.radius - truth.radius])
-    own = found.covariance[2:, 2:]
-    axis_deg = math.degrees(float(np.linalg.norm(off)))
+    direction_errors = (found.direction - direction) @ found.fit.tangent_basis.T
+    errors = np.array([*direction_errors, found.radius - truth.radius])
+    predicted = found.covariance[2:, 2:]
+    axis_deg = math.degrees(float(np.linalg.norm(direction_errors)))
     return Outcome(
         radius=float(errors[2] / math.sqrt(bound[4, 4])),
         direction=errors[:2] / np.sqrt(np.diag(bound)[2:4]),
-        nees=float(errors @ np.linalg.solve(own, errors)) / 3,
+        nees=float(errors @ np.linalg.solve(predicted, errors)) / 3,
         right_sign=axis_deg < math.degrees(math.acos(min(1.0, abs(truth.direction[2])))),
         gross=abs(errors[2]) > 0.05 * truth.radius or axis_deg > 2.0,
     )
 
 
 @dataclass(frozen=True)
-class Looked:
-    """What one scan yielded."""
+class ScanResult:
+    """Results of one scan.
 
-    outcomes: list[Outcome | None]  # one a tube that enough sections show; None = missed
-    extra: int  # cylinders found that are no tube
+    Parameters
+    ----------
+    outcomes : list of Outcome or None
+        For each tube that is visible in a third of the sections; None if it was missed.
+    extra : int
+        Number of cylinders that are not near a tube.
+    seconds : float
+        Time of the measurement.
+    """
+
+    outcomes: list[Outcome | None]
+    extra: int
     seconds: float
 
 
-def run(scene: Scene, poses: list[Pose], noise: float, rng: np.random.Generator) -> Looked:
+def run(scene: Scene, poses: list[Pose], noise: float, rng: np.random.Generator) -> ScanResult:
+    """Simulate and measure a scan; `noise` is the std along the ray at 400 mm. Units: mm."""
     sensor = dataclasses.replace(SCENE_SENSOR, range_std=noise)
     seen = simulate_scan(scene, poses, sensor, SectionSettings(), rng=rng)
     start = time.perf_counter()
     scan = measure_scan([section.profile for section in seen], poses)
     seconds = time.perf_counter() - start
     outcomes: list[Outcome | None] = []
-    accounted = 0
+    matched = 0
     for label, tube in enumerate(scene.tubes, start=1):
         near = [c for c in scan.cylinders if is_near(c, tube.cylinder)]
-        accounted += len(near)
+        matched += len(near)
         visible = [t.visible for section in seen for t in section.truth.tubes if t.label == label]
         if sum(visible) >= max(2, len(poses) / 3):
             bound = bound_covariance(tube.cylinder, label, seen, poses)
             outcomes.append(judge(near[0], tube.cylinder, bound) if near else None)
-    return Looked(outcomes, len(scan.cylinders) - accounted, seconds)
+    return ScanResult(outcomes, len(scan.cylinders) - matched, seconds)
 
 
 def is_near(found: ScannedCylinder, truth: Cylinder) -> bool:
-    """Whether the axis found passes the true one within a radius where it was seen."""
+    """Return whether the middle of a measured axis is within a radius of the true axis."""
     middle = found.point + found.direction * sum(found.axial_range) / 2
-    apart = middle - truth.point
-    apart = apart - (apart @ truth.direction) * truth.direction
-    return float(np.linalg.norm(apart)) < truth.radius
+    return float(truth.signed_distances(middle[None])[0]) < 0
 
 
 def summarise(name: str, outcomes: list[Outcome | None]) -> None:
+    """Print the row of the tubes of one condition."""
     found = [outcome for outcome in outcomes if outcome is not None]
     radius = np.array([outcome.radius for outcome in found])
     direction = np.array([outcome.direction for outcome in found])
@@ -138,6 +164,7 @@ def summarise(name: str, outcomes: list[Outcome | None]) -> None:
 
 
 def paper_grid(runs: int, count: int = 20, length: float = 20.0, noise: float = 0.1) -> None:
+    """Print the rows of all radii and angles of the paper."""
     print(f"# paper's grid, {count} sections over {length:g} mm, noise {noise} mm: "
           "RMSE/bound <= 1.10 for 20 sections, 1.15 for two; NEES/dof 0.8-1.25")  # fmt: skip
     total = []
@@ -151,7 +178,7 @@ def paper_grid(runs: int, count: int = 20, length: float = 20.0, noise: float = 
 
 
 def two_sections(runs: int) -> None:
-    """Two sections 10 mm apart: which twin, and how well."""
+    """Print the rows of two sections 10 mm apart, at several tilts and noises."""
     for noise, phis in ((0.05, (5.0, 10.0, 20.0, 30.0)), (0.1, (10.0, 20.0, 30.0))):
         print(
             f"# 2 sections 10 mm apart, noise {noise} mm: sign right >= 99.5 %, RMSE/bound <= 1.15"
@@ -167,30 +194,30 @@ def two_sections(runs: int) -> None:
 
 
 def in_clutter(runs: int) -> None:
-    """Clutter that the tubes run through, 11 sections over 50 mm and 101 over 100 mm."""
+    """Print the rows of tubes in clutter, 11 sections over 50 mm and 101 over 100 mm."""
     print("# clutter: RMSE/bound <= 1.15, no gross failure; 101 sections <= 1.5 s")
-    for count, length, share in ((11, 50.0, 1), (101, 100.0, 8)):
+    for count, length, runs_divisor in ((11, 50.0, 1), (101, 100.0, 8)):
         for kind in ("complex", "welded_complex"):
             outcomes, extra, seconds = [], [], []
-            for seed in range(max(runs // share, 1)):
+            for seed in range(max(runs // runs_divisor, 1)):
                 rng = np.random.default_rng([seed, count, len(kind)])
                 scene = SCENE_KINDS[kind](rng, TubeRanges(phi_deg=(0.0, 30.0)))
                 poses = [
                     Pose.along((0.0, 0.0, 1.0), z)
                     for z in np.linspace(-length / 2, length / 2, count)
                 ]
-                looked = run(scene, poses, 0.05, rng)
-                outcomes += looked.outcomes
-                extra.append(looked.extra)
-                seconds.append(looked.seconds)
-                if looked.extra or any(o is None or o.gross for o in looked.outcomes):
-                    print("   look at", kind, seed, looked)
+                result = run(scene, poses, 0.05, rng)
+                outcomes += result.outcomes
+                extra.append(result.extra)
+                seconds.append(result.seconds)
+                if result.extra or any(o is None or o.gross for o in result.outcomes):
+                    print("   fault in", kind, seed, result)
             summarise(f"{kind}, {count} over {length:g} mm", outcomes)
             print(f"   extra cylinders {sum(extra)}, median {np.median(seconds):.2f} s a scan")
 
 
 def shapes(runs: int) -> None:
-    """Power and false alarms of the tests of shape, noise 0.02 mm."""
+    """Print power and false alarms of the tests of shape, noise 0.02 mm."""
     print("# noise 0.02 mm: 5 m bend over 500 mm, 0.5 % ovality: power >= 0.95 at 1 % false alarms")
     scenes = {
         "straight and round, 26 sections over 500 mm": (lambda: straight(19.0), 26, 500.0),
@@ -202,21 +229,22 @@ def shapes(runs: int) -> None:
     }
     for number, (name, (scene, count, length)) in enumerate(scenes.items()):
         rng = np.random.default_rng([7, number])
-        found = [shape_seen(Scene((scene(),)), count, length, rng) for _ in range(runs)]
-        shares = [
+        found = [measured_shape(Scene((scene(),)), count, length, rng) for _ in range(runs)]
+        fractions = [
             np.mean([getattr(shape, what).is_significant() for shape in found])
             for what in ("bow", "taper", "ovality_terms")
         ]
         radius = np.array([shape.bow_radius for shape in found]) / 1000
         ovality = np.array([shape.ovality for shape in found]) * 100
         print(
-            f"{name:44s} n {runs}  significant: bow {shares[0]:.3f} taper {shares[1]:.3f} "
-            f"ovality {shares[2]:.3f}  bow radius {np.median(radius):.2f} m +/- "
+            f"{name:44s} n {runs}  significant: bow {fractions[0]:.3f} taper {fractions[1]:.3f} "
+            f"ovality {fractions[2]:.3f}  bow radius {np.median(radius):.2f} m +/- "
             f"{radius.std():.2f}  ovality {ovality.mean():.2f} +/- {ovality.std():.2f} %"
         )
 
 
-def shape_seen(scene: Scene, count: int, length: float, rng: np.random.Generator) -> TubeShape:
+def measured_shape(scene: Scene, count: int, length: float, rng: np.random.Generator) -> TubeShape:
+    """Return the shape of a scene's tube from `count` sections over a length (mm)."""
     sensor = dataclasses.replace(SCENE_SENSOR, range_std=0.02)
     seen = simulate_scan(scene, feed(count, length), sensor, SectionSettings(), rng=rng)
     scan = measure_scan([section.profile for section in seen], feed(count, length))
@@ -224,23 +252,24 @@ def shape_seen(scene: Scene, count: int, length: float, rng: np.random.Generator
 
 
 def straight(radius: float) -> Tube:
-    """Tilted by 5 deg, so that it stays in view over half a metre."""
+    """Return a tube tilted by 5 deg, so that it stays in view over half a metre."""
     return centred_tube(radius, 40.0, 5.0, 20.0)
 
 
 def bent(radius: float, bend_radius: float) -> BentTube:
+    """Return a tube bent about an axis near Y, 400 mm from the sensor at z = 250 mm."""
     return BentTube(radius, (bend_radius, -400.0, 250.0), (0.0, 1.0, 0.05), bend_radius)
 
 
 def oval(radius: float, ovality: float) -> Prism:
-    """An elliptical cylinder as a prism of many corners; its long axis stands askew."""
+    """Return an elliptical cylinder, as a prism of many corners, with its major axis at 30 deg."""
     t = np.linspace(0, 2 * math.pi, 2001)
-    across = radius * np.column_stack(
+    corners = radius * np.column_stack(
         [(1 + ovality / 2) * np.cos(t), (1 - ovality / 2) * np.sin(t)]
     )
-    turn = math.radians(30.0)
-    rotation = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
-    return Prism(across @ rotation.T + (0.0, -400.0), along=(0.0, 0.0, 1.0))
+    cos, sin = math.cos(math.radians(30.0)), math.sin(math.radians(30.0))
+    rotation = np.array([[cos, -sin], [sin, cos]])
+    return Prism(corners @ rotation.T + (0.0, -400.0), along=(0.0, 0.0, 1.0))
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""Which code was measured: numbers of two states of the code are not to be mixed."""
+"""Fingerprint of the code that is measured, to tell results of different states apart."""
 
 import hashlib
 from pathlib import Path
@@ -9,7 +9,7 @@ PACKAGE = Path(lsvision.__file__).parent
 
 
 def fingerprint():
-    """Eight digits that change with any source file of the package."""
+    """Return eight hexadecimal digits that change with any source file of the package."""
     digest = hashlib.sha256()
     for path in sorted(PACKAGE.rglob("*.py")):
         digest.update(path.relative_to(PACKAGE).as_posix().encode())

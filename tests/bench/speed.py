@@ -1,7 +1,7 @@
 """Time of one measurement on one core.
 
-Processor time of this one thread, because the machine is shared: what others do to it shows in
-wall time at random. The minimum stands beside the median for the same reason.
+Processor time instead of wall time, and the minimum beside the median, because other processes use
+the machine.
 """
 
 import math
@@ -39,14 +39,14 @@ from tests.bench.spheres import REAL, real_data
 FIRST_SEED = 40_000
 COLUMNS = (256, 512, 1024, 2048, 4096)
 LONG_PROFILE = 1200
-"""Least points of the real profiles that stand for 1280."""
+"""Smallest number of points of a real profile that is timed (the sensor has 1280)."""
 HELP_RUNS = 9
 LONG_FILE_POINTS, READING_RUNS = 100_000, 5
 
 
 @dataclass(frozen=True)
 class Times:
-    """Seconds of many runs."""
+    """Processor time of each of many runs (s)."""
 
     what: str
     seconds: np.ndarray
@@ -60,6 +60,7 @@ class Times:
         return float(np.percentile(self.seconds, 95))
 
     def rows(self, goal_ms):
+        """Yield the median, and the ratio of the 95 % quantile to it."""
         note = f"min {1e3 * self.seconds.min():.2f}, {len(self.seconds)} runs"
         yield Number(f"{self.what}, median", 1e3 * self.median, high=goal_ms, unit="ms", note=note)
         yield Number(f"{self.what}, p95 / median", self.p95 / self.median, high=2.0)
@@ -67,37 +68,43 @@ class Times:
 
 @dataclass(frozen=True)
 class LiteralTimes:
-    """The same profiles by lsvision, and twice by the paper's pipeline.
+    """Times of lsvision and of two implementations of the paper's pipeline on the same profiles.
 
-    `typed` is the pipeline as one types it in, its fits left to scipy's `least_squares` as it
-    stands: unknowns x_0, y_0, a, b, theta, derivatives by differences. The paper says no more,
-    and the design page's 5 to 6 s a profile are this pipeline's.
-    `measure_cylinders_paper` reaches the same minima with parameters and derivatives of ours.
+    `paper` is `measure_cylinders_paper`, whose fits use lsvision's parameters and derivatives.
+    `plain` is the same with the fits of scipy's `least_squares` and its defaults: unknowns x_0,
+    y_0, a, b, theta, derivatives by differences. The paper does not state more than that.
     """
 
     kind: str
     ours: Times
     paper: Times
-    typed: Times
+    plain: Times
 
     @property
     def rows(self):
-        note = f"{self.typed.median:.1f} s a profile"
-        ratio = self.typed.median / self.ours.median
-        yield Number(f"times the literal pipeline as typed, {self.kind}", ratio, 500, note=note)
+        note = f"{self.plain.median:.1f} s a profile"
+        ratio = self.plain.median / self.ours.median
+        yield Number(f"paper's pipeline by scipy / lsvision, {self.kind}", ratio, 500, note=note)
         ratio = self.paper.median / self.ours.median
-        yield Number(f"times measure_cylinders_paper, {self.kind}", ratio)
+        yield Number(f"measure_cylinders_paper / lsvision, {self.kind}", ratio)
 
 
 @dataclass(frozen=True)
 class Speed:
+    """All times.
+
+    `real` is None without the real profiles; `growth` has the times for each number of `COLUMNS`,
+    and `missed` is the number of tubes missed there; `help_seconds` has wall and processor time of
+    each run of ``lsvision --help``, (n, 2); `reading` is the ratio of `_compare_reading`.
+    """
+
     single: Times
     pair: Times
     real: Times | None
-    literal: tuple["LiteralTimes", ...]
+    literal: tuple[LiteralTimes, ...]
     growth: tuple[Times, ...]
-    lacking: int
-    show_help: np.ndarray
+    missed: int
+    help_seconds: np.ndarray
     reading: float
 
     @property
@@ -123,22 +130,21 @@ class Speed:
         note = ", ".join(f"{times.what} {1e3 * times.median:.1f} ms" for times in self.growth)
         yield Number("growth with points, exponent", self.slope, high=1.0, note=note)
         yield Number("growth, steepest doubling", self.steepest)
-        # Failing is fast: growth counts only while the tubes are found.
-        yield Number("growth: tubes missed at all sizes", self.lacking, high=0)
-        note = f"min {self.show_help.min():.2f}, wall"
-        yield Number(
-            "lsvision --help", float(np.median(self.show_help)), high=0.3, unit="s", note=note
-        )
+        # The time for many points is only comparable if the tubes are found there.
+        yield Number("growth: tubes missed at all sizes", self.missed, high=0)
+        wall, processor = np.median(self.help_seconds, axis=0)
+        note = f"wall time {wall:.2f} s"
+        yield Number("lsvision --help, median", processor, high=0.3, unit="s", note=note)
         note = f"{LONG_FILE_POINTS} points of a plain CSV, median of {READING_RUNS} rounds"
         yield Number("read_profile / numpy.loadtxt", self.reading, high=2.0, note=note)
 
 
 def measure_speed(scenes, repeats):
-    """Times over `scenes` random scenes of a kind, each measured `repeats` times."""
+    """Measure `scenes` random scenes of each kind `repeats` times."""
     cv2.setNumThreads(1)
     single = [random_section("single", FIRST_SEED + i).profile for i in range(scenes)]
     pair = [random_section("welded_complex", FIRST_SEED + i).profile for i in range(scenes)]
-    growth, lacking = _time_growth(scenes // 2, repeats)
+    growth, missed = _time_growth(scenes // 2, repeats)
     few = max(scenes // 8, 2)
     kinds = (("single", single[:few]), ("welded pair in clutter", pair[:few]))
     return Speed(
@@ -147,14 +153,14 @@ def measure_speed(scenes, repeats):
         real=_time_real(repeats),
         literal=tuple(_literal_times(*kind, repeats) for kind in kinds),
         growth=growth,
-        lacking=lacking,
-        show_help=np.array([_time_help() for _ in range(HELP_RUNS)]),
+        missed=missed,
+        help_seconds=np.array([_time_help() for _ in range(HELP_RUNS)]),
         reading=_compare_reading(),
     )
 
 
 def time_measuring(what, profiles, repeats, measure=measure_cylinders):
-    """Each profile `repeats` times after one that is not counted."""
+    """Return the times of `repeats` measurements of each profile, after one that is not timed."""
     seconds = []
     for profile in counted(profiles, f"speed, {what}"):
         measure(profile)
@@ -168,20 +174,22 @@ def time_measuring(what, profiles, repeats, measure=measure_cylinders):
 def _literal_times(kind, profiles, repeats):
     ours = time_measuring("for the ratio", profiles, repeats)
     paper = time_measuring("measure_cylinders_paper", profiles, 1, measure_cylinders_paper)
-    with mock.patch("lsvision.studies.chen_liu_2016.paper_pipeline.fit_ellipse", _fit_as_typed):
-        typed = time_measuring("literal pipeline as typed", profiles, 1, measure_cylinders_paper)
-    return LiteralTimes(kind, ours, paper, typed)
+    with mock.patch("lsvision.studies.chen_liu_2016.paper_pipeline.fit_ellipse", _fit_by_scipy):
+        plain = time_measuring("paper's pipeline by scipy", profiles, 1, measure_cylinders_paper)
+    return LiteralTimes(kind, ours, paper, plain)
 
 
-def _fit_as_typed(points, start, **options):
-    first = (*start.centre, start.semi_major, start.semi_minor, start.theta)
-    x, y, a, b, theta = least_squares(_radial_distances, first, args=points.T).x
-    # What makes an EllipseFit of it starts at the minimum, and adds a tenth to the time.
+def _fit_by_scipy(points, initial_guess, **options):
+    """Return the fit of the paper's residuals by scipy; replaces `fit_ellipse`."""
+    start = (*initial_guess.centre, initial_guess.semi_major, initial_guess.semi_minor,
+             initial_guess.theta)  # fmt: skip
+    x, y, a, b, theta = least_squares(_radial_distances, start, args=points.T).x
+    # The result must be an EllipseFit: this fit starts at the minimum and adds a tenth of the time.
     return fit_ellipse(points, Ellipse.from_axes((x, y), abs(a), abs(b), theta), **options)
 
 
 def _radial_distances(unknowns, x, y):
-    """The paper's r_j, Eq. (4), written so that it has a value at x_j = x_0 too."""
+    """Return the paper's r_j, Eq. (4), in a form that is also defined at x_j = x_0."""
     x0, y0, a, b, theta = unknowns
     u = (x - x0) * math.cos(theta) + (y - y0) * math.sin(theta)
     v = (y - y0) * math.cos(theta) - (x - x0) * math.sin(theta)
@@ -190,6 +198,7 @@ def _radial_distances(unknowns, x, y):
 
 
 def _time_real(repeats):
+    """Return the times of the long real profiles; None without them."""
     if not real_data():
         return None
     files = sorted((REAL / "sphere-profiles").glob("*.csv"))
@@ -198,7 +207,7 @@ def _time_real(repeats):
 
 
 def _welded_pairs(columns, scenes):
-    """The same scenes at any number of columns."""
+    """Yield sections of the same welded pairs in clutter by a sensor with so many columns."""
     sensor = replace(SCENE_SENSOR, columns=columns)
     for seed in range(FIRST_SEED, FIRST_SEED + scenes):
         rng = np.random.default_rng(seed)
@@ -207,20 +216,20 @@ def _welded_pairs(columns, scenes):
 
 
 def _time_growth(scenes, repeats):
-    """Times at each size, and the tubes that were missed meanwhile."""
-    growth, lacking = [], 0
+    """Return the times for each number of `COLUMNS`, and the number of tubes missed."""
+    growth, missed = [], 0
     for columns in COLUMNS:
         sections = list(_welded_pairs(columns, scenes))
         profiles = [section.profile for section in sections]
         growth.append(time_measuring(str(columns), profiles, min(repeats, 3)))
         for section in sections:
             found = measure_cylinders(section.profile)
-            lacking += len(match_tubes(found, section.truth).missed)
-    return tuple(growth), lacking
+            missed += len(match_tubes(found, section.truth).missed)
+    return tuple(growth), missed
 
 
 def _time_help():
-    """Wall and processor seconds of one ``lsvision --help`` in a process of its own."""
+    """Return wall and processor time (s) of ``lsvision --help`` in a process of its own."""
     start, used = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
     subprocess.run(
         [sys.executable, "-m", "lsvision", "--help"], check=True, stdout=subprocess.DEVNULL
@@ -231,7 +240,7 @@ def _time_help():
 
 
 def _compare_reading():
-    """Processor time of reading a plain CSV, over that of `numpy.loadtxt` on the same file."""
+    """Return the time of `read_profile` for a plain CSV over that of `numpy.loadtxt`."""
     points = np.random.default_rng(1).normal(0, 50, (LONG_FILE_POINTS, 2)).round(4)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "long.csv"

@@ -1,7 +1,7 @@
-"""Real spheres: labelled arcs of industrial profilers, and those of sphere-robot.
+"""Real profiles of spheres: the labelled arcs of sphere-profiles, and those of sphere-robot.
 
-A plane cuts a sphere in a circle, so phi is exactly 0. The real data are not shipped; without
-``../shared/real`` there is nothing to count and `real_data` says so.
+A plane cuts a sphere in a circle, so that phi is exactly 0. The data are not in the repository: see
+`real_data`.
 """
 
 from dataclasses import dataclass
@@ -17,10 +17,12 @@ from tests.bench.matching import point_iou
 from tests.bench.progress import counted
 
 REAL = Path(__file__).parents[3] / "shared" / "real"
-FOUND_IOU = 0.3
-"""A detection that shares less with the labelled arc is another thing."""
-FAR_OFF = 1.0  # mm
-MIN_PHI = np.radians(1.0)
+MIN_IOU = 0.3
+"""Smallest intersection over union of the points of a detection and of the labelled arc."""
+GROSS_ERROR = 1.0
+"""Error of a centre or radius above which a result is wrong. Units: mm."""
+ZERO_PHI = np.radians(1.0)
+"""Lower end of the interval of phi (rad) up to which it counts as containing 0."""
 MAIN_RADII = dict(
     zip(
         (f"p{i}" for i in range(1, 16)),
@@ -29,19 +31,25 @@ MAIN_RADII = dict(
         strict=True,
     )
 )  # fmt: skip
-"""Circle radii of sphere-robot/main, recomputed by the keeper of the data. Units: mm."""
+"""Radii of the circles of sphere-robot/main in the table that comes with the data. Units: mm."""
 BALL_RADII = {"7_3C_line": 10.72, "9_3C_line": 9.69, "10_3C_line": 9.04}
-BALL_NOISE = 0.1  # mm, of the keeper's table
-BALL_TOLERANCE = 0.1  # mm, the keeper's own
+BALL_NOISE, BALL_TOLERANCE = 0.1, 0.1
+"""Noise of the points, and tolerance of the radii, of the same table. Units: mm."""
 
 
 def real_data():
+    """Return whether the real data are there, in ``shared/real`` beside the repository."""
     return REAL.is_dir()
 
 
 @dataclass(frozen=True)
 class SphereProfile:
-    """One labelled profile against what was found in it; NaN where nothing was."""
+    """Result of one labelled profile; NaN where the sphere was not found.
+
+    IoU with the labelled arc; errors of centre and radius of the circle through the points found,
+    compared with that through the labelled ones (mm); lower end of the interval of phi (rad);
+    number of other cylinders.
+    """
 
     name: str
     iou: float
@@ -53,6 +61,8 @@ class SphereProfile:
 
 @dataclass(frozen=True)
 class Spheres:
+    """Results of all labelled profiles."""
+
     profiles: tuple[SphereProfile, ...]
 
     @property
@@ -61,32 +71,36 @@ class Spheres:
         lost = [p.name for p in self.profiles if not np.isfinite(p.iou)]
         centre = np.array([p.centre_error for p in found])
         radius = np.array([p.radius_error for p in found])
-        far = [p.name for p in found if max(p.centre_error, p.radius_error) > FAR_OFF]
-        reach = 100 * np.mean([p.phi_low <= MIN_PHI for p in found])
+        wrong = [p.name for p in found if max(p.centre_error, p.radius_error) > GROSS_ERROR]
+        contains_zero = 100 * np.mean([p.phi_low <= ZERO_PHI for p in found])
         extra = [p.name for p in found if p.extra]
         worst = max(found, key=lambda p: p.centre_error)
         yield Number("sphere-profiles: mIoU", np.mean([p.iou for p in found]), 0.982)
         note = f"worst {worst.centre_error:.3f} in {worst.name}, median {np.median(centre):.4f}"
-        yield Number("circle centre off, mean", centre.mean(), high=0.018, unit="mm", note=note)
+        yield Number(
+            "error of the circle's centre, mean", centre.mean(), high=0.018, unit="mm", note=note
+        )
         note = f"worst {radius.max():.3f}, median {np.median(radius):.4f}"
-        yield Number("circle radius off, mean", radius.mean(), high=0.012, unit="mm", note=note)
+        yield Number(
+            "error of the circle's radius, mean", radius.mean(), high=0.012, unit="mm", note=note
+        )
         yield Number("spheres missed", len(lost), high=0, note=" ".join(lost))
-        yield Number("off by more than 1 mm", len(far), high=0, note=" ".join(far))
-        yield Number("95 % of phi begins at <= 1 deg", reach, 93, unit="%")
+        yield Number("errors above 1 mm", len(wrong), high=0, note=" ".join(wrong))
+        yield Number("95 % of phi begins at <= 1 deg", contains_zero, 93, unit="%")
         note = " ".join(extra[:6])
         yield Number("profiles with a second cylinder", len(extra), note=note)
 
 
 def score_spheres():
-    """All labelled profiles of ``sphere-profiles``."""
+    """Measure all labelled profiles of ``sphere-profiles``."""
     files = sorted((REAL / "sphere-profiles").glob("*.csv"))
     return Spheres(tuple(_score_sphere(path) for path in counted(files, "sphere-profiles")))
 
 
 def fit_circle(points, loss="linear"):
-    """Least squares of the distance from a circle: centre_x, centre_y, radius. Units: mm.
+    """Return the least-squares circle of points: centre_x, centre_y, radius. Units: mm.
 
-    With ``loss="soft_l1"`` points further off than `BALL_NOISE` pull no harder than there.
+    With ``loss="soft_l1"`` the cost of distances above `BALL_NOISE` increases only linearly.
     """
     design = np.column_stack([2 * points, np.ones(len(points))])
     x, y, c = np.linalg.lstsq(design, (points**2).sum(axis=1), rcond=None)[0]
@@ -102,15 +116,15 @@ def _score_sphere(path):
     profile = read_profile(path)
     cylinders = measure_cylinders(profile).cylinders
     ious = [point_iou(cylinder.indices, labelled) for cylinder in cylinders]
-    if not ious or max(ious) < FOUND_IOU:
+    if not ious or max(ious) < MIN_IOU:
         return SphereProfile(path.stem, np.nan, np.nan, np.nan, np.nan, len(cylinders))
     cylinder = cylinders[int(np.argmax(ious))]
-    off = fit_circle(profile.points[cylinder.indices]) - fit_circle(profile.points[labelled])
+    error = fit_circle(profile.points[cylinder.indices]) - fit_circle(profile.points[labelled])
     return SphereProfile(
         path.stem,
         max(ious),
-        float(np.hypot(*off[:2])),
-        abs(float(off[2])),
+        float(np.hypot(*error[:2])),
+        abs(float(error[2])),
         cylinder.interval("phi")[0],
         len(cylinders) - 1,
     )
@@ -118,7 +132,11 @@ def _score_sphere(path):
 
 @dataclass(frozen=True)
 class SphereOnRobot:
-    """Circle radii found in sphere-robot beside the keeper's, and cylinders in the plate."""
+    """Results of sphere-robot.
+
+    `main` and `ball`: name of a profile, radius measured (NaN if none) and radius of the table (NaN
+    if none), in mm. `on_board`: name of the profile of the plane board of each false cylinder.
+    """
 
     main: tuple[tuple[str, float, float], ...]
     ball: tuple[tuple[str, float, float], ...]
@@ -126,31 +144,26 @@ class SphereOnRobot:
 
     @property
     def numbers(self):
-        off = np.array([abs(found - wanted) for _, found, wanted in self.main])
-        yield Number("sphere-robot/main: arcs found of 15", np.isfinite(off).sum(), 15)
-        yield Number("main: circle radius off, worst", np.nanmax(off), unit="mm")
+        errors = np.array([abs(measured - radius) for _, measured, radius in self.main])
+        yield Number("sphere-robot/main: arcs found of 15", np.isfinite(errors).sum(), 15)
+        yield Number("main: error of the circle's radius, worst", np.nanmax(errors), unit="mm")
         found = sum(np.isfinite(radius) for _, radius, _ in self.ball)
         yield Number("ball: arcs found of 10", found, 10)
-        for name, radius, wanted in self.ball:
-            if np.isfinite(wanted):
-                what = f"ball {name.split('_')[0]}: radius beside {wanted}"
-                yield Number(what, radius, wanted - BALL_TOLERANCE, wanted + BALL_TOLERANCE, "mm")
+        for name, measured, radius in self.ball:
+            if np.isfinite(radius):
+                what = f"ball {name.split('_')[0]}: radius beside {radius}"
+                yield Number(what, measured, radius - BALL_TOLERANCE, radius + BALL_TOLERANCE, "mm")
         note = " ".join(self.on_board)
         yield Number("board: cylinders found", len(self.on_board), high=0, note=note)
 
-    @property
-    def table(self):
-        rows = [*self.main, *self.ball]
-        return [f"{name:12} {found:8.3f} mm  beside {wanted:7.3f}" for name, found, wanted in rows]
-
 
 def measure_sphere_robot():
-    """Circle radius through the points of the longest arc of each profile."""
+    """Measure the radius of the circle through the longest arc of each profile of a sphere."""
     folder = REAL / "sphere-robot"
     main = [(p, _radius(folder / "main" / f"{p}.yml"), r) for p, r in MAIN_RADII.items()]
     names = [f"{i}_3C_line" for i in range(1, 11)]
-    # These arcs are no circles (b / a is 0.88) and lie among stray points: how they are weighed
-    # moves the radius by 0.2 mm.
+    # These arcs are not circular (b / a is 0.88) and have outliers: the radius depends on the
+    # weights by 0.2 mm.
     ball = [
         (n, _radius(folder / "ball" / f"{n}.yml", "soft_l1"), BALL_RADII.get(n, np.nan))
         for n in names
@@ -164,6 +177,7 @@ def measure_sphere_robot():
 
 
 def _radius(path, loss="linear"):
+    """Return the radius of the circle through the longest arc of a profile in mm, NaN if none."""
     profile = read_profile(path)
     cylinders = measure_cylinders(profile).cylinders
     if not cylinders:

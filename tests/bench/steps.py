@@ -1,8 +1,8 @@
-"""Where the time of `measure_cylinders` goes: its steps, and what does not depend on the points.
+"""Time of each step of `measure_cylinders`, and of the whole with half of the points.
 
-Processor time of the steps of `lsvision.measure`, the least of several rounds, because the machine
-is shared. The time that remains with half of the points is that of calls of Python and numpy: only
-fewer calls would shorten it.
+Processor time, the minimum of several rounds, because other processes use the machine. The part
+that does not decrease with the number of points is the overhead of calls of Python and numpy
+functions.
 """
 
 import sys
@@ -10,8 +10,6 @@ import time
 from collections import defaultdict
 from contextlib import ExitStack
 from unittest import mock
-
-import numpy as np
 
 import lsvision.measure
 from lsvision.profile import Profile
@@ -26,30 +24,31 @@ STEPS = (
 )  # fmt: skip
 """The functions that `lsvision.measure` calls, in order."""
 FIRST_SEED = 40_000
-FEWER = 2
+THINNING = 2
+"""One of so many points is measured in the comparison with fewer points."""
 
 
-def where_time_goes(scenes, repeats):
-    """Rows for a single pipe and a welded pair in clutter."""
+def time_steps(scenes, repeats):
+    """Yield the rows for a single pipe and for a welded pair in clutter."""
     for kind, name in (("single", "one pipe"), ("welded_complex", "welded pair in clutter")):
         points = [random_section(kind, FIRST_SEED + k).profile.points for k in range(scenes)]
         profiles = [Profile(each) for each in points]
-        total, by_step = _least_times(profiles, repeats)
+        total, by_step = _min_times(profiles, repeats)
         yield Number(f"{name}: measure_cylinders", 1e3 * total, unit="ms")
         for step in STEPS:
-            share = f"{by_step[step] / total:.1%}"
-            yield Number(f"{name}: {step}", 1e6 * by_step[step], unit="us", note=share)
+            fraction = f"{by_step[step] / total:.1%}"
+            yield Number(f"{name}: {step}", 1e6 * by_step[step], unit="us", note=fraction)
         rest = total - sum(by_step.values())
         yield Number(f"{name}: all else", 1e6 * rest, unit="us", note=f"{rest / total:.1%}")
-        fewer, _ = _least_times([Profile(each[::FEWER]) for each in points], repeats)
-        what = f"{name}: time with one of {FEWER} points / with all"
+        fewer, _ = _min_times([Profile(each[::THINNING]) for each in points], repeats)
+        what = f"{name}: time with one of {THINNING} points / with all"
         yield Number(what, fewer / total)
         python, compiled = _count_calls(profiles[0])
         yield Number(f"{name}: calls of functions", python + compiled, note=f"{python} of Python")
 
 
-def _least_times(profiles, repeats):
-    """Seconds a profile, whole and by step; of each the least of the rounds."""
+def _min_times(profiles, repeats):
+    """Return the time per profile, and that of each step (s): each the minimum of the rounds."""
     totals, by_step = [], {step: [] for step in STEPS}
     for _ in range(repeats):
         spent = defaultdict(float)
@@ -63,11 +62,13 @@ def _least_times(profiles, repeats):
             totals.append(time.process_time() - start)
         for step in STEPS:
             by_step[step].append(spent[step])
-    least = {step: float(np.min(each)) / len(profiles) for step, each in by_step.items()}
-    return float(np.min(totals)) / len(profiles), least
+    minima = {step: min(times) / len(profiles) for step, times in by_step.items()}
+    return min(totals) / len(profiles), minima
 
 
 def _timed(function, spent, step):
+    """Return the function with its processor time added to `spent[step]` at each call."""
+
     def call(*args, **options):
         start = time.process_time()
         try:
@@ -79,7 +80,7 @@ def _timed(function, spent, step):
 
 
 def _count_calls(profile):
-    """Calls of functions of Python and of compiled ones in one measurement."""
+    """Return the numbers of calls of Python and of compiled functions in one measurement."""
     counts = {"call": 0, "c_call": 0}
 
     def count(_frame, event, _argument):

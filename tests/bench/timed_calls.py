@@ -1,8 +1,9 @@
 """Worker of `tests.bench.images_and_scans`: ``python timed_calls.py FOLDER``.
 
 Runs under any commit's lsvision, so it uses public names only. For each line of its input, a
-number of calls and the name of a file of the folder, it prints the median processor time of a call
-in seconds. The first call is not counted: the other process has used the caches.
+number of calls and the name of a file in the folder, it prints the median processor time of a call
+in seconds. The first call is not counted, because the caches of the processor hold the data of
+another process.
 """
 
 import os
@@ -40,7 +41,7 @@ def _scan_call(file):
 
 @cache
 def call_of(path):
-    """The call of a file, made once."""
+    """Return the function without arguments that a file is the input of; made once per file."""
     file = np.load(path)
     if "image" not in file:
         call = _scan_call(file)

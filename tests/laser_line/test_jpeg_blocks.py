@@ -10,7 +10,7 @@ from lsvision.laser_line.detection import find_line
 from lsvision.laser_line.extraction import LineSettings, extract_laser_line
 from lsvision.laser_line.jpeg_blocks import STANDARD_STEPS
 from lsvision.laser_line.line_image import prepare_line_image
-from tests.bench.images import _place, radius_near
+from tests.bench.images import radius_near, random_picture
 from tests.laser_line.other_pictures import photograph
 from tests.laser_line.test_colour import COLOURS, errors
 
@@ -95,7 +95,7 @@ def test_the_other_methods_have_valid_stds(method):
 def tubes():
     """Places of two tubes, and their light."""
     places = [
-        _place(np.random.default_rng([7, k]), roll=roll, sheet=sheet)
+        random_picture(np.random.default_rng([7, k]), roll=roll, sheet=sheet)
         for k, (roll, sheet) in enumerate(((0.0, 0.15), (20.0, 0.25)))
     ]
     return [(place, place.light()) for place in places]

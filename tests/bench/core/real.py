@@ -41,7 +41,7 @@ def judge_sphere(path, result):
     points = np.array(result["points"])
     cylinders = [SimpleNamespace(**cylinder) for cylinder in result["cylinders"]]
     ious = [point_iou(cylinder.indices, labelled) for cylinder in cylinders]
-    if max(ious, default=0.0) < spheres.FOUND_IOU:
+    if max(ious, default=0.0) < spheres.MIN_IOU:
         nothing = [np.nan] * 4
         return spheres.SphereProfile(path.stem, *nothing, len(cylinders))
     cylinder = cylinders[int(np.argmax(ious))]
@@ -67,7 +67,7 @@ def _sphere_rows(profiles):
     )
     note = f"of {len(profiles)} {' '.join(missed)}"
     yield Number("E: spheres missed", len(missed), high=0, note=note)
-    reach = 100 * np.mean([p.phi_low <= spheres.MIN_PHI for p in found])
+    reach = 100 * np.mean([p.phi_low <= spheres.ZERO_PHI for p in found])
     yield Number("E: 95 % of phi begins at <= 1 deg", reach, unit="%")
     extra = [p.name for p in found if p.extra]
     note = " ".join(extra[:6])
