@@ -125,6 +125,7 @@ Each imports its module when it is called, after `main` has limited the number o
 
 
 def main():
+    """Run the command, or one of the commands `core` and `end_to_end`."""
     for variable in ONE_THREAD:
         os.environ[variable] = "1"  # before numpy is imported, which starts its threads
     if sys.argv[1:2] == ["core"]:
@@ -135,11 +136,16 @@ def main():
         from tests.bench.end_to_end import main as time_commands
 
         return time_commands(sys.argv[2:])
+    return measure_numbers(sys.argv[1:])
+
+
+def measure_numbers(arguments):
+    """Print the rows of the parts that are named, or of all, and those short of their goal."""
     parser = argparse.ArgumentParser(prog="python -m tests.bench", description=__doc__)
     parser.add_argument("only", nargs="*", help=f"of {', '.join(BENCHES)}; all without")
     parser.add_argument("--quick", action="store_true", help="a few minutes instead of many")
     parser.add_argument("--seed", type=int, help="random seed of the images")
-    options = parser.parse_args()
+    options = parser.parse_args(arguments)
     effort = replace(QUICK if options.quick else FULL, seed=options.seed)
     for unknown in set(options.only) - set(BENCHES):
         parser.error(f"expected one of {', '.join(BENCHES)}, got {unknown}")

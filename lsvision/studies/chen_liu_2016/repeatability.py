@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.geometry import FloatArray, as_readonly_array
+from lsvision.geometry import Ellipse, FloatArray, as_readonly_array
 from lsvision.measure import measure_cylinders
 from lsvision.planning import section_bound
 from lsvision.studies.chen_liu_2016.cases import Case, simulate_case
@@ -84,11 +84,7 @@ def measure_repeatedly(repeats: int, *, noise_mm: float, seed: int = 0) -> Repea
         cylinders = measure_cylinders(section.profile, radius=POSITION.radius_mm).cylinders
         if len(cylinders) != 1:
             continue
-        ellipse = cylinders[0].ellipse
-        dx, dy = (np.asarray(ellipse.centre) - true_ellipse.centre).tolist()
-        da = ellipse.semi_major - true_ellipse.semi_major
-        db = ellipse.semi_minor - true_ellipse.semi_minor
-        errors.append([dx, dy, da, db])
+        errors.append(_centre_and_axes(cylinders[0].ellipse) - _centre_and_axes(true_ellipse))
     on_pipe = first.truth.labels == 1
     covariances = noise_of(first).covariances(first.profile.points)[on_pipe]
     points = first.truth.points[on_pipe]
@@ -101,6 +97,11 @@ def measure_repeatedly(repeats: int, *, noise_mm: float, seed: int = 0) -> Repea
         expected_box_mm=(float(sides[0]), float(sides[1])),
         noise_of_printed_box_mm=noise_mm * PUBLISHED_BOX_MM / float(sides.max()),
     )
+
+
+def _centre_and_axes(ellipse: Ellipse) -> FloatArray:
+    """Return centre x, y and semi-axes a, b (4,). Units: mm."""
+    return np.array([*ellipse.centre, ellipse.semi_major, ellipse.semi_minor])
 
 
 def expected_range(count: int) -> float:
