@@ -1,1 +1,1 @@
-"""Robust estimates, autocorrelation, quantiles, and markers of lost points."""
+"""Robust estimates, autocorrelation, quantiles, least squares, and markers of lost points."""

@@ -63,9 +63,9 @@ class Correlation:
     autocorrelation_time : float
         Number of points per effective point; 1 for uncorrelated errors.
     degrees_of_freedom : float
-        Degrees of freedom of `autocorrelation_time`: 4 if it is estimated from the low-frequency
-        band, because neighbours are correlated or the power of that band is significantly larger;
-        infinite otherwise.
+        Degrees of freedom of `autocorrelation_time`: those of the low-frequency band (4) if
+        neighbours are correlated or the power of that band is significantly larger; infinite
+        otherwise.
     neighbours_correlated : bool
         Whether neighbours are significantly correlated: a sensor that smooths along the line.
     """
@@ -90,7 +90,7 @@ def estimate_correlation(normalised: FloatArray) -> Correlation:
     Returns
     -------
     Correlation
-        Below 34 points only neighbours are compared.
+        Below 34 points (`MIN_SPECTRUM_POINTS`) from `neighbour_correlation` alone.
     """
     time, neighbours = neighbour_correlation(normalised)
     if len(normalised) < MIN_SPECTRUM_POINTS:
@@ -109,9 +109,9 @@ def estimate_correlation(normalised: FloatArray) -> Correlation:
 
 
 def _band_powers(normalised: FloatArray) -> tuple[float, float, float]:
-    """Return the mean power of the bands relative to that of uncorrelated errors.
+    """Return the mean powers of the low-frequency, form and reference band.
 
-    The bands are `LOW_FREQUENCY_BAND`, `FORM_BAND` and `REFERENCE_BAND`.
+    They are relative to those of uncorrelated errors with the same sum of squares.
     """
     transform = _cosines(len(normalised)) @ normalised
     scale = 2 / max(float(normalised @ normalised), TINY)

@@ -141,12 +141,12 @@ def _radial_distance() -> Pitfall:
     return Pitfall(
         "“Absolute Euclidean distance” is not the distance to the ellipse",
         "The name means the nearest distance; Eqs. (2)-(4) measure along the ray from the centre.",
-        "Two names, radial and orthogonal; the fit uses the orthogonal one, each point weighed "
-        "by its error across the curve.",
+        "Two names, radial and orthogonal; the fit uses the orthogonal one, each point weighted "
+        "by its error along the normal of the ellipse.",
         (
-            Check("radial over orthogonal at most, φ = 10°", ratio(10)),
-            Check("radial over orthogonal at most, φ = 30°", ratio(30)),
-            Check("radial over orthogonal at most, φ = 60°", ratio(60)),
+            Check("largest ratio of radial to orthogonal distance, φ = 10°", ratio(10)),
+            Check("largest ratio of radial to orthogonal distance, φ = 30°", ratio(30)),
+            Check("largest ratio of radial to orthogonal distance, φ = 60°", ratio(60)),
         ),
     )
 
@@ -186,7 +186,7 @@ def _division_by_zero() -> Pitfall:
     not_increasing = int((np.diff(arc_points[:, 0]) <= 0).sum())
     resampled = _spline_along_arc(arc_points)
     return Pitfall(
-        "Eq. (4) divides by x − x₀, and the spline S(x) needs x to rise",
+        "Eq. (4) divides by x − x₀, and the spline S(x) needs increasing x",
         "A point straight above the centre has no r_j, and an arc past its vertical flank has "
         "no S(x).",
         "Residuals in the ellipse's own frame; homogenising runs along the arc.",
@@ -194,8 +194,9 @@ def _division_by_zero() -> Pitfall:
             Check("Eq. (4) at the point of the ellipse above its centre (should be 0)", float(
                 printed_equation_four(top, ellipse, ellipse.theta - math.pi / 2)[0])),
             Check("lsvision's radial residual there, mm", float(radial_residuals(top, ellipse)[0])),
-            Check("points of 120 on an arc past both flanks where x does not rise", not_increasing),
-            Check("a spline along that arc instead: farthest from the ellipse, mm", float(
+            Check("points where x does not increase, of 120 on an arc past both vertical flanks",
+                  not_increasing),
+            Check("largest distance from the ellipse of a spline along that arc, mm", float(
                 np.abs(orthogonal_residuals(resampled, ellipse)).max())),
         ),
     )  # fmt: skip
