@@ -91,15 +91,15 @@ def format_significant(value: float, digits: int = 2) -> str:
 
     Examples
     --------
-    >>> [format_significant(value) for value in (0.01234, 12.6, 123.4, float("nan"))]
-    ['0.012', '13', '123', '–']
+    >>> [format_significant(value) for value in (0.01234, 0.996, 12.6, 123.4, float("nan"))]
+    ['0.012', '1.0', '13', '123', '–']
     """
     if not math.isfinite(value):
         return "–"
     if value == 0:
         return "0"
-    decimals = max(digits - 1 - math.floor(math.log10(abs(value))), 0)
-    return f"{value:.{decimals}f}"
+    exponent = int(f"{value:.{digits - 1}e}".partition("e")[2])  # of the rounded number
+    return f"{value:.{max(digits - 1 - exponent, 0)}f}"
 
 
 def readme_table(rows: Sequence[TableRow]) -> str:

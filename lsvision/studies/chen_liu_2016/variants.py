@@ -153,7 +153,7 @@ def _fit(points: NoisyPoints, initial_guess: Ellipse) -> VariantFit:
 
 
 def _with_evaluations(fit: EllipseFit, initial_guess: Ellipse) -> VariantFit:
-    """Return a fit with the number of its evaluations, counted by repeating it.
+    """Return a fit with the number of its evaluations, counted by repeating it with its weights.
 
     Raises FitFailed if it has not converged.
     """
