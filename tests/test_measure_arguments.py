@@ -28,6 +28,17 @@ def frame_of(points, x="x", z="z"):
     return pd.DataFrame({z: points[:, 1], x: points[:, 0], "grey": 7})
 
 
+class PolarsLikeFrame(dict):
+    """Data frame with the methods that pandas and polars have in common."""
+
+    @property
+    def columns(self):
+        return list(self)
+
+    def to_numpy(self):
+        return np.column_stack(list(self.values()))
+
+
 FORMS = {
     "array": lambda points: points,
     "list": lambda points: points.tolist(),
@@ -38,6 +49,9 @@ FORMS = {
     "frame y": lambda points: frame_of(points, "x", "y"),
     "frame of numbered columns": pd.DataFrame,
     "frame of nullable floats": lambda points: frame_of(points).convert_dtypes(),
+    "frame of polars": lambda points: PolarsLikeFrame(
+        x=points[:, 0], y=np.full(len(points), 5.0), z=points[:, 1]
+    ),
     "fortran order": np.asfortranarray,
 }
 
@@ -69,6 +83,11 @@ def test_the_callers_array_is_left_alone(profile):
         (None, TypeError, "array of numbers in mm, got NoneType None"),
         (object(), TypeError, "array of numbers in mm, got object"),
         (pd.DataFrame({"x": [0.0], "range": [400.0]}), ValueError, r"x and z .*got x, range"),
+        (
+            pd.DataFrame({"x": [0.0], "z": ["far"]}),
+            TypeError,
+            "numbers in mm in the columns x and z",
+        ),
         (pd.DataFrame({"a": [0.0], "b": [1.0], "c": [1.0]}), ValueError, "got a, b, c"),
         (
             pd.DataFrame({"x": [0.0, 0.0], "y": [0.0, 1.0], "z": [5.0, 5.0]}),

@@ -29,7 +29,8 @@ def as_section_points(values: Any) -> FloatArray:
     TypeError
         If the values are not a table of numbers.
     ValueError
-        If the shape is not (n, 2), or the columns are not found.
+        If the shape is not (n, 2), or a data frame does not have these columns, or besides z a
+        column y that varies, as of several profiles.
 
     Examples
     --------
@@ -148,8 +149,9 @@ def _convert_to_table(values: Any) -> FloatArray:
 
 
 def _select_columns(frame: Any) -> FloatArray:
-    """Return the columns x and height of a data frame."""
+    """Return the columns x and height of a data frame; raise the errors of `as_section_points`."""
     labels = list(frame.columns)
+    # Reversed, so that the first one of several labels with the same name is used.
     by_name = {str(label).strip().lower(): label for label in reversed(labels)}
     x = next((by_name[name] for name in X_COLUMNS if name in by_name), None)
     heights = [by_name[name] for name in Y_COLUMNS if name in by_name]
@@ -162,14 +164,29 @@ def _select_columns(frame: Any) -> FloatArray:
             f"{named}: rename or convert them, as "
             "frame.assign(x=..., z=-frame['range'])[['x', 'z']]"
         )
-    if len(heights) > 1 and frame[heights[1]].nunique() > 1:
+    if len(heights) > 1 and _has_several_values(frame[heights[1]]):
         raise ValueError(
             f"expected one profile, got columns {x}, {heights[1]}, {heights[0]} with several "
             f"values of {heights[1]}: pass one profile at a time, or frame[[{x!r}, {heights[0]!r}]]"
         )
-    columns = [np.asarray(frame[label], dtype=np.float64) for label in (x, heights[0])]
+    try:
+        columns = [np.asarray(frame[label], dtype=np.float64) for label in (x, heights[0])]
+    except (TypeError, ValueError):
+        raise TypeError(
+            f"expected numbers in mm in the columns {x} and {heights[0]}, got other values: "
+            "convert them, and mark lost points by NaN"
+        ) from None
     table: FloatArray = np.column_stack(columns)
     return table
+
+
+def _has_several_values(column: Any) -> bool:
+    """Return whether a column of a data frame has other values than one number and NaN."""
+    try:
+        values = np.asarray(column, dtype=np.float64)
+    except (TypeError, ValueError):
+        return True
+    return len(np.unique(values[~np.isnan(values)])) > 1
 
 
 def _shape_hint(shape: tuple[int, ...]) -> str:
