@@ -125,7 +125,8 @@ def test_known_values_are_any_pair(profile):
 @pytest.mark.parametrize(
     ("arguments", "kind", "message"),
     [
-        ({"radius": "20"}, TypeError, r"radius as a number or \(min, max\) in mm, got '20'"),
+        ({"radius": "20"}, TypeError, r"radius as a number or \(min, max\) in mm, got str '20'"),
+        ({"radius": ["10", "60"]}, TypeError, r"in mm, got list \['10', '60'\]"),
         ({"radius": [1, 2, 3]}, ValueError, r"\(min, max\) in mm, got list \[1, 2, 3\]"),
         ({"radius": {"min": 1}}, TypeError, r"\(min, max\) in mm, got dict"),
         ({"radius": [30, 20]}, ValueError, "0 < min < max"),

@@ -82,12 +82,9 @@ def as_number_or_pair(
     if value is None:
         return None
     expected = f"expected {name} as a number or {pair} in {unit}"
-    if isinstance(value, str | bytes | bool):
-        raise TypeError(f"{expected}, got {value!r}")
-    try:
-        numbers = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise TypeError(f"{expected}, got {_format_value(value)}") from None
+    numbers = _to_floats(value)
+    if numbers is None:
+        raise TypeError(f"{expected}, got {_format_value(value)}")
     if numbers.ndim == 0:
         return float(numbers)
     if numbers.shape != (2,):
@@ -137,15 +134,22 @@ def _convert_to_table(values: Any) -> FloatArray:
         return _select_columns(values)
     if isinstance(values, np.ma.MaskedArray):
         values = np.ma.asarray(values, dtype=np.float64).filled(np.nan)
+    table = _to_floats(values)
+    if table is None or not table.ndim:
+        raise TypeError(
+            f"expected points as an (n, 2) array of numbers in mm, got {_format_value(values)}"
+        )
+    return table
+
+
+def _to_floats(values: Any) -> FloatArray | None:
+    """Return numbers as a float array, None among them as NaN; None if they are not numbers."""
     try:
-        table = np.asarray(values)
-        if table.ndim and table.dtype.kind in "fiuO":  # objects: None is a lost point
-            return np.asarray(table, dtype=np.float64)
+        array = np.asarray(values)
+        # Text, booleans and complex numbers could be converted, too, but are mistakes.
+        return np.asarray(array, dtype=np.float64) if array.dtype.kind in "fiuO" else None
     except (TypeError, ValueError):
-        pass
-    raise TypeError(
-        f"expected points as an (n, 2) array of numbers in mm, got {_format_value(values)}"
-    )
+        return None
 
 
 def _select_columns(frame: Any) -> FloatArray:
