@@ -17,8 +17,8 @@ _NODES, _WEIGHTS = (_POSITIONS + 1) / 2, _LENGTHS / 2
 FEW_DEGREES_OF_FREEDOM, MANY_DEGREES_OF_FREEDOM = 10.0, 100.0
 """Degrees of freedom from which five terms of the expansion about a normal quantile are an initial
 guess, and above which they are exact to 1e-8."""
-MAX_STEPS = 10
-"""Maximum number of Newton steps; at most 6 are needed for levels from 1e-9 to 1 - 1e-9."""
+MAX_STEPS = 6
+"""Maximum number of Newton steps: as many as are needed for levels from 1e-6 to 1 - 1e-9."""
 STEP_TOLERANCE = 1e-5
 """Relative size of the last step: the error after it is of the size of its square."""
 
@@ -41,8 +41,8 @@ def squared_quantile(quantities: int, degrees_of_freedom: FloatArray, level: flo
     Returns
     -------
     (k,) ndarray
-        Quantiles. Their relative error is below 1e-8 for levels up to 0.999, and below 1e-5 up to
-        1 - 1e-9.
+        Quantiles. Their relative error is below 1e-8 for levels from 0.001 to 0.999, and below 1e-5
+        from 1e-6 to 1 - 1e-9; beyond 1 - 1e-12 rounding errors dominate.
 
     Examples
     --------
@@ -75,7 +75,7 @@ def _student_quantile(degrees_of_freedom: FloatArray, level: float) -> FloatArra
     Many degrees of freedom: the expansion of Abramowitz and Stegun, Handbook of Mathematical
     Functions, 26.7.5. Fewer: Newton's method on the integral.
     """
-    z = NormalDist().inv_cdf((1 + level) / 2)
+    z = -NormalDist().inv_cdf((1 - level) / 2)
     first, second = (z**3 + z) / 4, (5 * z**5 + 16 * z**3 + 3 * z) / 96
     third = (3 * z**7 + 19 * z**5 + 17 * z**3 - 15 * z) / 384
     fourth = (79 * z**9 + 776 * z**7 + 1482 * z**5 - 1920 * z**3 - 945 * z) / 92160
@@ -91,29 +91,34 @@ def _student_quantile(degrees_of_freedom: FloatArray, level: float) -> FloatArra
 def _solve_student_quantile(dof: FloatArray, level: float, guess: FloatArray) -> FloatArray:
     """Return the t of `_student_quantile` by Newton's method, from a guess for many dof, (k,).
 
-    With t = sqrt(dof) tan(u), the density of u is proportional to cos(u)^(dof - 1).
+    With t = sqrt(dof) / tan(v), the density of v is proportional to sin(v)^(dof - 1), and the
+    probability that |t| is exceeded to its integral from 0 to v.
     """
     gamma_ratios = [math.exp(math.lgamma(n / 2) - math.lgamma((n + 1) / 2)) for n in dof.tolist()]
-    total = math.sqrt(math.pi) / 2 * np.array(gamma_ratios)
-    # Few dof: the density is that of the far tail, (pi/2 - u)^(dof - 1).
-    tail = (dof * (1 - level) * total) ** (1 / dof)
+    total = math.sqrt(math.pi) / 2 * np.array(gamma_ratios)  # the integral from 0 to pi/2
     is_few = dof < FEW_DEGREES_OF_FREEDOM
-    u = np.where(is_few, math.pi / 2 - tail, np.arctan(guess / np.sqrt(dof)))
+    # For few dof v is small, and the density almost proportional to v^(dof - 1).
+    v = np.where(is_few, (dof * (1 - level) * total) ** (1 / dof), np.arctan(np.sqrt(dof) / guess))
     for _ in range(MAX_STEPS):
-        step = (level * total - _cosine_power_integral(u, dof - 1)) / np.cos(u) ** (dof - 1)
-        u = u + step
-        if (np.abs(step) < STEP_TOLERANCE * np.minimum(u, math.pi / 2 - u)).all():
+        # Only for few dof the integral from 0 is smooth enough for the quadrature.
+        start, end = np.where(is_few, 0.0, v), np.where(is_few, v, math.pi / 2)
+        integral = _sine_power_integral(start, end, dof - 1)
+        excess = np.where(is_few, integral - (1 - level) * total, level * total - integral)
+        step = excess / np.sin(v) ** (dof - 1)
+        # Rounding errors dominate the step at levels very close to 1.
+        v = np.clip(v - step, v / 2, math.pi / 2)
+        if (np.abs(step) < STEP_TOLERANCE * np.minimum(v, math.pi / 2 - v)).all():
             break
-    return np.sqrt(dof) * np.tan(u)
+    return np.sqrt(dof) / np.tan(v)
 
 
-def _cosine_power_integral(u: FloatArray, power: FloatArray) -> FloatArray:
-    """Return the integral of cos^power from 0 to u, for arrays (k,), by quadrature.
+def _sine_power_integral(start: FloatArray, end: FloatArray, power: FloatArray) -> FloatArray:
+    """Return the integral of sin^power from start to end, all (k,), by quadrature.
 
-    Over w, with u = pi/2 - w^4, the integrand is smooth at u = pi/2 for any power >= 0.
+    Over w = v^(1/4), the integrand is smooth at v = 0 for any power >= 0.
     """
-    first, last = (math.pi / 2 - u[:, None]) ** 0.25, (math.pi / 2) ** 0.25
+    first, last = start[:, None] ** 0.25, end[:, None] ** 0.25
     w = first + (last - first) * _NODES
     integrand: FloatArray = 4 * w**3 * np.sin(w**4) ** power[:, None]
-    integral: FloatArray = (last - first[:, 0]) * (integrand @ _WEIGHTS)
+    integral: FloatArray = (last - first)[:, 0] * (integrand @ _WEIGHTS)
     return integral
