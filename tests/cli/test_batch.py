@@ -85,7 +85,7 @@ def test_an_interrupted_batch_goes_on_from_there(run, folder, pipe, written):
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),  # noqa: PLW1509
     )  # fmt: skip
     deadline = time.monotonic() + 60
-    while time.monotonic() < deadline and not list(out.glob("*.parquet")):
+    while time.monotonic() < deadline and len(list(out.glob("*.parquet"))) < 4:
         time.sleep(0.01)
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=60)
@@ -96,7 +96,8 @@ def test_an_interrupted_batch_goes_on_from_there(run, folder, pipe, written):
     assert run(*words[:-1], 1).exit_code == 0
     after = {path.name: path.stat().st_mtime_ns for path in out.glob("*.parquet")}
     assert len(after) == 32
-    assert sum(after[name] == seen for name, seen in before.items()) >= len(before) - 1
+    # Of each process one file may be written, but not recorded yet.
+    assert sum(after[name] == seen for name, seen in before.items()) >= len(before) - 2
 
 
 def test_the_columns_of_a_table_come_along(run, tmp_path, pipe):
