@@ -36,7 +36,7 @@ MAX_SATURATED_FRACTION = 0.5
 """Largest fraction of the pixels at full scale; above it the whole image is overexposed."""
 SATURATED_SIGMA_FACTOR = 2.0
 """Ratio of the filter's sigma at a saturated stripe to that elsewhere: clipping widens a stripe."""
-BORDER_SIGMAS = 1.5
+CUT_FLANK_SIGMAS = 1.5
 """Distance of a line from the image's border, in sigmas of the filter, below which the border cuts
 off a flank of the line."""
 MAX_BORDER_FRACTION = 0.5
@@ -301,7 +301,7 @@ def _relocate_saturated(image: LineImage, detected: DetectedLine) -> Stripes:
 
 def _near_border(image: LineImage, detected: DetectedLine) -> BoolArray:
     """Return whether the upper or lower border cuts off a flank of the line (n,)."""
-    margin = BORDER_SIGMAS * detected.sigma
+    margin = CUT_FLANK_SIGMAS * detected.sigma
     rows = detected.windows.centre_rows
     near: BoolArray = (rows < margin) | (rows > image.signal.shape[0] - 1 - margin)
     return near
@@ -312,7 +312,7 @@ def _check_border(image: LineImage, detected: DetectedLine) -> None:
     near = _near_border(image, detected)
     if near.mean() > MAX_BORDER_FRACTION:
         raise NoLaserLine(
-            f"the line runs within {BORDER_SIGMAS * detected.sigma:.0f} px of the image's border "
+            f"the line runs within {CUT_FLANK_SIGMAS * detected.sigma:.0f} px of the image's border "
             f"in {near.mean():.0%} of its columns, where half of it is cut off: move the camera, "
             "the laser or the region of interest until the whole line is in view"
         )

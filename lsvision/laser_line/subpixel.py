@@ -52,7 +52,7 @@ MIN_PIXELS = 6
 SIGMA_RATIO_RANGE = (0.4, 4.0)
 """Smallest and largest ratio of fitted to initial sigma; outside of this range the fit has
 converged to something other than the stripe."""
-BORDER_SIGMAS = 2.5
+PADDED_RIDGE_SIGMAS = 2.5
 """Distance from the left and right border, in sigmas of the smoothing, below which the values
 substituted for the missing pixels shift a ridge."""
 PADDING_SIGMAS = 5.0
@@ -300,7 +300,7 @@ def locate_by_steger(
     border_distance = np.minimum(windows.columns, image.shape[1] - 1 - windows.columns)
     good = (
         start.found
-        & (border_distance >= BORDER_SIGMAS * sigma)
+        & (border_distance >= PADDED_RIDGE_SIGMAS * sigma)
         & (curvature < 0)
         & (np.abs(shift) < MAX_SHIFT_PX).all(axis=1)
     )

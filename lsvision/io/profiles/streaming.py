@@ -25,7 +25,7 @@ from lsvision.io.profiles.settings import RawProfiles, ReadOptions, ReadSettings
 if TYPE_CHECKING:
     import pyarrow as pa
 
-PROFILES_AT_ONCE = 256
+PROFILES_PER_PART = 256
 """Largest number of profiles of a part, by default: 256 of 4096 points take 17 MB."""
 MAX_MARKERS = 8
 """Largest number of markers of lost points, found in the parts read so far, that are applied to the
@@ -66,7 +66,7 @@ def iterate_profiles(
     path : path
         The file.
     at_once : int, optional
-        Largest number of profiles of a part; by default `PROFILES_AT_ONCE`.
+        Largest number of profiles of a part; by default `PROFILES_PER_PART`.
     **options
         Fields of `ReadSettings`, as for `read_profile`.
 
@@ -91,7 +91,7 @@ def iterate_profiles(
     [2, 2, 1]
     """
     settings, file = ReadSettings(**options), Path(path)
-    at_once = PROFILES_AT_ONCE if at_once is None else at_once
+    at_once = PROFILES_PER_PART if at_once is None else at_once
     file_format = _streamed_format(file, settings)
     if file_format is None:
         yield ProfilePart(0, inspect_profiles(file, **options))
