@@ -311,8 +311,9 @@ def _check_border(image: LineImage, detected: DetectedLine) -> None:
     """Raise NoLaserLine if most of the line is cut off by the border of the image."""
     near = _near_border(image, detected)
     if near.mean() > MAX_BORDER_FRACTION:
+        margin = CUT_FLANK_SIGMAS * detected.sigma
         raise NoLaserLine(
-            f"the line runs within {CUT_FLANK_SIGMAS * detected.sigma:.0f} px of the image's border "
+            f"the line runs within {margin:.0f} px of the image's border "
             f"in {near.mean():.0%} of its columns, where half of it is cut off: move the camera, "
             "the laser or the region of interest until the whole line is in view"
         )
