@@ -56,7 +56,7 @@ class InvalidCell:
     Parameters
     ----------
     row : int
-        Index of the row in the table.
+        Index of the row in the table; in a `NumberTable`, number of its line in the file.
     text : str
         Text of the cell.
     reason : str

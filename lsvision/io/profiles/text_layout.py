@@ -30,6 +30,8 @@ _RULE = re.compile(r"[-=_*~]{3,}")
 _QUOTED = re.compile(r'"[^"]*"')
 # A quoted part, or a word between blanks.
 _WORDS = re.compile(r'"[^"]*"|[^\s"]+')
+# First cell of a row that begins like a comment: #N/A of a spreadsheet, or a field too narrow.
+_LOST_FIRST_CELL = re.compile(r"#n/a(?=[\s,;|]|$)|#{3,}[,;\t|]", re.IGNORECASE)
 _NO_NUMBERS = "expected x and height in mm, one point per line, got no line of numbers"
 
 
@@ -96,8 +98,15 @@ def drop_blank_cells(cells: list[str], width: int) -> None:
 
 
 def is_comment(line: str) -> bool:
-    """Return whether a line is a comment, by its first character."""
-    return line.lstrip().startswith(COMMENT_MARKS)
+    """Return whether a line is a comment, by its first characters.
+
+    Examples
+    --------
+    >>> is_comment("# 1,2"), is_comment("#N/A,2")
+    (True, False)
+    """
+    text = line.lstrip()
+    return text.startswith(COMMENT_MARKS) and _LOST_FIRST_CELL.match(text) is None
 
 
 def find_layout(lines: Sequence[str]) -> Layout:

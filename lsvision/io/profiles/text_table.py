@@ -8,12 +8,7 @@ import numpy as np
 
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
-from lsvision.io.profiles.number_cells import (
-    COMMENT_MARKS,
-    InvalidCell,
-    parse_column,
-    uses_decimal_comma,
-)
+from lsvision.io.profiles.number_cells import InvalidCell, parse_column, uses_decimal_comma
 from lsvision.io.profiles.number_table import NumberTable
 from lsvision.io.profiles.regular_rows import fill_empty_cells, find_regular_rows
 from lsvision.io.profiles.text_header import Header, read_header
@@ -32,8 +27,8 @@ from lsvision.io.profiles.unit_statements import (
 )
 
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1b\x7f]")
-_CHECKED_BYTES = 1 << 16  # at once, in the cache
-_COMMENT_STARTS = "#%/! \t"  # a quick test before `is_comment`
+_CHECKED_BYTES = 1 << 16  # at once: few enough for the processor's cache
+_COMMENT_STARTS = "#%/! \t"  # first characters of comments: a quick test before `is_comment`
 # Cells of digits of which the second begins with 0, such as 12,034: it was one number.
 _SPLIT_COMMA = re.compile(r"(?:^|,)[-+]?[0-9]{1,3},0[0-9]+(?=[,.\r\n]|$)", re.MULTILINE)
 _SPLIT_NUMBERS = (
@@ -54,7 +49,7 @@ def decode_text(content: bytes) -> str:
     UnreadableFile
         If the bytes are not text.
     """
-    content = content.rstrip(b"\x1a") if content.endswith(b"\x1a") else content  # end of DOS files
+    content = content.rstrip(b"\x1a")  # the end of a DOS file
     for encoding in _encodings(content):
         try:
             text = content.decode(encoding)
@@ -78,7 +73,8 @@ def parse_table(text: str, lost_words: frozenset[str] = frozenset()) -> NumberTa
     Raises
     ------
     UnreadableFile
-        If there is no table of numbers, or its lines differ in layout.
+        If there is no table of numbers, its lines differ in layout, or its numbers seem to be
+        split at their commas.
 
     Examples
     --------
@@ -110,7 +106,10 @@ def parse_table(text: str, lost_words: frozenset[str] = frozenset()) -> NumberTa
 
 @dataclass(frozen=True, eq=False)
 class _Body:
-    """Numbers of a text, the lines above and below them, and comments and a sample among them."""
+    """Numbers of a text, and its lines above, below and (`comments`) among them.
+
+    `sample` is the text of the first rows, for `_check_split_numbers`.
+    """
 
     table: NumberTable
     layout: Layout
@@ -125,7 +124,7 @@ def _regular_body(text: str) -> _Body | None:
     regular = find_regular_rows(text)
     if regular is None:
         return None
-    # Numbers split at their commas make more than two columns; of two, the first line is enough.
+    # `_check_split_numbers` searches the rows of wide tables only; of others it quotes the first.
     sample = regular.rows[: regular.rows.find("\n") + 1] or regular.rows
     if regular.layout.width > 2:
         sample = "\n".join(regular.rows.split("\n", _SAMPLE_ROWS)[:_SAMPLE_ROWS])
@@ -150,8 +149,8 @@ def _irregular_body(lines: Sequence[str], lost_words: frozenset[str]) -> _Body:
 
 
 def _has_control_characters(content: bytes, text: str) -> bool:
-    """Return whether a text has control characters, as `_CONTROL`; faster in the bytes of ASCII."""
-    if not (content.isascii() and len(content) == len(text)):
+    """Return whether a text matches `_CONTROL`; ASCII is searched in its bytes, which is faster."""
+    if not (content.isascii() and len(content) == len(text)):  # the bytes of UTF-16 may be ASCII
         return bool(_CONTROL.search(text))
     codes = np.frombuffer(content, np.uint8)
     blocks = (codes[i : i + _CHECKED_BYTES] for i in range(0, len(codes), _CHECKED_BYTES))
@@ -183,16 +182,17 @@ def _number_lines(lines: Sequence[str], layout: Layout) -> list[tuple[int, str]]
         (number, line.strip(strip))
         for number, line in enumerate(lines[layout.first : layout.stop], layout.first + 1)
     )
-    return [(number, row) for number, row in rows if row and not row.startswith(COMMENT_MARKS)]
+    return [(number, row) for number, row in rows if row and not is_comment(row)]
 
 
 def _parse_numeric_table(lines: Sequence[str], layout: Layout) -> NumberTable | None:
-    """Return the table if numpy can read all its cells as numbers; else None."""
+    """Return the table if numpy can read all its cells as numbers; else None.
+
+    Infinity becomes NaN, as in `parse_column`.
+    """
     if layout.separator == "|" or len(layout.numeric) < layout.width:
         return None
     rows = [row for _, row in _number_lines(lines, layout)]
-    if '"' in rows[0] or '"' in rows[-1]:
-        return None
     if layout.separator is not None:
         rows = fill_empty_cells("\n".join(rows), layout.separator).split("\n")
     try:
@@ -206,7 +206,11 @@ def _parse_numeric_table(lines: Sequence[str], layout: Layout) -> NumberTable | 
 def _parse_mixed_table(
     lines: Sequence[str], layout: Layout, lost_words: frozenset[str]
 ) -> NumberTable:
-    """Return a table in which some cells are not numbers: words, marks of lost points, times."""
+    """Return a table in which some cells are not numbers: words, marks of lost points, times.
+
+    A column of which most cells are text is in `texts`, unless its first one is a number with
+    thousands separators.
+    """
     rows = _number_lines(lines, layout)
     cells = _split_rows(rows, layout)
     columns = [[row[c] for row in cells] for c in range(layout.width)]
@@ -222,12 +226,21 @@ def _parse_mixed_table(
             filled = sum(bool(cell.strip()) for cell in column)
             if parsed.invalid_count > _MIN_TEXT_FRACTION * filled and not invalid.grouped:
                 texts[c] = [cell.strip() for cell in column]
-            invalid_cells[c] = replace(invalid, row=rows[invalid.row][0])
+            line_number, _ = rows[invalid.row]
+            invalid_cells[c] = replace(invalid, row=line_number)
     return NumberTable(values, texts=texts, invalid_cells=invalid_cells)
 
 
 def _split_rows(rows: Sequence[tuple[int, str]], layout: Layout) -> list[list[str]]:
-    """Return the cells of each row; a missing last cell is added as empty."""
+    """Return the cells of each row, without a comment behind them.
+
+    A missing last cell is added as empty if the first row ends with a separator.
+
+    Raises
+    ------
+    UnreadableFile
+        If a row has another number of cells than the table has columns.
+    """
     separator, width = layout.separator, layout.width
     cells = []
     for number, row in rows:

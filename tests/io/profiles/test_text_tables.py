@@ -6,6 +6,7 @@ import pytest
 
 from lsvision.errors import UnreadableFile
 from lsvision.io.profiles import inspect_profiles, read_profile
+from lsvision.io.profiles.text_table import parse_table
 
 LINE_ENDS = ["\n", "\r\n", "\r", "\v", "\f", "\u2028", "\u2029", "\x85"]
 
@@ -271,3 +272,15 @@ def test_a_column_of_parts_alone_separates_profiles(tmp_path):
     file = inspect_profiles(path)
     assert [len(profile) for profile in file.profiles] == [12, 12]
     assert [said["part_id"] for said in file.attributes] == ["A7", "B2"]
+
+
+@pytest.mark.parametrize("word", ["#N/A", "####"])
+def test_a_row_that_begins_with_a_lost_point_is_no_comment(word):
+    values = parse_table(f"x,z,i\n1,2,3\n{word},4,5\n6,7,8\n").values
+    npt.assert_array_equal(values, [[1, 2, 3], [np.nan, 4, 5], [6, 7, 8]])
+
+
+def test_an_indented_comment_among_cells_between_tabs_is_a_comment():
+    table = parse_table("x\tz\n1\t2\n\t# pause\n\t#N/A\n3\t4\n")
+    npt.assert_array_equal(table.values, [[1, 2], [np.nan, np.nan], [3, 4]])
+    assert not table.invalid_cells
