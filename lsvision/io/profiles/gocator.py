@@ -26,7 +26,7 @@ def read_gocator(content: bytes, _: ReadSettings) -> RawProfiles:
     Raises
     ------
     UnreadableFile
-        If the recording has none of these blocks.
+        If no such block holds a profile, or a cell of a profile holds text.
     """
     profiles: list[FloatArray] = []
     positions: list[float] = []
@@ -48,10 +48,12 @@ def read_gocator(content: bytes, _: ReadSettings) -> RawProfiles:
 def read_gocator_points(content: bytes, _: ReadSettings) -> RawProfiles:
     """Return the profiles of a list with columns x0, z0, x1, z1, ..., one profile per row.
 
+    Columns before x0, such as the index of the frame, are left out.
+
     Raises
     ------
     UnreadableFile
-        If the first line does not name x0, or no row follows it.
+        If the first line does not name x0, no row follows it, or a cell holds text.
     """
     lines = [line for line in decode_text(content).splitlines() if line.strip()]
     names = [name.strip().lower() for name in lines[0].split(",")] if lines else []
@@ -66,12 +68,16 @@ def read_gocator_points(content: bytes, _: ReadSettings) -> RawProfiles:
 
 
 def _iterate_blocks(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
-    """Yield the title and the non-empty lines of each block; a line ``End`` ends a block."""
+    """Yield the title (its first line) and the other non-empty lines of each block.
+
+    A line ``End`` ends a block.
+    """
     block: list[str] = []
     for line in lines:
         text = line.strip()
-        if text == "End" and block:
-            yield block[0], block[1:]
+        if text == "End":
+            if block:
+                yield block[0], block[1:]
             block = []
         elif text:
             block.append(text)
@@ -80,11 +86,15 @@ def _iterate_blocks(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
 
 
 def _read_surface_block(lines: Sequence[str]) -> Iterator[tuple[float, FloatArray]]:
-    """Yield y and points (x, z) of each row of a height map; its first row holds the x."""
+    r"""Yield y and points (x, z) of each row of a height map.
+
+    The row that begins with ``Y\X`` holds the x; those above it are settings. A row of another
+    length than x, such as the last of a truncated file, is left out.
+    """
     x = np.empty(0)
     for line in lines:
         head, *cells = line.split(",")
-        if "\\" in head:  # "Y\X" begins the row of x
+        if "\\" in head:
             x = numbers_from_cells(cells)
         elif len(x) and len(cells) == len(x):
             yield (
@@ -96,7 +106,9 @@ def _read_surface_block(lines: Sequence[str]) -> Iterator[tuple[float, FloatArra
 def _read_profile_block(lines: Sequence[str]) -> Iterator[tuple[float, FloatArray]]:
     """Yield y and points (x, z) of each row with Z in the column Axis.
 
-    Their x are those of the last row with X in it, or of the header. The cell before Axis is y.
+    Their x are those of the last row with X in it (raw profiles), else the names of the columns
+    behind Axis. The cell before Axis is y; without one, y is 0. A row of another length than x,
+    such as the last of a truncated file, is left out.
     """
     axis = -1
     x = np.empty(0)

@@ -63,6 +63,11 @@ def test_a_gocator_recording_without_its_last_end_still_reads(write):
     assert len(read_profiles(write(cut))) == 2
 
 
+def test_an_end_without_a_block_in_a_gocator_recording_is_no_title(write):
+    extra = GOCATOR_HEAD + "End\n" + SURFACE
+    assert len(read_profiles(write(extra))) == 2
+
+
 def test_gocator_point_lists_are_pairs_from_x0_on(write):
     text = (
         "frameIndex,timestamp,numberOfValidPoints,x0,z0,x1,z1,x2,z2\n"
