@@ -30,7 +30,8 @@ def relate(
         Both of one section, or both in one base frame. Their errors are taken as independent:
         errors of a pose or a calibration that are common to both are then counted twice.
     up : (3,) array_like, optional
-        In space: direction along which flush is measured, of any length. In a section it is Y.
+        In space: direction along which flush is measured, base frame, of any length. Not used in a
+        section, where flush is along Y.
 
     Returns
     -------
@@ -47,7 +48,8 @@ def relate(
     TypeError
         If one is measured in a section and the other in space, or one is not a cylinder.
     ValueError
-        If `up` is not three finite numbers, or all are zero; if both are the same cylinder.
+        If both are the same cylinder; in space, if `up` is not three finite numbers, or all are
+        zero.
 
     Examples
     --------
@@ -62,6 +64,11 @@ def relate(
     """
     if a is b:
         raise ValueError("expected two cylinders, got the same one twice")
+    for cylinder in (a, b):
+        if not isinstance(cylinder, CylinderSection | ScannedCylinder):
+            raise TypeError(
+                f"expected a CylinderSection or a ScannedCylinder, got {type(cylinder).__name__}"
+            )
     if isinstance(a, CylinderSection) and isinstance(b, CylinderSection):
         return relate_sections(a, b)
     if isinstance(a, CylinderSection) or isinstance(b, CylinderSection):
@@ -76,12 +83,5 @@ def relate(
         if not (math.isfinite(length) and length > 0):
             raise ValueError(f"expected up as three numbers, not all zero, got {up!r}")
         direction = direction / length
-    return relate_axes(_as_observed(a), _as_observed(b), direction)
-
-
-def _as_observed(cylinder: ScannedCylinder) -> ObservedCylinder:
-    if not isinstance(cylinder, ScannedCylinder):
-        raise TypeError(
-            f"expected a CylinderSection or a ScannedCylinder, got {type(cylinder).__name__}"
-        )
-    return ObservedCylinder(cylinder.fit, cylinder.axial_range)
+    first, second = (ObservedCylinder(tube.fit, tube.axial_range) for tube in (a, b))
+    return relate_axes(first, second, direction)

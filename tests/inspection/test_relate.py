@@ -244,6 +244,8 @@ def test_what_cannot_be_compared_is_rejected():
         lsv.relate(left, tube)
     with pytest.raises(TypeError, match="expected a CylinderSection or a ScannedCylinder, got str"):
         lsv.relate("left", "right")
+    with pytest.raises(TypeError, match="expected a CylinderSection or a ScannedCylinder, got str"):
+        lsv.relate(left, "right")
     with pytest.raises(ValueError, match="two cylinders, got the same one twice"):
         lsv.relate(left, left)
     with pytest.raises(ValueError, match="expected up as three numbers, not all zero"):
