@@ -17,6 +17,7 @@ from lsvision.geometry import (
     as_readonly_array,
     tangent_frame,
 )
+from lsvision.geometry.arrays import require_coordinates
 from lsvision.planning.predictions import ScanPrediction, SectionPrediction
 from lsvision.planning.sensor_view import cylinder_normals
 
@@ -45,18 +46,20 @@ def fisher_information(jacobian: FloatArray, variances: FloatArray) -> FloatArra
     -------
     (k, k) ndarray
         Sum over the points of j j' / variance. The dependence of the variance on the parameters
-        is neglected; it would add a fraction of about (range_std / range)^2.
+        is neglected: a std proportional to range^2 would add a fraction of about
+        8 (std / range)^2.
 
     Raises
     ------
     TooFewPoints
-        If there are fewer than two points.
+        If there are fewer than two points. From two points on, `invert_information` decides, since
+        a known radius replaces a point.
     ValueError
         If a variance is not positive and finite.
     """
     if len(jacobian) < 2:
         hint = "reduce the standoff or the pitch, or measure more of the pipe"
-        raise TooFewPoints("the planned view", len(jacobian), 5, hint)
+        raise TooFewPoints("the planned view", len(jacobian), jacobian.shape[1], hint)
     if not (np.isfinite(variances).all() and (variances > 0).all()):
         raise ValueError("expected positive finite variances along the surface normal in mm^2")
     weighted = jacobian / np.sqrt(variances)[:, None]
@@ -65,7 +68,7 @@ def fisher_information(jacobian: FloatArray, variances: FloatArray) -> FloatArra
 
 
 def invert_information(
-    information: FloatArray, prior: tuple[int, float] | None = None
+    information: FloatArray, radius_prior: tuple[int, float] | None = None
 ) -> FloatArray:
     """Return the Cramer-Rao bound: the smallest covariance of any unbiased estimate.
 
@@ -73,25 +76,26 @@ def invert_information(
     ----------
     information : (k, k) ndarray
         Fisher information.
-    prior : tuple of int and float, optional
-        Index of a parameter with a prior, and its standard deviation; 0 means exactly known.
+    radius_prior : tuple of int and float, optional
+        Index of the radius among the parameters, and the standard deviation of a prior on it (mm);
+        0 means exactly known.
 
     Returns
     -------
     (k, k) ndarray
-        Covariance; zero in the row and column of an exactly known parameter.
+        Covariance; zero in the row and column of an exactly known radius.
 
     Raises
     ------
     DegenerateGeometry
-        If the points do not determine all parameters.
+        If points and prior do not determine all parameters.
     ValueError
         If the standard deviation of the prior is negative or NaN.
     """
     information = information.copy()
     free = np.ones(len(information), dtype=bool)
-    if prior is not None:
-        index, std = prior
+    if radius_prior is not None:
+        index, std = radius_prior
         if not std >= 0:
             raise ValueError(f"expected known_radius_std >= 0 mm, got {std}")
         free[index] = std > 0
@@ -144,15 +148,16 @@ def section_bound(
     TooFewPoints
         If fewer than two points are valid.
     DegenerateGeometry
-        If the points do not determine the ellipse (fewer than five, or too short an arc).
+        If the points do not determine the ellipse (fewer than five, four with a known radius, or
+        too short an arc).
     ValueError
         If shapes do not match, a variance is not positive, or `known_radius_std` is negative.
 
     Notes
     -----
-    The parameters are (centre, a, b, eta) with eta = (a - b) times the change of theta, in mm,
-    which unlike theta is regular for a circle. The bound is then propagated linearly to theta and
-    to phi = arccos(b / a).
+    The parameters are (centre, a, b, eta): b is the radius, and eta = (a - b) times the change of
+    theta, in mm, is regular for a circle, unlike theta. The bound is then propagated linearly to
+    theta and to phi = arccos(b / a); for the limits near a circle see `SectionPrediction`.
 
     Examples
     --------
@@ -188,7 +193,7 @@ def _section_jacobian(ellipse: Ellipse, points: Points) -> tuple[FloatArray, Flo
 
 
 def _predict_section(ellipse: Ellipse, bound: FloatArray, points: int) -> SectionPrediction:
-    """Return the bound of (centre, a, b, eta), propagated to theta and phi."""
+    """Return the prediction from the covariance (5, 5) of centre, a, b and eta."""
     a, b = ellipse.semi_major, ellipse.semi_minor
     centre_x_std, centre_y_std, _, radius_std, eta_std = np.sqrt(np.diag(bound))
     ratio_jacobian = np.array([-b / a**2, 1 / a])
@@ -225,7 +230,7 @@ def scan_bound(
         True cylinder, in the frame of the points; the uncertainty of the position refers to its
         `point` and is smallest in the middle of the points.
     points : (n, 3) ndarray
-        Noise-free points on the surface. Units: mm.
+        Noise-free points on the surface, all finite. Units: mm.
     variances : (n,) ndarray
         Variance of each point's error along the surface normal, n' Sigma n. Units: mm^2.
     known_radius_std : float, optional
@@ -247,9 +252,11 @@ def scan_bound(
     DegenerateGeometry
         If the points do not determine the cylinder.
     ValueError
-        If shapes do not match, a variance is not positive, or `known_radius_std` is negative.
+        If shapes do not match, a point or shared error is not finite, a variance is not positive,
+        or `known_radius_std` is negative.
     """
     points = as_readonly_array(points, ("n", 3), "points")
+    require_coordinates(points)
     variances = as_readonly_array(variances, (len(points),), "variances")
     basis = tangent_frame(cylinder.direction)[:2]
     axial_positions = (points - cylinder.point) @ cylinder.direction
@@ -261,6 +268,8 @@ def scan_bound(
     covariance = invert_information(fisher_information(jacobian, variances), prior)
     if shared_errors is not None:
         errors = as_readonly_array(shared_errors, (len(points), "k"), "shared_errors")
+        if not np.isfinite(errors).all():
+            raise ValueError("expected finite shared_errors in mm")
         # Linear response of the weighted least-squares fit to each shared error.
         response: FloatArray = covariance @ ((jacobian / variances[:, None]).T @ errors)
         covariance = covariance + response @ response.T
@@ -268,7 +277,10 @@ def scan_bound(
 
 
 def _predict_scan(cylinder: Cylinder, covariance: FloatArray, points: int) -> ScanPrediction:
-    """Return the prediction from the covariance (5, 5) of position, direction and radius."""
+    """Return the prediction from the covariance (5, 5) of position, direction and radius.
+
+    Position and direction are along the tangent basis: first e_phi, then e_theta.
+    """
     variances = np.diag(covariance)
     sin_phi = math.hypot(cylinder.direction[0], cylinder.direction[1])
     theta_std = math.sqrt(variances[3]) / sin_phi if sin_phi > 0 else math.inf

@@ -115,3 +115,13 @@ def test_limit_of_phi_std_is_of_the_order_of_the_spread_at_a_circle():
     gap = np.abs(rng.normal(0, math.sqrt(a + b - 2 * c), 20000))
     spread = math.sqrt(np.mean(np.arccos(1 - gap / 19.0) ** 2))
     assert 0.5 < bound.phi_std / spread < 2.0
+
+
+@pytest.mark.parametrize("lost", ["points", "shared_errors"])
+def test_values_that_are_not_finite_are_named(lost):
+    pipe = Cylinder((0.0, -400.0, 0.0), (0.1, 0.2, 1.0), 20.0)
+    points = np.concatenate([pipe.ring(z, np.linspace(0.0, 2.0, 30)) for z in (0.0, 50.0)])
+    shared_errors = np.zeros((60, 1))
+    {"points": points, "shared_errors": shared_errors}[lost][3] = np.nan
+    with pytest.raises(ValueError, match="expected finite"):
+        scan_bound(pipe, points, np.full(60, 0.01), shared_errors=shared_errors)
