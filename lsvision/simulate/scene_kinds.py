@@ -61,6 +61,11 @@ class TubeRanges:
     ----------
     radius_mm, theta_deg, phi_deg : tuple of float
         Smallest and largest value; equal for a fixed one. Units: mm, deg.
+
+    Raises
+    ------
+    ValueError
+        If a range is not ascending and finite, a radius not above 0, or phi not within 0-80 deg.
     """
 
     radius_mm: tuple[float, float] = (10.0, 40.0)
@@ -117,8 +122,8 @@ def random_section(
     kind : str
         Kind of scene, a key of `SCENE_KINDS`.
     seed : int
-        Seed of all random numbers, together with the kind; the same arguments yield identical
-        bytes.
+        Seed of all random numbers, together with the kind, not negative; the same arguments yield
+        the same section, bit by bit.
     noise_mm : float, optional
         Standard deviation along the ray at 400 mm. None: drawn from 0.02-0.1 mm. Units: mm.
     settings : SectionSettings, optional
@@ -126,10 +131,15 @@ def random_section(
     tubes : TubeRanges, optional
         Ranges of the tubes. None: radius 10-40 mm, phi 0-40 deg, any theta.
 
+    Returns
+    -------
+    SimulatedSection
+        The profile, and the truth about it.
+
     Raises
     ------
     ValueError
-        If the kind is unknown, or `noise_mm` not positive.
+        If the kind is unknown, `noise_mm` not positive and finite, or `seed` negative.
     DegenerateGeometry
         If no scene is found in which all tubes are visible.
 
@@ -151,48 +161,48 @@ def random_section(
 
 def single(rng: np.random.Generator, tubes: TubeRanges) -> Scene:
     """Draw one tube without clutter."""
-    return _draw_visible(lambda: [tubes.draw_ellipse(rng)], _no_clutter, rng)
+    return _draw_visible(lambda rng: [tubes.draw_ellipse(rng)], _no_clutter, rng)
 
 
 def welded_pair(rng: np.random.Generator, tubes: TubeRanges) -> Scene:
     """Draw two touching, mostly parallel tubes with a weld bead, without clutter."""
-    return _draw_visible(lambda: _draw_pair(rng, tubes), _draw_bead, rng)
+    return _draw_visible(lambda rng: _draw_pair(rng, tubes), _draw_bead, rng)
 
 
 def planar(rng: np.random.Generator, tubes: TubeRanges) -> Scene:
-    """Draw one tube among flat bars, boxes and ground."""
+    """Draw one tube among bars, boxes and angle irons, mostly with a ground."""
     return _draw_visible(
-        lambda: [tubes.draw_ellipse(rng)],
+        lambda rng: [tubes.draw_ellipse(rng)],
         lambda ellipses, rng: clutter_around(ellipses, draw_planar, rng),
         rng,
     )
 
 
 def complex_clutter(rng: np.random.Generator, tubes: TubeRanges) -> Scene:
-    """Draw one tube among bars, sections and curved sheets."""
+    """Draw one tube among shapes of every kind, flat and curved; see `draw_mixed`."""
     return _draw_visible(
-        lambda: [tubes.draw_ellipse(rng)],
+        lambda rng: [tubes.draw_ellipse(rng)],
         lambda ellipses, rng: clutter_around(ellipses, draw_mixed, rng),
         rng,
     )
 
 
 def welded_complex(rng: np.random.Generator, tubes: TubeRanges) -> Scene:
-    """Draw two touching tubes with a weld bead among bars, sections and curved sheets."""
+    """Draw two touching tubes with a weld bead among shapes of every kind; see `draw_mixed`."""
 
     def draw_clutter(ellipses: list[Ellipse], rng: np.random.Generator) -> list[Prism]:
         return _draw_bead(ellipses, rng) + clutter_around(ellipses, draw_mixed, rng)
 
-    return _draw_visible(lambda: _draw_pair(rng, tubes), draw_clutter, rng)
+    return _draw_visible(lambda rng: _draw_pair(rng, tubes), draw_clutter, rng)
 
 
 def three_stacked(rng: np.random.Generator, tubes: TubeRanges) -> Scene:
     """Draw two tubes side by side and a third in the groove between them."""
-    return _draw_visible(lambda: _draw_stack(rng, tubes), _no_clutter, rng)
+    return _draw_visible(lambda rng: _draw_stack(rng, tubes), _no_clutter, rng)
 
 
 def empty(rng: np.random.Generator, _tubes: TubeRanges) -> Scene:
-    """Draw clutter of every kind without a tube."""
+    """Draw shapes of every kind without a tube; see `draw_mixed`."""
     return Scene(tuple(clutter_around([], draw_mixed, rng)))
 
 
@@ -207,16 +217,19 @@ SCENE_KINDS: dict[str, Callable[[np.random.Generator, TubeRanges], Scene]] = {
 }
 """Function that draws a random scene, by the name of its kind."""
 
+DrawTubes = Callable[[np.random.Generator], list[Ellipse]]
+"""Function that draws the sections of tubes, placed relative to each other."""
 DrawClutter = Callable[[list[Ellipse], np.random.Generator], list[Prism]]
+"""Function that draws the other objects of a scene around the sections of its tubes."""
 
 
 def _draw_visible(
-    draw_tubes: Callable[[], list[Ellipse]], draw_clutter: DrawClutter, rng: np.random.Generator
+    draw_tubes: DrawTubes, draw_clutter: DrawClutter, rng: np.random.Generator
 ) -> Scene:
     """Draw scenes until an ideal sensor sees a sufficient arc of every tube."""
     settings = dataclasses.replace(SectionSettings.ideal(), grazing_limit_deg=80.0)
     for _ in range(MAX_DRAWS):
-        ellipses = _move_into_field(draw_tubes(), rng)
+        ellipses = _move_into_field(draw_tubes(rng), rng)
         solids = [Tube.of(e.radius, e.theta, e.phi, e.centre) for e in ellipses]
         scene = Scene((*solids, *draw_clutter(ellipses, rng)))
         section = simulate_section(scene, SCENE_SENSOR, settings, rng=np.random.default_rng(0))
@@ -251,13 +264,14 @@ def _draw_stack(rng: np.random.Generator, tubes: TubeRanges) -> list[Ellipse]:
     left, right = (tubes.draw_ellipse(rng, (0.15, 1.0)) for _ in range(2))
     top = tubes.draw_ellipse(rng, (0.0, 0.5))
     x, y = touching_centre(left, right, math.radians(rng.uniform(-15.0, 15.0)))
-    separation = 1.0 + rng.uniform(0.0, 0.8) * top.semi_minor / math.hypot(x, y)
-    right = dataclasses.replace(right, centre=(x * separation, y * separation))
+    gap = rng.uniform(0.0, 0.8) * top.semi_minor  # the third tube must rest on both
+    factor = 1.0 + gap / math.hypot(x, y)
+    right = dataclasses.replace(right, centre=(x * factor, y * factor))
     return [left, right, dataclasses.replace(top, centre=nested_centre(left, right, top))]
 
 
 def _draw_bead(pair: list[Ellipse], rng: np.random.Generator) -> list[Prism]:
-    """Draw the weld bead of a pair: a concave fillet or a convex bead."""
+    """Draw the weld bead of a pair: a concave fillet (bulge 0) or a convex bead."""
     leg = rng.uniform(0.45, 0.85) * min(pair[0].semi_minor, pair[1].semi_minor)
     bulge = 0.0 if rng.random() < 0.5 else rng.uniform(0.02, MAX_BULGE)
     return [weld_bead(pair[0], pair[1], leg=leg, bulge=bulge)]
