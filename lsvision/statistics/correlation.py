@@ -39,8 +39,8 @@ MIN_SPECTRUM_POINTS = REFERENCE_BAND.stop
 MAX_SMOOTHED_RISE = 2.0
 """Largest ratio of low-frequency power to reference power that is used for a sensor that smooths,
 since smoothing attenuates the reference band, too. Without this limit the intervals of smoothed
-data are far too wide; with a ratio of 1, the phi interval of one real sphere in ten does not
-contain 0."""
+data are far too wide; with a ratio of 1, the interval of phi does not contain the true 0 of one in
+ten real spheres, whose sections are circles."""
 MIN_POINTS = 8
 """Number of points below which no correlation is estimated."""
 LAG1_SIGMAS = 3.5
@@ -64,8 +64,8 @@ class Correlation:
         Number of points per effective point; 1 for uncorrelated errors.
     degrees_of_freedom : float
         Degrees of freedom of `autocorrelation_time`: those of the low-frequency band (4) if
-        neighbours are correlated or the power of that band is significantly larger; infinite
-        otherwise.
+        neighbours are correlated or the power of that band is significantly above that of
+        uncorrelated errors; infinite otherwise.
     neighbours_correlated : bool
         Whether neighbours are significantly correlated: a sensor that smooths along the line.
     """
@@ -90,7 +90,8 @@ def estimate_correlation(normalised: FloatArray) -> Correlation:
     Returns
     -------
     Correlation
-        Below 34 points (`MIN_SPECTRUM_POINTS`) from `neighbour_correlation` alone.
+        Below 34 points (`MIN_SPECTRUM_POINTS`) from `neighbour_correlation` alone, with the same
+        degrees of freedom if neighbours are correlated.
     """
     time, neighbours = neighbour_correlation(normalised)
     if len(normalised) < MIN_SPECTRUM_POINTS:
@@ -100,8 +101,9 @@ def estimate_correlation(normalised: FloatArray) -> Correlation:
     if not neighbours:
         if low < MAX_LOW_FREQUENCY_POWER:
             return Correlation(time, math.inf, neighbours_correlated=False)
-        low = max(low, form)
-    # The power may increase further below the band: it is extrapolated by the same ratio.
+        low = max(low, form)  # a form error may be in the lowest two frequencies alone
+    # The power of a band, over that of uncorrelated errors, estimates the autocorrelation time. It
+    # may increase further below the lowest band: it is extrapolated by the same ratio.
     rise = max(low / max(reference, TINY), 1.0)
     if neighbours:
         rise = min(rise, MAX_SMOOTHED_RISE)
@@ -168,7 +170,7 @@ def autocorrelation_time(normalised: FloatArray) -> float:
 
     Not corrected for the parameters of a fit: too small for strongly correlated residuals of a fit
     (7.7 instead of 10.0 for 400 points and 3 parameters), where `debiased_autocorrelation_time`
-    gives 9.8. The latter is less precise, so that its mean over many fits is used.
+    gives 9.8. The latter is less precise: there its standard deviation is twice as large.
     """
     return neighbour_correlation(normalised)[0]
 
@@ -176,10 +178,10 @@ def autocorrelation_time(normalised: FloatArray) -> float:
 def debiased_autocorrelation_time(residuals: FloatArray, parameters: int) -> float:
     """Return the autocorrelation time of residuals, corrected for the parameters of their fit.
 
-    Definition: 1 + 2 sum rho_k over the lags k up to the first pair of lags whose sum is not
-    significant (Geyer 1992, initial positive sequence), divided by the fraction that the fit has
-    not absorbed: a fit decreases each rho_k of its residuals by about parameters / n times the
-    result.
+    Definition: 1 + 2 sum rho_k over the lags k < n / 2 up to the first pair of lags whose sum is
+    not significant (Geyer 1992, initial positive sequence), divided by the fraction that the fit
+    has not absorbed: a fit decreases each rho_k of its residuals by about parameters / n times the
+    result. The mean is not subtracted: a fit has absorbed it.
 
     Parameters
     ----------

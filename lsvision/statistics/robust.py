@@ -13,7 +13,9 @@ significant, a larger one of a single point may be an outlier."""
 
 
 def upper_median(values: FloatArray) -> float:
-    """Return the median of finite values, the upper of two; five times as fast as `np.median`.
+    """Return the median of finite values; five times as fast as `np.median`.
+
+    For an even number of values it is the upper of the two middle ones.
 
     Parameters
     ----------
@@ -26,7 +28,7 @@ def upper_median(values: FloatArray) -> float:
 
 
 def median(values: FloatArray) -> float:
-    """Return the median, NaN where one of the values is; three times as fast as `np.median`.
+    """Return the median, NaN if one of the values is; three times as fast as `np.median`.
 
     Parameters
     ----------
