@@ -31,7 +31,7 @@ class CalibratedLaserView(ComparedByValue):
     Parameters
     ----------
     index : int
-        Index of the view's images in the input.
+        Index of the view in the input.
     laser_view : LaserView
         Corners and laser line in the images.
     camera_from_board : Pose
@@ -39,7 +39,9 @@ class CalibratedLaserView(ComparedByValue):
     corner_residuals : (n, 2) ndarray
         Projected minus observed corners. Units: px.
     line_residuals : (m,) ndarray
-        Residuals of the laser line, along its normal. Units: px.
+        Signed distances of the observed points of the laser line from the intersection of laser
+        plane and board, along its normal; positive if the point's ray meets the laser plane behind
+        the board. Units: px.
     """
 
     index: int
@@ -58,16 +60,17 @@ class LaserPlaneCalibration(Result):
     light_section : LightSection
         Calibrated light section; its camera is refined if there are enough views.
     covariance : (3, 3) ndarray
-        Covariance of the plane's tilt about the section's X and Y (rad) and of its distance (mm).
+        Covariance of the rotation of the plane's normal about the section's X and Y (rad), and of
+        the plane's distance from the camera's centre (mm).
     views : tuple of CalibratedLaserView
         Pose and residuals of each view.
     board_bow, board_bow_std : (3,) ndarray
-        Deviation of the board's middle from flatness along x and along y, positive away from
-        the camera, and its twist at the corners; zero if it was not fitted. Units: mm.
+        Bow along x and along y, positive if the board's middle is farther from the camera than its
+        edges, and twist at the corners (see `board_shape`); zero if not fitted. Units: mm.
     rejected : tuple of RejectedView
         Views that could not be used, or whose line is not in the plane of the others.
     outliers : tuple of RejectedView
-        Views that were used and have large residuals.
+        Views that were used, but have large residuals.
     warnings : tuple of str
         Warnings about the set of views, with remedies.
     """

@@ -28,7 +28,7 @@ MIN_TILT = np.radians(5.0)
 
 @dataclass(frozen=True)
 class RejectedView:
-    """Index of a view and the reason for its rejection.
+    """Index of a view, and the reason why it is rejected or reported as an outlier.
 
     Parameters
     ----------
