@@ -1,7 +1,7 @@
 """Transform the cylinder of one section to the robot's frame, with its covariance.
 
-The covariances are propagated to first order, J Sigma J', for the five parameters of the section
-and the six of the calibration, which are independent.
+The covariances are propagated to first order, J Sigma J'. The five parameters of the section, the
+six of the calibration and the six of the robot's pose have independent errors.
 """
 
 from __future__ import annotations
@@ -213,7 +213,8 @@ def place_section(
     Raises
     ------
     ValueError
-        If the calibration is that of a camera, or of a sensor that is not on the robot.
+        If the calibration is that of a camera, or of a sensor that is not on the robot (see
+        `HandEye.flange_from_section`).
 
     Examples
     --------
@@ -306,6 +307,8 @@ def twin_jacobian(section: CylinderSection, sign: float) -> FloatArray:
     by_theta = np.array([0.0, 0.0, 0.0, 0.0, math.sin(phi)])
     by_phi *= _scale_to_limit(section.phi_std, by_phi, section.covariance)
     by_theta *= _scale_to_limit(math.sin(phi) * section.theta_std, by_theta, section.covariance)
+    # Derivatives of the direction by phi and, over sin(phi), by theta; section frame. For phi > 0
+    # they are the tangent frame of the direction.
     major = np.array([math.cos(theta), math.sin(theta), 0.0])
     e_phi = sign * math.cos(phi) * major - math.sin(phi) * np.array([0.0, 0.0, 1.0])
     e_theta = sign * np.array([-math.sin(theta), math.cos(theta), 0.0])

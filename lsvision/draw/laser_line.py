@@ -53,8 +53,8 @@ def draw_laser_line(
     title : str
         Title above the image, such as the name of the file.
     ax : matplotlib.axes.Axes, optional
-        Axes to draw image and line into, without curves. By default a new figure with curves is
-        drawn.
+        Axes to draw image and line into, without summary and curves. By default a new figure with
+        both is drawn.
 
     Returns
     -------
@@ -92,7 +92,10 @@ def draw_laser_line(
 
 
 def line_summary(line: LaserLine) -> str:
-    """Return a line of text: points, lost points, std, width and saturation.
+    """Return a line of text: points, lost points, std, width, saturation and second line.
+
+    Std and width are medians of the points that are not lost, of which there is at least one; for
+    the second line see `LaserLine.second_line_fraction`.
 
     Examples
     --------

@@ -6,6 +6,8 @@ from lsvision.geometry.arrays import FloatArray, Points
 def apply_homography(homography: FloatArray, points: Points) -> Points:
     """Return the images (n, 2) of points (n, 2) under a homography (3, 3).
 
+    Points that are mapped to infinity get inf or NaN, with a warning of numpy.
+
     Examples
     --------
     >>> import numpy as np

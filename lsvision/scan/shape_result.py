@@ -76,7 +76,10 @@ class FormDeviation(ComparedByValue):
 
     @property
     def size_std(self) -> float:
-        """Standard uncertainty of `size`, along the direction of `values`. Units: mm."""
+        """Standard uncertainty of `size`, along the direction of `values`. Units: mm.
+
+        That of the first component if all values are zero.
+        """
         unit = self.values / self.size if self.size > 0 else np.eye(len(self.values))[0]
         return math.sqrt(float(unit @ self.covariance @ unit))
 
@@ -99,7 +102,8 @@ class TubeShape(Result):
     taper : FormDeviation
         Increase of the radius from the middle to the end of the measured length.
     ovality_terms : FormDeviation
-        Amplitudes o1, o2 of the radius r + o1 cos 2 psi + o2 sin 2 psi. Units: mm.
+        Amplitudes o1, o2 of the radius r + o1 cos 2 psi + o2 sin 2 psi, with the angle psi about
+        the axis from e_phi towards e_theta. Units: mm.
     radius : float
         Mean radius of the deviating tube. Units: mm.
     half_length : float
@@ -121,7 +125,10 @@ class TubeShape(Result):
 
     @property
     def bow_radius_std(self) -> float:
-        """Standard uncertainty of `bow_radius`, by linear propagation. Units: mm."""
+        """Standard uncertainty of `bow_radius`. Units: mm.
+
+        Propagated linearly, for a bow that is small compared with `half_length`.
+        """
         return self.bow_radius * self.bow.size_std / self.bow.size if self.bow.size else math.inf
 
     @property
@@ -170,7 +177,7 @@ class TubeShape(Result):
         return ", ".join(shape_lines(self))
 
     def _cells(self) -> list[tuple[str, ...]]:
-        return []
+        return []  # no table: the notes contain everything
 
     def _notes(self) -> list[str]:
         return shape_lines(self)
@@ -178,17 +185,11 @@ class TubeShape(Result):
     def _rows(self) -> list[Record]:
         """Return a row per section: its centre relative to the straight axis, and its radius."""
         record = self.to_dict()
-        columns = {
-            "section": record["sections"],
-            "along_mm": record["along_mm"],
-            **{
-                f"{name}_{axis}_mm": [row[index] for row in record[f"{name}_mm"]]
-                for name in ("deviations", "deviations_std")
-                for index, axis in enumerate(("phi", "theta"))
-            },
-            "radius_mm": record["radii_mm"],
-            "radius_std_mm": record["radii_std_mm"],
-        }
+        columns = {"section": record["sections"], "along_mm": record["along_mm"]}
+        for name in ("deviations", "deviations_std"):
+            for index, axis in enumerate(("phi", "theta")):
+                columns[f"{name}_{axis}_mm"] = [row[index] for row in record[f"{name}_mm"]]
+        columns |= {"radius_mm": record["radii_mm"], "radius_std_mm": record["radii_std_mm"]}
         return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
