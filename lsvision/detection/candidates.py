@@ -18,6 +18,7 @@ from lsvision.detection import windows
 from lsvision.detection.arcs import MAX_OVERLAP
 from lsvision.geometry import BoolArray, Ellipse, FloatArray, IntArray, Points
 from lsvision.geometry.arrays import select_rows, stack_with_mask
+from lsvision.geometry.noisy_points import ComplexArray
 from lsvision.profile import MAX_RELATIVE_SCATTER, PreparedProfile
 from lsvision.statistics.robust import SIGNIFICANT_SIGMAS
 
@@ -27,6 +28,9 @@ MIN_COVERAGE_POINTS = 15.7
 """Smallest product of the angle that a window covers (rad) and its number of points (for 36 points
 the angle is 25 deg): the noise of few points may look like curvature."""
 
+MIN_CIRCLE_POINTS = 3
+"""Number of points that determine a circle."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class CandidateSettings:
@@ -35,10 +39,21 @@ class CandidateSettings:
     Parameters
     ----------
     min_span_points : int
-        Number of points of the shortest window and of the smallest component.
+        Number of points of the shortest window and of the smallest component, at least three.
+
+    Raises
+    ------
+    ValueError
+        If `min_span_points` is less than 3, the number of points that determine a circle.
     """
 
     min_span_points: int = 10
+
+    def __post_init__(self) -> None:
+        if self.min_span_points < MIN_CIRCLE_POINTS:
+            raise ValueError(
+                f"expected min_span_points >= {MIN_CIRCLE_POINTS}, got {self.min_span_points}"
+            )
 
 
 class Candidate(NamedTuple):
@@ -93,21 +108,16 @@ def find_candidates(
     sequences = [np.concatenate(components[i]) for i in searched]
     arrays = [profiles[i].noisy_points.z[row] for i, row in zip(searched, sequences, strict=True)]
     points, _ = stack_with_mask(arrays)
-    all_windows = _build_windows([components[i] for i in searched], settings.min_span_points)
-    circles = windows.fit_window_circles(points, all_windows)
+    spans = _build_windows([components[i] for i in searched], settings.min_span_points)
+    circles = windows.fit_window_circles(points, spans)
     limits = np.array([(*radius_ranges[i], profiles[i].noise_std) for i in searched])
-    passed = _passes_limits(circles, *limits.take(all_windows.rows, axis=0).T).nonzero()[0]
-    passed_circles = select_rows((all_windows, circles.centre, circles.radius), passed)
-    selected, centres, _ = passed_circles
-    coverage = windows.arc_coverage(points, selected, centres)
-    # In float32, so that windows whose coverage differs only by rounding are sorted by the x of
-    # their centre.
-    order = np.lexsort((centres.real, -coverage.astype(np.float32), selected.rows))
-    order = order[(coverage * (selected.stops - selected.starts) >= MIN_COVERAGE_POINTS)[order]]
-    best = order[_suppress_non_maxima(select_rows(selected, order))]
-    (rows, starts, stops), *circle = select_rows(passed_circles, best)
+    passed = _passes_limits(circles, *limits.take(spans.rows, axis=0).T).nonzero()[0]
+    spans, centres = select_rows((spans, circles.centre), passed)
+    order = _order_by_coverage(points, spans, centres)
+    best = order[_suppress_non_maxima(select_rows(spans, order))]
+    fields = (*spans, centres, circles.radius[passed])
     for row, start, stop, centre, radius in zip(
-        *(field.tolist() for field in (rows, starts, stops, *circle)), strict=True
+        *(field[best].tolist() for field in fields), strict=True
     ):
         candidate = Candidate(sequences[row][start:stop], (centre.real, centre.imag), radius)
         candidates[searched[row]].append(candidate)
@@ -141,8 +151,25 @@ def _passes_limits(
 
 def max_circle_rms(radius: FloatArray, noise_std: float | FloatArray) -> FloatArray:
     """Return the largest accepted rms distance of points from circles of these radii. Units: mm."""
-    # On an arc of 90 deg of a section tilted by 50 deg, the rms is 1.2 % of the radius.
+    # The rms of a noise-free section tilted by 45 deg is up to 1 % of the radius over 90 deg; of a
+    # more tilted section, windows that cover less pass.
     return SIGNIFICANT_SIGMAS * noise_std + MAX_RELATIVE_SCATTER * radius
+
+
+def _order_by_coverage(
+    points: ComplexArray, spans: windows.Windows, centres: ComplexArray
+) -> IntArray:
+    """Return the positions of windows that cover enough, by row, in descending order of coverage.
+
+    `points` and `centres` are those of `windows.arc_coverage`.
+    """
+    coverage = windows.arc_coverage(points, spans, centres)
+    # In float32, so that windows whose coverage differs only by rounding are sorted by the x of
+    # their centre.
+    order = np.lexsort((centres.real, -coverage.astype(np.float32), spans.rows))
+    is_enough = coverage * (spans.stops - spans.starts) >= MIN_COVERAGE_POINTS
+    ordered: IntArray = order[is_enough[order]]
+    return ordered
 
 
 def _suppress_non_maxima(ordered: windows.Windows) -> list[int]:
@@ -155,9 +182,9 @@ def _suppress_non_maxima(ordered: windows.Windows) -> list[int]:
     for i, (row, start, stop) in enumerate(spans_by_row):
         if row != last_row:
             spans, last_row = [], row
-        for first, last in spans:
-            common = (stop if stop < last else last) - (start if start > first else first)
-            if common > MAX_OVERLAP * (stop - start + last - first - common):
+        for better_start, better_stop in spans:
+            common = min(stop, better_stop) - max(start, better_start)
+            if common > MAX_OVERLAP * (stop - start + better_stop - better_start - common):
                 break
         else:
             best.append(i)

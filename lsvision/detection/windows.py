@@ -1,5 +1,6 @@
 """Circle fits to many overlapping windows of ordered points at once, from cumulated moments."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -76,8 +77,8 @@ def _component_windows(size: int, smallest: int) -> IntArray:
     while length < size:
         last = size - length
         # With an odd number of steps there are no ties in rounding, which would break the symmetry.
-        steps = -(-last // (length // SHIFTS_PER_WINDOW)) | 1
-        offsets = [(2 * k * last + steps) // (2 * steps) for k in range(steps + 1)]
+        steps = math.ceil(last / (length // SHIFTS_PER_WINDOW)) | 1
+        offsets = [round(k * last / steps) for k in range(steps + 1)]
         starts += offsets
         stops += [start + length for start in offsets]
         length *= WINDOW_GROWTH
@@ -120,7 +121,8 @@ def fit_window_circles(points: ComplexArray, windows: Windows) -> WindowCircles:
     moments -= cumulated.take(first + starts, axis=1)
     moments /= np.maximum(stops - starts, 1)
     mean, zz, qz, qq = moments
-    # Second central moments E|z|^2 and E z^2; covariances of q = |z|^2 with z and with q.
+    # Second central moments E|z|^2 and E z^2; covariances of q = |z|^2 with z and with q. The
+    # normal equation for the centre c is variance c + pseudo_variance conj(c) = cov_qz.
     variance, pseudo_variance = qq.real - (mean * mean.conj()).real, zz - mean * mean
     cov_qz, var_q = qz - qq.real * mean, qq.imag - qq.real**2
     modulus = np.abs(pseudo_variance)
@@ -144,6 +146,6 @@ def arc_coverage(points: ComplexArray, windows: Windows, centres: ComplexArray) 
     """
     rows, starts, stops = windows
     ends = points.take(np.array([starts, stops - 1]) + rows * points.shape[1]) - centres
-    first, last = np.arctan2(ends.real, ends.imag)
+    first, last = np.arctan2(ends.real, ends.imag)  # angles from +Y, without a step at the top
     coverage: FloatArray = np.abs(first - last)
     return coverage

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from lsvision import PointNoise, Profile
+from lsvision import PointNoise, Profile, Settings, measure_cylinders
 from lsvision.detection.candidates import (
     Candidate,
     CandidateSettings,
@@ -165,3 +165,12 @@ def test_the_shortest_window_is_a_setting():
     ]
     assert shortest[0] < 60 <= shortest[1]
     assert math.isclose(len(component), max(shortest[1], len(component)))
+
+
+def test_fewer_points_than_determine_a_circle_are_no_window():
+    with pytest.raises(ValueError, match=r"^expected min_span_points >= 3, got 2$"):
+        CandidateSettings(min_span_points=2)
+    measurement = measure_cylinders(
+        line(dome(0, 20)).points, settings=Settings(candidates=CandidateSettings(min_span_points=3))
+    )
+    assert len(measurement.cylinders) == 1
