@@ -21,12 +21,16 @@ from lsvision.statistics.robust import SIGNIFICANT_SIGMAS
 
 MIN_TURN_DEG = 20.0
 """Change of the line's direction at an end, below which it continues tangentially. Units: deg."""
-POINTS_BEYOND, BEYOND_FRACTION = 6, 1 / 8
+DIRECTION_POINTS, DIRECTION_FRACTION = 6, 1 / 8
 """Number of points beyond an end from which the line's direction is measured: the larger of this
-number and this fraction of the arc's points."""
-FILLET_POINTS = 2 * POINTS_BEYOND
-"""Number of points beyond an end that may be a fillet: a fillet is short, but the curvature of
-fewer points is not significant."""
+number and this fraction of the arc's points. A line ends where there are fewer than this number, or
+than half of this fraction."""
+MIN_FILLET_POINTS, MAX_FILLET_POINTS = 6, 12
+"""Numbers of points beyond an end whose curvature is measured: that of fewer points is not
+significant, and a fillet is short."""
+NEAR_POINTS = 12
+"""Number of points of an arc, next to its end, from which its typical step and the direction in
+which it leads are determined."""
 MAX_GAP_STEPS = 3.0
 """Largest distance between connected points, in median distances between neighbours of the arc."""
 MIN_FILLET_CURVATURE = 1.0
@@ -52,34 +56,31 @@ def tangential_end_reason(
         are left out: a sensor that smooths along the line has mixed the arc into them, so that each
         line seems to continue tangentially.
     """
-    count = max(POINTS_BEYOND, int(BEYOND_FRACTION * len(arc.indices)))
+    count = max(DIRECTION_POINTS, int(DIRECTION_FRACTION * len(arc.indices)))
+    min_count = max(DIRECTION_POINTS, count // 2)
     covered = np.zeros(len(profile.points), dtype=bool)
     covered[arc.indices] = covered[screened.indices] = True
     mixed_points, longest = screened.mixed_points, covered.nonzero()[0]
     turns_deg = [
-        math.degrees(
-            _end_turn(inner, beyond[mixed_points:], arc.ellipse, max(POINTS_BEYOND, count // 2))
-        )
+        math.degrees(_end_turn(inner, beyond[mixed_points:], arc.ellipse, min_count))
         for inner, beyond in _split_ends(profile, longest, count + mixed_points)
     ]
     if min(turns_deg) >= MIN_TURN_DEG:
         return None
     curvature = MIN_FILLET_CURVATURE / screened.ellipse.radius
     noise_std = profile.noise_std * screened.variance_factor**0.5
-    ends = zip(turns_deg, _split_ends(profile, screened.indices, FILLET_POINTS), strict=True)
-    tangential_deg = [
+    ends = zip(turns_deg, _split_ends(profile, screened.indices, MAX_FILLET_POINTS), strict=True)
+    tangential_deg = sorted(
         turn_deg
         for turn_deg, (_, line) in ends
         if turn_deg < MIN_TURN_DEG and not _is_fillet(line, curvature, noise_std)
-    ]
+    )
     if not tangential_deg:
         return None
-    if max(turns_deg) < MIN_TURN_DEG:
-        first, second = sorted(turns_deg)
-        return f"continues tangentially at both ends (turns {first:.0f} and {second:.0f} deg)"
-    return (
-        f"continues tangentially at one end (turns {tangential_deg[0]:.0f} deg): a rounded corner"
-    )
+    turns = " and ".join(f"{turn_deg:.0f}" for turn_deg in tangential_deg)
+    if len(tangential_deg) == 1:
+        return f"continues tangentially at one end (turns {turns} deg): a rounded corner"
+    return f"continues tangentially at both ends (turns {turns} deg)"
 
 
 def find_connected_beyond(
@@ -101,7 +102,7 @@ def find_connected_beyond(
     list of int
         Positions of the connected points in `beyond`, ascending.
     """
-    near = arc_points[-2 * POINTS_BEYOND :]
+    near = arc_points[-NEAR_POINTS:]
     steps = sorted([abs(after - before) for before, after in pairwise(near)])
     max_step = MAX_GAP_STEPS * steps[len(steps) // 2]
     last, positions = near[-1], list[int]()
@@ -117,12 +118,15 @@ def find_connected_beyond(
 def _split_ends(
     profile: PreparedProfile, indices: IntArray, count: int
 ) -> list[tuple[ComplexArray, ComplexArray]]:
-    """Return the points near each end of an arc and those connected beyond it, both outwards."""
-    z, first, beyond = profile.noisy_points.z, int(indices[0]), int(indices[-1]) + 1
-    near = 2 * POINTS_BEYOND
+    """Return the points near each end of an arc, and up to `count` connected ones beyond it.
+
+    Both are x + iy in mm, ordered outwards.
+    """
+    z, first, stop = profile.noisy_points.z, int(indices[0]), int(indices[-1]) + 1
+    reach = 2 * count  # every other point may be a jump, which is not connected
     sides = [
-        (z[indices[:near]][::-1], z[max(0, first - 2 * count) : first][::-1]),
-        (z[indices[-near:]], z[beyond : beyond + 2 * count]),
+        (z[indices[:NEAR_POINTS]][::-1], z[max(0, first - reach) : first][::-1]),
+        (z[indices[-NEAR_POINTS:]], z[stop : stop + reach]),
     ]
     return [
         (inner, outer[find_connected_beyond(inner.tolist(), outer.tolist(), count)])
@@ -133,8 +137,9 @@ def _split_ends(
 def _end_turn(inner: ComplexArray, beyond: ComplexArray, ellipse: Ellipse, min_count: int) -> float:
     """Return the angle between the tangent at the last point and the line beyond it. Units: rad.
 
-    It is pi where the line ends: with fewer than `min_count` points beyond, or with an end of the
-    arc that faces away from the sensor.
+    `inner` are the arc's points near its end, `beyond` those beyond it, outwards. The angle is pi
+    where the line ends: with fewer than `min_count` points beyond, or with an end of the arc that
+    faces away from the sensor.
     """
     if len(beyond) < min_count:
         return math.pi
@@ -163,15 +168,15 @@ def _is_fillet(line: ComplexArray, min_curvature: float, noise_std: float) -> bo
     `min_curvature` (1/mm) is the smallest curvature of a fillet, `noise_std` (mm) the standard
     deviation of a point.
     """
-    if len(line) < POINTS_BEYOND:
+    if len(line) < MIN_FILLET_POINTS:
         return False
     chord = complex(line[-1] - line[0])
+    # Height above the chord, positive towards the sensor.
     in_chord_frame = (line - line[0]) * (chord.conjugate() / abs(chord))
     x, height = in_chord_frame.real, in_chord_frame.imag if chord.real > 0 else -in_chord_frame.imag
     parabola, covariance = np.polyfit(x, height, 2, cov="unscaled")
     residuals = height - np.polyval(parabola, x)
     dof = len(line) - len(parabola)
     scatter = max(noise_std, math.sqrt(float(residuals @ residuals) / dof))
-    std = scatter * math.sqrt(float(covariance[0, 0]))
-    curvature, curvature_std = 2 * float(parabola[0]), 2 * std
-    return curvature > max(SIGNIFICANT_SIGMAS * curvature_std, min_curvature)
+    curvature_std = 2 * scatter * math.sqrt(float(covariance[0, 0]))
+    return 2 * float(parabola[0]) > max(SIGNIFICANT_SIGMAS * curvature_std, min_curvature)

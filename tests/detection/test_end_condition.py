@@ -144,6 +144,12 @@ def test_a_fillet_is_a_pipes():
     assert reason(KINK, fillet(1 / CURVED, 20)) is None
 
 
+def test_a_fillet_at_the_other_end_of_a_corner_is_not_counted():
+    assert reason(fillet(1 / CURVED, 20), [5] * 20) == (
+        "continues tangentially at one end (turns 5 deg): a rounded corner"
+    )
+
+
 def test_the_same_bent_the_other_way_is_a_corners():
     assert reason(-fillet(1 / CURVED, 20), KINK) is not None
 
