@@ -105,8 +105,11 @@ class _GrowingArc:
         self.start, self.normals = 0, self.points.z
         self.span = -1, -1
 
-    def next_window(self) -> NoisyPoints:
-        """Return the points around the inliers, extended by half their span at either end."""
+    def move_window(self) -> NoisyPoints:
+        """Set `start` to the next window, and return its points.
+
+        It contains the inliers, extended by half their span at either end.
+        """
         first, stop = int(self.inliers[0]), int(self.inliers[-1]) + 1
         step = (stop - first + 1) // 2
         self.start = max(0, first - step)
@@ -135,10 +138,16 @@ class _GrowingArc:
 class _SearchedProfile:
     """Profile with its remaining candidates, and its arcs and rejections so far."""
 
-    def __init__(self, profile: PreparedProfile, candidates: Sequence[Candidate]) -> None:
+    def __init__(
+        self,
+        profile: PreparedProfile,
+        candidates: Sequence[Candidate],
+        radius_range: tuple[float, float],
+    ) -> None:
         self.arcs: list[IdentifiedArc] = []
         self.rejections: list[Rejection] = []
         self._profile, self._candidates = profile, iter(candidates)
+        self._radius_range = radius_range
         self._free = profile.valid_indices
         self._explained = np.zeros(len(profile.points), dtype=bool)
 
@@ -150,10 +159,12 @@ class _SearchedProfile:
                 return Seed(self._profile, candidate, self._free)
         return None
 
-    def add(self, arc: IdentifiedArc, reason: str | None) -> None:
-        """Add an arc, or its rejection if there is a reason for one, and mark its points."""
+    def add(self, grown: GrownArc, settings: AcceptanceSettings) -> None:
+        """Add an arc, or its rejection if its shape is not that of a cylinder; mark its points."""
+        arc, normals = grown
         span = arc.arc
         self._explained[span.start : span.stop] = True
+        reason = shape_rejection_reason(arc.ellipse, normals, self._radius_range, settings)
         if reason is None:
             self.arcs.append(arc)
             self._free = self._free[(self._free < span.start) | (self._free >= span.stop)]
@@ -188,18 +199,14 @@ def identify_arcs(
     list of (list of IdentifiedArc, list of Rejection)
         For each profile its arcs, and the rejections of arcs with another shape.
     """
-    searches = [_SearchedProfile(*pair) for pair in zip(profiles, candidates, strict=True)]
-    limits = dict(zip(searches, radius_ranges, strict=True))
+    searches = list(map(_SearchedProfile, profiles, candidates, radius_ranges))
     growing = searches
     while growing:
-        seeds = {search: search.next_seed() for search in growing}
-        growing = [search for search in growing if seeds[search] is not None]
-        grown = grow_arcs([seed for seed in seeds.values() if seed is not None])
-        for search, grown_arc in zip(growing, grown, strict=True):
-            if grown_arc is not None:
-                arc, normals = grown_arc
-                reason = shape_rejection_reason(arc.ellipse, normals, limits[search], settings)
-                search.add(arc, reason)
+        seeds = {search: seed for search in growing if (seed := search.next_seed()) is not None}
+        growing = list(seeds)
+        for search, grown in zip(growing, grow_arcs(list(seeds.values())), strict=True):
+            if grown is not None:
+                search.add(grown, settings)
     return [(search.arcs, search.rejections) for search in searches]
 
 
@@ -232,28 +239,22 @@ def grow_arcs(seeds: Sequence[Seed]) -> list[GrownArc | None]:
                 continue
             if arc.update(inliers, evaluated.normals[row]):
                 grown[arc.number] = arc.result(parameters[row])
-                continue
-            members[row][inliers] = True
-            rows.append(row)
+            else:
+                members[row, inliers] = True
+                rows.append(row)
         if not rows:
             return grown
         if len(rows) < len(arcs):
             stacks = arcs, evaluated, parameters, members
             arcs, evaluated, parameters, members = select_rows(stacks, rows)
-        stepped = gauss_newton_step(evaluated, parameters, members)
-        arcs, parameters = _drop_failed(arcs, stepped)
+        parameters = gauss_newton_step(evaluated, parameters, members)
+        fitted = ~np.isnan(parameters[:, 0])
+        if not fitted.all():
+            arcs, parameters = select_rows((arcs, parameters), fitted)
+    # The arcs that have not converged keep the inliers before their last step.
     for arc, row in zip(arcs, parameters, strict=True):
         grown[arc.number] = arc.result(row)
     return grown
-
-
-def _drop_failed(
-    arcs: list[_GrowingArc], parameters: FloatArray
-) -> tuple[list[_GrowingArc], FloatArray]:
-    """Return the arcs, and their parameters (k, 5), without those whose fit has failed (NaN)."""
-    fitted = ~np.isnan(parameters[:, 0])
-    stacks = arcs, parameters
-    return stacks if fitted.all() else select_rows(stacks, fitted)
 
 
 def _compare(arcs: list[_GrowingArc], parameters: FloatArray) -> tuple[EllipseResiduals, BoolArray]:
@@ -266,7 +267,7 @@ def _compare(arcs: list[_GrowingArc], parameters: FloatArray) -> tuple[EllipseRe
     within : (k, n) bool ndarray
         Points that face the sensor and lie within the sensor error.
     """
-    points, valid = NoisyPoints.stack([arc.next_window() for arc in arcs])
+    points, valid = NoisyPoints.stack([arc.move_window() for arc in arcs])
     evaluated = ellipse_residuals(points, parameters)
     squares = evaluated.normalised_squares
     medians = row_medians(squares, [arc.inliers - arc.start for arc in arcs])
