@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.detection.arcs import MIN_POINTS, IdentifiedArc
-from lsvision.detection.end_points import PREDECESSORS, WINDOW
+from lsvision.detection.end_points import POINTS_BEYOND, PREDECESSORS
 from lsvision.ellipse.parameters import parameters_from_ellipse
 from lsvision.geometry import BoolArray, Ellipse, FloatArray, IntArray
 from lsvision.geometry.arrays import padded_rows, stack_padded, stack_with_mask
@@ -148,7 +148,8 @@ def split_arc(number: int, profile: PreparedProfile, arc: IdentifiedArc) -> Spli
         return None
     first, last = int(middle[0]), int(middle[-1])
     span = arc.arc
-    begin, stop = max(0, span.start - WINDOW), min(span.stop + WINDOW, len(profile.points))
+    begin = max(0, span.start - POINTS_BEYOND)
+    stop = min(span.stop + POINTS_BEYOND, len(profile.points))
     left, right = np.arange(first - 1, begin - 1, -1), np.arange(last + 1, stop)
     members = np.zeros(len(left), dtype=bool), np.zeros(len(right), dtype=bool)
     members[0][first - 1 - arc.indices[:size]] = True

@@ -50,7 +50,7 @@ class ScreenedArc(NamedTuple):
     ellipse : Ellipse
         Ellipse of the inliers. Units: mm, rad.
     variance_factor : float
-        Ratio of the variance of the residuals to that of the profile's noise model.
+        Ratio of the variance of the residuals to that of the noise of `points`.
     mixed_points : int
         Number of points near an edge in which a sensor that smooths along the line mixes the
         surfaces on both sides of the edge.

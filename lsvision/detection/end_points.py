@@ -21,9 +21,9 @@ OUTLIER_FRACTION = 0.05
 """Prior probability that a point is an outlier, from stray light or a jump."""
 END_LOG_MARGIN = -math.log(OUTLIER_FRACTION)
 """Largest decrease of the cumulated log likelihood ratio from its maximum to the last inlier of an
-arc: the decrease that one outlier causes. With 5, more of the foot of a weld would be included;
-with 0, valid points at the ends would be lost."""
-WINDOW = 16
+arc: up to there, another line is at most 1 / `OUTLIER_FRACTION` times as likely. With 5, more of
+the foot of a weld would be included; with 0, valid points at the ends would be lost."""
+POINTS_BEYOND = 16
 """Number of points beyond each end of an arc that are screened. An arc may be longer than rough
 identification found: growing stops early where the initial ellipse deviates from a tilted
 section."""
@@ -146,6 +146,7 @@ def find_end_inliers(ends: EndPoints, prediction: Prediction) -> EndInliers:
     possible = visible & (_log_inlier_density(residuals, variances) > log_outlier)
     used = np.where(possible, correlation_time, EXCLUDED) * point_variances
     residuals, variances = _predict_sequentially(covariance, used, residuals)
+    # From the variance with which the filter weights a point to that of its error.
     variances = np.maximum(variances - used, 0.0) + point_variances
     log_inlier = np.where(visible, _log_inlier_density(residuals, variances), -np.inf)
     log_ratio = np.logaddexp(log_inlier, log_outlier)
@@ -207,10 +208,11 @@ def _log_other_line_density(
     e, v = ends.residuals, ends.variances
     # Two points may have the same position on the ellipse.
     steps = np.maximum(ends.positions[..., 1:] - ends.positions[..., :-1], TINY)
-    step, before = steps[..., 1:], steps[..., :-1]
+    before, step = steps[..., :-1], steps[..., 1:]
     ratio = step / np.maximum(before, step / MAX_STEP_RATIO)
     rise, pairs = e[..., 1:] - e[..., :-1], v[..., 1:] + v[..., :-1]
     deviation = rise[..., 1:] - ratio * rise[..., :-1]
+    # The deviation of a line that is as curved as the ellipse.
     bend = step * (step + before) / (2 * radius)
     # v2 + (1 + ratio)^2 v1 + ratio^2 v0 + bend^2.
     variances = pairs[..., 1:] + ratio * (2 * v[..., 1:-1] + ratio * pairs[..., :-1]) + bend * bend

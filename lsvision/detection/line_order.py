@@ -29,7 +29,8 @@ MAX_CLIMB_WIDTHS = 5.0
 may have two returns per column; a single line with clutter and jumps has at most 3."""
 MIN_RETURN_DISTANCE_STEPS = 10.0
 """Smallest distance in Y of two returns of a column, in units of the typical step: the median of
-the distances in Y of each point from the nearer of its neighbours. About 5 sigma on a flat line."""
+the distances in Y of each point from the nearer of the two before it. About 5 sigma on a flat
+line."""
 
 
 def order_along_line(points: Points) -> IntArray | None:
@@ -119,14 +120,17 @@ def _follow_two_lines(points: Points) -> BoolArray:
     return mask
 
 
-def _join_lines(points: Points, *lines: IntArray) -> IntArray:
+def _join_lines(points: Points, first: IntArray, second: IntArray) -> IntArray:
     """Return the indices of the nearer of two lines, then those of the farther one.
 
     The farther line begins at its point farthest from the sensor, and its points before that one
     come last, so that the end of the nearer line is not followed by points on the same ellipse.
     """
-    near, far = sorted(lines, key=lambda line: -points[line, 1].mean() if len(line) else math.inf)
-    return np.concatenate([near, np.roll(far, -int(points[far, 1].argmin()) if len(far) else 0)])
+    near, far = sorted(
+        (first, second), key=lambda line: -points[line, 1].mean() if len(line) else math.inf
+    )
+    farthest = int(points[far, 1].argmin()) if len(far) else 0
+    return np.concatenate([near, np.roll(far, -farthest)])
 
 
 def _path_length(points: Points) -> float:

@@ -66,12 +66,13 @@ def build_range_image(
     z = profile.noisy_points.z[valid]  # x + iy
     # Relative to a height of the profile: in OpenCV's float32, 400 mm would lose precision.
     heights = (z.imag - (z[0] + z[-1]).imag / 2).astype(np.float32)
-    jump = np.abs(heights - cv2.medianBlur(heights[None], 2 * MAX_ADJACENT_JUMPS + 1)[0])
-    on_line = jump <= tolerance + JUMP_PITCHES * profile.pitch
+    offsets = np.abs(heights - cv2.medianBlur(heights[None], 2 * MAX_ADJACENT_JUMPS + 1)[0])
+    on_line = offsets <= tolerance + JUMP_PITCHES * profile.pitch
     indices, z = valid[on_line], z[on_line]
     step = z[1:] - z[:-1]
     connected = np.abs(step.imag) <= settings.step_slope * profile.pitch + tolerance
-    connected &= np.abs(step.real) <= (settings.bridged_columns + 1 + 0.5) * profile.pitch
+    # Neighbours beside n lost columns are n + 1 pitches apart, with a tolerance of half a pitch.
+    connected &= np.abs(step.real) <= (settings.bridged_columns + 1.5) * profile.pitch
     return RangeImage(indices, connected)
 
 

@@ -28,6 +28,7 @@ from lsvision.ellipse.robust_gauss_newton import (
     EllipseResiduals,
     WeightedSystem,
     add_flattening_prior,
+    arc_lengths,
     damped_step,
     ellipse_residuals,
     gauss_newton_step,
@@ -92,27 +93,27 @@ def screen_arcs(
         None where no ellipse fits the middle part. An arc with too few points for screening keeps
         the inliers of its identification.
     """
-    screened: dict[int, ScreenedArc | None] = {}
-    extended: dict[int, IdentifiedArc] = {}
-    splits: list[SplitArc] = []
-    for number, (profile, arc) in enumerate(zip(profiles, arcs, strict=True)):
-        split = split_arc(number, profile, arc)
-        if split is None:
-            points = profile.noisy_points[arc.indices]
-            screened[number] = ScreenedArc(arc.indices, points, arc.ellipse, 1.0)
-        else:
-            splits.append(split)
-    for fits in _fit_middles(splits):
-        for number, result in _compare_ends(fits):
-            if isinstance(result, IdentifiedArc):
-                extended[number] = result
+    screened: list[ScreenedArc | None] = [None] * len(arcs)
+    remaining = dict(enumerate(arcs))
+    while remaining:
+        splits = []
+        for number, arc in remaining.items():
+            split = split_arc(number, profiles[number], arc)
+            if split is None:
+                points = profiles[number].noisy_points[arc.indices]
+                screened[number] = ScreenedArc(arc.indices, points, arc.ellipse, 1.0)
             else:
-                screened[number] = result
-    # An arc whose inliers include the outermost point that was compared may continue beyond it.
-    if extended:
-        again = screen_arcs([profiles[number] for number in extended], list(extended.values()))
-        screened |= zip(extended, again, strict=True)
-    return [screened.get(number) for number in range(len(arcs))]
+                splits.append(split)
+        # An arc whose inliers include the outermost point that was compared may continue beyond it:
+        # it is screened again.
+        remaining = {}
+        for fits in _fit_middles(splits):
+            for number, result in _compare_ends(fits):
+                if isinstance(result, IdentifiedArc):
+                    remaining[number] = result
+                else:
+                    screened[number] = result
+    return screened
 
 
 def _fit_middles(arcs: list[SplitArc]) -> Iterator[_ArcFits]:
@@ -188,6 +189,7 @@ def _compare_once(fits: _ArcFits) -> tuple[_ArcFits, EndInliers, BoolArray]:
     system = WeightedSystem.of(fits.evaluated, fits.noise.variance_factor[:, None])
     middle = WeightedSystem(system.rows[..., stack.middle], system.weights[:, stack.middle])
     equations = middle.normal_equations(stack.middle_valid)
+    # A prediction needs the prior here; `damped_step` below adds it itself.
     predicting = equations.copy()
     add_flattening_prior(predicting, stack.parameters)
     rows, weights = stack.take_ends(system.rows), stack.take_ends(system.weights)
@@ -223,17 +225,15 @@ def _predict(equations: FloatArray, fits: _ArcFits) -> tuple[Prediction, BoolArr
 
 def _end_points(fits: _ArcFits, jacobian: FloatArray) -> EndPoints:
     """Return the points of both ends of k arcs, (k, 2, m + 2), with their `jacobian`."""
-    stack, evaluated = fits.stack, fits.evaluated
-    z, variances, deviator = stack.points.z, stack.points.mean_variance, stack.points.deviator
-    points = NoisyPoints(stack.take_ends(z), stack.take_ends(variances), stack.take_ends(deviator))
-    residuals, normals = stack.take_ends(evaluated.residuals), stack.take_ends(evaluated.normals)
-    feet = points.z - residuals.astype(complex) * normals
-    steps = np.zeros(residuals.shape)
-    np.abs(feet[..., 1:] - feet[..., :-1], out=steps[..., 1:])
-    cosines = np.where(stack.ends_valid, points.incidence_cosines(normals), -1.0)
-    variances = stack.take_ends(evaluated.inflated_variances)
-    variances = variances * fits.noise.variance_factor[:, None, None]
-    return EndPoints(residuals, variances, jacobian, cosines, steps.cumsum(axis=-1))
+    evaluated, all_points, take_ends = fits.evaluated, fits.stack.points, fits.stack.take_ends
+    mean_variance, deviator = take_ends(all_points.mean_variance), take_ends(all_points.deviator)
+    points = NoisyPoints(take_ends(all_points.z), mean_variance, deviator)
+    residuals, normals = take_ends(evaluated.residuals), take_ends(evaluated.normals)
+    variance_factor = fits.noise.variance_factor[:, None, None]
+    variances = take_ends(evaluated.inflated_variances) * variance_factor
+    cosines = np.where(fits.stack.ends_valid, points.incidence_cosines(normals), -1.0)
+    positions = arc_lengths(points.z, residuals, normals)
+    return EndPoints(residuals, variances, jacobian, cosines, positions)
 
 
 def _screened_arcs(

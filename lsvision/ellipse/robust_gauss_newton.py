@@ -99,6 +99,18 @@ def ellipse_residuals(points: NoisyPoints, parameters: FloatArray) -> EllipseRes
     return EllipseResiduals(signed, n, w, variances, inflated)
 
 
+def arc_lengths(z: ComplexArray, residuals: FloatArray, normals: ComplexArray) -> FloatArray:
+    """Return the arc lengths (..., n) from the foot of the first point to those of all. Units: mm.
+
+    `z` are points x + iy, `residuals` and unit `normals` those of their feet on an ellipse.
+    """
+    feet = z - residuals.astype(complex) * normals
+    steps = np.zeros(feet.shape)
+    np.abs(feet[..., 1:] - feet[..., :-1], out=steps[..., 1:])
+    lengths: FloatArray = steps.cumsum(axis=-1)
+    return lengths
+
+
 def ray_normal_variances(points: NoisyPoints, parameters: FloatArray) -> FloatArray:
     """Return only the `EllipseResiduals.variances` (..., n) of points. Units: mm^2."""
     centre, m, d = split_parameters(parameters)

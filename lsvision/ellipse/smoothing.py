@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 
 from lsvision.ellipse.parameters import parameters_from_ellipse
-from lsvision.ellipse.robust_gauss_newton import ellipse_residuals, row_medians
+from lsvision.ellipse.robust_gauss_newton import arc_lengths, ellipse_residuals, row_medians
 from lsvision.geometry import BoolArray, Ellipse, FloatArray, IntArray
 from lsvision.geometry.arrays import TINY, as_column
 from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints
@@ -90,14 +90,16 @@ def smooth_arcs(points: Sequence[NoisyPoints], ellipses: Sequence[Ellipse]) -> l
     order = _sort_rows(angles, sizes)
     angles, residuals = angles.take(order), evaluated.residuals.take(order)
     stds = np.sqrt(evaluated.variances.take(order))
-    feet = stacked.z.take(order) - residuals.astype(complex) * evaluated.normals.take(order)
-    length = _arc_length(feet, sizes)
-    even = EVEN_STEPS * length[:, -1:]
-    smooth, weights = smooth_residuals(length, residuals, stds, even, valid)
+    lengths = arc_lengths(stacked.z.take(order), residuals, evaluated.normals.take(order))
+    # Strictly ascending up to the last point; padding has the length of that one.
+    counts = np.minimum(np.arange(float(lengths.shape[1])), as_column(sizes) - 1)
+    lengths += (RIDGE * lengths[:, -1:] + TINY) * counts
+    even = EVEN_STEPS * lengths[:, -1:]
+    smooth, weights = smooth_residuals(lengths, residuals, stds, even, valid)
     inliers = np.empty(weights.shape, dtype=bool)
     inliers.put(order, weights > 0)
-    directions = mean_w * np.exp(1j * _interpolate_rows(even, length, angles))
-    stds = _interpolate_rows(even, length, stds)
+    directions = mean_w * np.exp(1j * _interpolate_rows(even, lengths, angles))
+    stds = _interpolate_rows(even, lengths, stds)
     return [
         SmoothedArc(ellipse, directions[i], smooth[i], stds[i], inliers[i, : sizes[i]])
         for i, ellipse in enumerate(ellipses)
@@ -115,19 +117,6 @@ def _sort_rows(angles: FloatArray, sizes: list[int]) -> IntArray:
         order[i, size:] = order[i, size - 1]
         order[i] += i * len(row)
     return order
-
-
-def _arc_length(feet: ComplexArray, sizes: list[int]) -> FloatArray:
-    """Return the strictly ascending arc length (k, n) of foot points x + iy. Units: mm.
-
-    Padding, after the number of points in `sizes`, has the length of the last point.
-    """
-    steps = np.zeros(feet.shape)
-    np.abs(feet[:, 1:] - feet[:, :-1], out=steps[:, 1:])
-    length: FloatArray = steps.cumsum(axis=1)
-    counts = np.minimum(np.arange(float(feet.shape[1])), as_column(sizes) - 1)
-    length += (RIDGE * length[:, -1:] + TINY) * counts
-    return length
 
 
 def _interpolate_rows(x: FloatArray, knots: FloatArray, values: FloatArray) -> FloatArray:
