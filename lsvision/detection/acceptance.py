@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.detection.arcs import MAX_OVERLAP
+from lsvision.ellipse.intervals import is_limit_of_radius
 from lsvision.ellipse.prior_check import contradicting_radius
 from lsvision.ellipse.section import CylinderSection
 from lsvision.geometry import Ellipse
@@ -109,7 +110,8 @@ def rejection_reason(
     reason = shape_rejection_reason(fit.ellipse, fit.normals, radius_range, settings)
     if reason is not None:
         return reason
-    # The variances along the normal and the tangent add up to twice the mean variance.
+    # Of the errors in all directions, because on a steep flank those along the normal vanish: the
+    # variances along normal and tangent add up to twice the mean variance.
     variance = 2 * float(profile.noisy_points.mean_variance[section.indices].sum())
     scatter = math.sqrt(float(fit.residuals @ fit.residuals) / variance)
     limit = profile.max_noise_factor(fit.ellipse.radius)
@@ -147,23 +149,33 @@ def undeterminable_radius_reason(section: CylinderSection) -> str | None:
     problem = section.fit.problem
     if problem.known_radius is not None or problem.known_phi is not None:
         return None
-    radius, flattening = section.radius, math.cos(section.phi) ** 2
-    # The variance of the radius m - |(p, q)| is at most twice the sum of those of m, p and q.
+    radius, squared_axis_ratio = section.radius, math.cos(section.phi) ** 2
+    # A bound that takes little time, and is low enough for most arcs: the variance of the radius
+    # m - |(p, q)| is at most twice the sum of those of m, p and q.
     max_variance = 2 * float(section.fit.parameter_covariance[2:, 2:].trace())
-    if radius * flattening > CERTAIN_RADIUS_SIGMAS * math.sqrt(max_variance):
+    if radius * squared_axis_ratio > CERTAIN_RADIUS_SIGMAS * math.sqrt(max_variance):
         return None
     std = section.local_radius_std
     # A short arc determines only its radius of curvature, a^2 / b: that of an untilted cylinder.
     # The standard uncertainty of 1 / b does not depend on b.
-    if radius * flattening < MIN_UNTILTED_SIGMAS * std:
-        untilted = f"{radius / flattening:.3g} +/- {std / flattening**2:.2g} mm untilted"
-        return f"{UNDETERMINABLE}: {untilted}; a longer arc is needed"
+    if radius * squared_axis_ratio < MIN_UNTILTED_SIGMAS * std:
+        untilted = f"{radius / squared_axis_ratio:.3g} +/- {std / squared_axis_ratio**2:.2g} mm"
+        return f"{UNDETERMINABLE}: {untilted} untilted; a longer arc is needed"
     if radius > CERTAIN_RADIUS_SIGMAS * std:
         return None
     low, high = section.interval("radius")
     if max(high / radius, radius / low) <= MAX_RADIUS_RATIO:
         return None
-    return f"{UNDETERMINABLE}: {low:.3g} to {high:.3g} mm (95 %); a longer arc is needed"
+    return f"{UNDETERMINABLE}: {_describe_interval(low, high, radius)}; a longer arc is needed"
+
+
+def _describe_interval(low: float, high: float, radius: float) -> str:
+    """Return the 95 % interval of a radius in words, without the ends that were not found."""
+    if not is_limit_of_radius(high, radius):
+        lower = "0" if is_limit_of_radius(low, radius) else f"{low:.3g}"
+        return f"{lower} to {high:.3g} mm (95 %)"
+    lower = "" if is_limit_of_radius(low, radius) else f" from {low:.3g} mm"
+    return f"the 95 % interval{lower} has no upper end"
 
 
 def suppress_overlapping(cylinders: Sequence[CylinderSection]) -> list[CylinderSection]:

@@ -344,6 +344,11 @@ def _intervals_between(fit: EllipseFit, ends: _EndsOfFit) -> Intervals:
     return between._replace(**clipped)
 
 
+def is_limit_of_radius(end: float, radius: float) -> bool:
+    """Return whether an end of the interval of a radius is a limit, because no end was found."""
+    return not MIN_RADIUS_FACTOR * radius < end < MAX_RADIUS_FACTOR * radius
+
+
 def _clip(interval: Interval, limits: Interval, found: Sequence[bool]) -> Interval:
     """Return an interval within its limits; a limit takes the place of an end that is not found."""
     (low, high), (lowest, highest), (low_found, high_found) = interval, limits, found

@@ -11,11 +11,11 @@ import numpy as np
 
 from lsvision.ellipse.fit import EllipseFit
 from lsvision.ellipse.intervals import (
-    MAX_RADIUS_FACTOR,
     Quantity,
     are_thetas_determined,
     interval,
     intervals_of_fits,
+    is_limit_of_radius,
     theta_is_determined,
 )
 from lsvision.ellipse.parameters import semi_major_gradient, semi_minor_gradient
@@ -113,7 +113,7 @@ class CylinderSection(WithEllipse, Result):
         if self.fit.problem.known_radius is not None or self.radius > SKEWED_RADIUS_SIGMAS * std:
             return std
         _, high = self.interval("radius", LEVEL)
-        if high >= MAX_RADIUS_FACTOR * self.radius:  # no end was found
+        if is_limit_of_radius(high, self.radius):
             return std
         square = squared_quantile(1, np.array([self.fit.degrees_of_freedom]), LEVEL)
         return max(std, (high - self.radius) / math.sqrt(square[0]))

@@ -177,13 +177,35 @@ def section_of(low, high, *, radius=20.0, std=5.0, phi=0.0, known_radius=None, k
         (8.0, 30.0, True),
         (15.0, 39.0, False),
         (15.0, 41.0, True),
-        (15.0, math.inf, True),
     ],
 )
 def test_a_radius_must_be_bounded_within_a_factor_of_two(low, high, is_rejected):
     reason = undeterminable_radius_reason(section_of(low, high))
     expected = f"radius not determinable: {low:.3g} to {high:.3g} mm (95 %); a longer arc is needed"
     assert reason == (expected if is_rejected else None)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "interval"),
+    [
+        (0.4, 1000.0, "the 95 % interval has no upper end"),
+        (15.0, 1000.0, "the 95 % interval from 15 mm has no upper end"),
+        (0.4, 30.0, "0 to 30 mm (95 %)"),
+    ],
+)
+def test_an_end_of_the_radius_that_was_not_found_is_not_given_as_a_number(low, high, interval):
+    """The limits of an interval are 0.02 and 50 radii."""
+    assert undeterminable_radius_reason(section_of(low, high)) == (
+        f"radius not determinable: {interval}; a longer arc is needed"
+    )
+
+
+@pytest.mark.parametrize(("seed", "degrees"), [(1, 85), (8, 80)])
+def test_the_interval_of_a_short_arc_has_no_upper_end(seed, degrees):
+    profile = prepare_profile(Profile(short_arc(seed, degrees)), SENSOR)
+    section = fitted(profile, circle(20.0, (0.0, -400.0)))
+    reason = undeterminable_radius_reason(section)
+    assert reason.startswith("radius not determinable: the 95 % interval has no upper end")
 
 
 @pytest.mark.parametrize("known", [{"known_radius": 20.0}, {"known_phi": 0.0}])
