@@ -31,9 +31,10 @@ from lsvision.statistics.quantiles import squared_quantile
 SECTIONS_AT_ONCE = 32
 """Number of sections whose intervals are computed together: more need more memory and are no
 faster."""
-SKEWED_RADIUS_SIGMAS = 20.0
-"""Ratio of the radius to its `local_radius_std` below which the skewness of the likelihood counts.
-Short arcs determine 1 / b: there the upper half of the 95 % interval is longer by 2 / 20, 10 %."""
+SKEWED_RADIUS_SIGMAS = 20.0, 25.0
+"""Ratios of the radius to its `local_radius_std` below which the skewness of the likelihood counts
+fully, and above which it does not count. Short arcs determine 1 / b: at the first ratio the upper
+half of the 95 % interval is longer by 2 / 20, 10 %."""
 THETA_UNKNOWN_STD = math.pi / math.sqrt(12)
 """Standard deviation of an undetermined direction, uniform in [0, pi). Units: rad."""
 
@@ -107,16 +108,19 @@ class CylinderSection(WithEllipse, Result):
 
         Definition: `local_radius_std`; above a twentieth of the radius at least the upper half of
         the 95 % interval over its number of standard deviations. There the likelihood is skewed:
-        the covariance of a fit that by chance came out small is too small.
+        the covariance of a fit that by chance came out small is too small. From a twenty-fifth to a
+        twentieth, their weighted mean, so that there is no step.
         """
-        std = self.local_radius_std
-        if self.fit.problem.known_radius is not None or self.radius > SKEWED_RADIUS_SIGMAS * std:
+        std, (skewed, symmetric) = self.local_radius_std, SKEWED_RADIUS_SIGMAS
+        if self.fit.problem.known_radius is not None or self.radius > symmetric * std:
             return std
         _, high = self.interval("radius", LEVEL)
         if is_limit_of_radius(high, self.radius):
             return std
         square = squared_quantile(1, np.array([self.fit.degrees_of_freedom]), LEVEL)
-        return max(std, (high - self.radius) / math.sqrt(square[0]))
+        upper_std = (high - self.radius) / math.sqrt(square[0])
+        weight = min((symmetric - self.radius / std) / (symmetric - skewed), 1.0)
+        return max(std, weight * upper_std + (1 - weight) * std)
 
     @property
     def local_radius_std(self) -> float:

@@ -81,7 +81,7 @@ def test_far_from_a_circle_the_radius_has_the_linear_std(phi_deg, rng):
     assert section.radius_std == pytest.approx(math.sqrt(section.covariance[3, 3]), rel=1e-4)
 
 
-@pytest.mark.parametrize(("sigmas", "counts"), [(10, True), (19, True), (21, False), (26, False)])
+@pytest.mark.parametrize(("sigmas", "counts"), [(10, True), (19, True), (25.1, False), (30, False)])
 def test_a_std_above_a_twentieth_of_the_radius_is_the_upper_half_of_the_interval(sigmas, counts):
     section = section_of(50.0, degrees=75.0)
     section = scaled(section, section.radius / section.local_radius_std / sigmas)
@@ -89,6 +89,20 @@ def test_a_std_above_a_twentieth_of_the_radius_is_the_upper_half_of_the_interval
     assert 1.05 < upper_half / section.local_radius_std < 1.3
     expected = upper_half if counts else section.local_radius_std
     assert section.radius_std == pytest.approx(expected, rel=1e-3)
+
+
+def test_the_std_of_the_radius_has_no_step_where_the_skewness_begins_to_count():
+    section = section_of(50.0, degrees=75.0)
+    unit = section.radius / section.local_radius_std
+    ratios = []
+    for sigmas in (19.9, 20.1, 21, 22, 23, 24, 24.9, 25.1):
+        coarse = scaled(section, unit / sigmas)
+        ratios.append(coarse.radius_std / coarse.local_radius_std)
+    assert ratios[0] > 1.05
+    assert ratios[-1] == 1.0
+    steps = -np.diff(ratios)
+    assert (steps >= 0).all()
+    assert steps.max() < 0.03
 
 
 def test_the_upper_half_of_an_estimated_noise_is_in_students_sigmas():
