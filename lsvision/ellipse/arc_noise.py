@@ -27,7 +27,7 @@ sign above about 55 deg. Units: deg."""
 GRAZING_POWER = 8
 """Power of the incidence with which the variance increases, from the same arcs."""
 MAX_INCIDENCE_STD_FACTOR = 4.0
-"""Largest growth of the error, at 64 deg: above it the ground beside a pipe would be an inlier."""
+"""Largest growth of the error, at 63 deg: above it the ground beside a pipe would be an inlier."""
 MIN_SCORE_SIGMAS = 2.0
 """Score (Breusch and Pagan), in standard deviations, above which errors are taken to increase with
 incidence: by chance in 2 % of the arcs."""

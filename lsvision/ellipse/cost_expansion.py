@@ -24,7 +24,8 @@ of its square; largest number of steps."""
 STRAIN_SIGNS = np.array([0.0, 0.0, 1.0, -1.0, -1.0])[:, None]
 """Rotation of the tangent by each parameter, as a multiple of its tangential displacement."""
 DIFFERENCE_STEP = 1e-4
-"""Step of central differences of the priors, as a fraction of h (of m at a circle, squared)."""
+"""Step of central differences of the priors, as a fraction of h; at a circle its square, as a
+fraction of m."""
 RIDGE = 1e-12
 """Fraction of its diagonal, and of 1, that is added to A, so that A is always invertible."""
 

@@ -36,9 +36,9 @@ from lsvision.geometry.noisy_points import ComplexArray, as_vectors
 SAME_DIRECTION = 0.99
 """Cosine of the angle between two directions above which both lead to the same extremum."""
 MAX_EVALUATIONS = 20, 4, 4
-"""Largest numbers of iterations: from the estimate, and after each restart of rows from a point
-further out that another row found. On an arc of more than 90 deg one or two suffice; if all these
-are not enough, the end of the region is too far away to be useful."""
+"""Largest numbers of iterations, each with one evaluation of F: from the estimate, and after each
+restart of rows from a point further out that another row found. On an arc of more than 90 deg one
+or two suffice; if all these are not enough, the end of the region is too far away to be useful."""
 STEP_TOLERANCE, RATIO_TOLERANCE, CRITICAL_TOLERANCE = 0.25, 0.2, 0.007
 """Limits of convergence: length of the last step in radii of the region; difference of F - min F
 from c, and of c from its last value, as fractions of c. The error of the end is quadratic in them;
@@ -65,7 +65,7 @@ CRITICAL_SLACK, SURPASSING_FRACTION = 1.001, 0.02
 out than another one to replace it, as a fraction of half the width."""
 
 
-class EndPoints(NamedTuple):
+class IntervalEnds(NamedTuple):
     """Extrema of all quantities of s fits.
 
     Parameters
@@ -87,7 +87,7 @@ class EndPoints(NamedTuple):
     reliable: BoolArray
 
 
-def find_end_points(stack: FitStack, ratios: CriticalRatios, wanted: BoolArray) -> EndPoints:
+def find_interval_ends(stack: FitStack, ratios: CriticalRatios, wanted: BoolArray) -> IntervalEnds:
     """Find the extrema of radius, centre, phi and theta over {F <= min F + c}, and best circles.
 
     Parameters
@@ -101,7 +101,7 @@ def find_end_points(stack: FitStack, ratios: CriticalRatios, wanted: BoolArray) 
 
     Returns
     -------
-    EndPoints
+    IntervalEnds
     """
     all_fits = np.arange(len(stack.fits))
     with np.errstate(all="ignore"):  # steps to parameters without finite cost are rejected
@@ -118,7 +118,7 @@ def find_end_points(stack: FitStack, ratios: CriticalRatios, wanted: BoolArray) 
                 break
     reliable = np.ones(wanted.shape, dtype=bool)
     reliable[search.rows] = reliable[not_converged] = False
-    return EndPoints(search.ends, search.wanted, search.targets.circle_ratios, reliable)
+    return IntervalEnds(search.ends, search.wanted, search.targets.circle_ratios, reliable)
 
 
 @dataclass(slots=True)

@@ -20,7 +20,7 @@ import numpy as np
 from lsvision.ellipse.critical_ratio import CriticalRatios
 from lsvision.ellipse.fit import EllipseFit
 from lsvision.ellipse.fit_stack import FitStack
-from lsvision.ellipse.interval_ends import EndPoints, find_end_points
+from lsvision.ellipse.interval_ends import IntervalEnds, find_interval_ends
 from lsvision.ellipse.parameters import semi_minor_gradient
 from lsvision.ellipse.phi_prior import EXACT_STD
 from lsvision.ellipse.region_extrema import (
@@ -220,7 +220,7 @@ def _decide_by_search(stack: FitStack) -> BoolArray:
     """Return whether a circle is excluded, and the interval of theta is short enough."""
     ratios = CriticalRatios.of(stack, THETA_LEVEL)
     circle_quantile = squared_quantile(2, stack.degrees_of_freedom, CIRCLE_LEVEL)
-    ends = find_end_points(stack, ratios, _mask_of_ends(stack, CIRCLE, THETA_LOW, THETA_HIGH))
+    ends = find_interval_ends(stack, ratios, _mask_of_ends(stack, CIRCLE, THETA_LOW, THETA_HIGH))
     excluded = ~stack.may_be_circle | (ends.circle_ratios > circle_quantile)
     errors = []
     for fit, parameters in zip(stack.fits, ends.parameters, strict=True):
@@ -245,7 +245,7 @@ def _compute_intervals(fits: Sequence[EllipseFit], level: float) -> list[Interva
             row[[RADIUS_LOW, RADIUS_HIGH, RADIUS_LOW_2]] = False
         if "phi" in quantities:
             row[[PHI_LOW, PHI_HIGH, PHI_HIGH_2]] = False
-    ends = find_end_points(stack, ratios, wanted)
+    ends = find_interval_ends(stack, ratios, wanted)
     computed = map(_intervals_between, stack.fits, _split_by_fit(ratios, ends))
     return [
         intervals_of_fit._replace(**quantities)
@@ -306,7 +306,7 @@ class _EndsOfFit(NamedTuple):
     theta_open: bool
 
 
-def _split_by_fit(ratios: CriticalRatios, ends: EndPoints) -> Iterator[_EndsOfFit]:
+def _split_by_fit(ratios: CriticalRatios, ends: IntervalEnds) -> Iterator[_EndsOfFit]:
     """Return the result of the search for each fit."""
     circles = ends.circle_ratios <= ratios.ratios_for_circle
     theta_open = ratios.allows_any_theta(ends.circle_ratios)

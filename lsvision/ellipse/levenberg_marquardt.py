@@ -168,6 +168,7 @@ class LevenbergMarquardt:
             step, self._damping = _damped_step(scaled, gradient / scales, self._region)
             step /= scales
             self._step_size = self._size(step.tolist())
+        # With (A + damping) step = gradient, chi^2 decreases by 2 gradient' step - step' A step.
         self._slope = sum(map(mul, gradient.tolist(), step.tolist())) / self.cost
         self._predicted = (
             self._slope + self._damping * self._step_size * self._step_size / self.cost

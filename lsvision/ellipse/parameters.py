@@ -51,6 +51,7 @@ def orthogonal_residuals_and_normals(
     """
     centre, m, d = split_parameters(parameters)
     determinant = m * m - (d * d.conjugate()).real
+    # The sign of det E, by which the adjugate is divided: negative where a step leads to b < 0.
     side = 2.0 * (determinant >= 0) - 1.0
     m = m + 0j  # numpy multiplies two complex numbers faster than a real and a complex one
     offsets = z - centre

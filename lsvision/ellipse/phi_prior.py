@@ -15,10 +15,10 @@ EXACT_STD = 1e-6
 """Standard deviation of an exact phi in rad, and of an exact radius over the radius: negligible
 against noise, but not singular."""
 PERPENDICULAR_PHI_STD = 1e-3
-"""Standard deviation of an exact phi near 0: phi^2 is a millionth of the radius. Units: rad."""
+"""Standard deviation of an exact phi near 0: a - b is then half a millionth of a. Units: rad."""
 CIRCLE_SIGMAS = 2.0
 """Ratio of phi to its prior std up to which the section may be a circle."""
-TINY = 1e-12
+TINY_DIVISOR = 1e-12
 """Smallest divisor m, and ratio h / m, of a step that is not an ellipse."""
 
 
@@ -111,7 +111,7 @@ class PhiPrior:
         """
         m, p, q = (float(value) for value in parameters[2:])
         # A step of the iteration may have m <= 0, which is not an ellipse: avoid division by zero.
-        m = max(m, TINY)
+        m = max(m, TINY_DIVISOR)
         jacobian = np.zeros((self.residual_count, len(parameters)))
         if self.includes_circle:
             std = self.deviator_std
@@ -119,7 +119,7 @@ class PhiPrior:
             jacobian[:, 2] = -residuals / m
             jacobian[0, -2] = jacobian[1, -1] = 1 / (m * std)
             return residuals, jacobian
-        h = max(math.hypot(p, q), TINY * m)
+        h = max(math.hypot(p, q), TINY_DIVISOR * m)
         root = math.sqrt(h / m)
         std = max(self.std, EXACT_STD)
         # phi = 2 arctan(sqrt(h / m)).

@@ -60,7 +60,7 @@ ellipsoid has no tangent to it."""
 
 
 class Rows(NamedTuple):
-    """Ends that are searched.
+    """Ends that are searched; as a tuple, an index of arrays (s, 13, ...) that selects them.
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ from lsvision.ellipse import interval_ends, region_extrema
 from lsvision.ellipse.critical_ratio import CriticalRatios
 from lsvision.ellipse.fit import fit_ellipse
 from lsvision.ellipse.fit_stack import FitStack
-from lsvision.ellipse.interval_ends import EndPoints, find_end_points
+from lsvision.ellipse.interval_ends import IntervalEnds, find_interval_ends
 from lsvision.ellipse.phi_prior import PhiPrior
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.geometry import orthogonal_residuals
@@ -45,8 +45,8 @@ QUANTITIES = {  # rows low, high; value of (x, y, a, b, theta) and of ends
 def ends_of(fit, level=LEVEL, wanted=ALL):
     """The ends of one fit."""
     stack = FitStack.of([fit])
-    found = find_end_points(stack, CriticalRatios.of(stack, level), wanted[None])
-    return EndPoints(*(each[0] for each in found))
+    found = find_interval_ends(stack, CriticalRatios.of(stack, level), wanted[None])
+    return IntervalEnds(*(each[0] for each in found))
 
 
 def section(name, rng):

@@ -179,8 +179,8 @@ def test_a_quarter_turn_exchanges_the_ends_of_the_centre(phi_deg, quarters, rng)
 
 def test_all_five_are_computed_once(rng, monkeypatch):
     calls = []
-    find = module.find_end_points
-    monkeypatch.setattr(module, "find_end_points", lambda *args: calls.append(1) or find(*args))
+    find = module.find_interval_ends
+    monkeypatch.setattr(module, "find_interval_ends", lambda *args: calls.append(1) or find(*args))
     fit = fit_of(FAR, rng)
     section = CylinderSection(fit, Arc(0, 70), np.arange(70))
     found = {quantity: section.interval(quantity) for quantity in RUNS}
@@ -429,14 +429,14 @@ def test_where_the_linear_approximation_is_clear_theta_is_determined_as_the_sear
     degrees, rng, monkeypatch
 ):
     every = [prior_fit(phi, rng, degrees=degrees) for phi in np.linspace(0.0, 40.0, 25)]
-    search = module.find_end_points
+    search = module.find_interval_ends
 
     def counted(*arguments):
         searched.append(arguments)
         return search(*arguments)
 
     searched = []
-    monkeypatch.setattr(module, "find_end_points", counted)
+    monkeypatch.setattr(module, "find_interval_ends", counted)
     decided = [theta_is_determined(fit) for fit in every]
     assert len(searched) < len(every)
     found = module._decide_linearly
