@@ -16,7 +16,7 @@ from lsvision.detection.acceptance import (
     rejection_reason,
     suppress_overlapping,
 )
-from lsvision.detection.arcs import IdentifiedArc, Rejection, ScreenedArc
+from lsvision.detection.arcs import IdentifiedArc, Rejection, ScreenedArc, span_of
 from lsvision.detection.candidates import CandidateSettings, find_candidates
 from lsvision.detection.end_condition import tangential_end_reason
 from lsvision.detection.identification import identify_arcs
@@ -78,7 +78,8 @@ class Settings(ShowsChanges):
     acceptance : AcceptanceSettings
         Limits for accepting a section as a cylinder.
     fitting : FittingSettings
-        Geometric refinement (paper section 2.3).
+        Geometric refinement (paper section 2.3), by default without reweighting, since the initial
+        guess is near the minimum. An estimated noise is always scaled by the residuals.
 
     Examples
     --------
@@ -147,7 +148,9 @@ def measure_cylinders(
     -----
     UserWarning
         If the points seem to be in metres: they span less than 1 mm in x and y, with less than
-        0.002 mm from one point to the next, which is less than the pitch of any profile sensor.
+        0.002 mm from one point to the next, which is less than the pitch of any profile sensor. If
+        they seem to be in micrometres: a coordinate exceeds 100 m. If points that are not a
+        `Profile` contain a marker of lost points.
 
     Notes
     -----
@@ -295,7 +298,7 @@ def _check_screened(
 ) -> ScreenedArc | Rejection:
     """Return the screened arc, or its rejection if it has no ellipse or continues tangentially."""
     if screened is None:
-        return Rejection(arc.arc, "no ellipse fits the middle part of the arc")
+        return Rejection(arc.arc, "no ellipse fits the points of the arc")
     reason = tangential_end_reason(search.prepared, arc, screened)
     return screened if reason is None else Rejection(arc.arc, reason)
 
@@ -329,7 +332,7 @@ def _check_section(
     search: _Search, indices: IntArray, fit: EllipseFit, settings: Settings
 ) -> CylinderSection | Rejection:
     """Return the cylinder fitted to the points at `indices` if it is accepted, else a rejection."""
-    section = CylinderSection(fit, Arc(int(indices[0]), int(indices[-1]) + 1), indices)
+    section = CylinderSection(fit, span_of(indices), indices)
     reason = rejection_reason(search.prepared, section, search.radius_range, settings.acceptance)
     return section if reason is None else Rejection(section.arc, reason)
 

@@ -152,6 +152,7 @@ def split_arc(number: int, profile: PreparedProfile, arc: IdentifiedArc) -> Spli
     stop = min(span.stop + POINTS_BEYOND, len(profile.points))
     left, right = np.arange(first - 1, begin - 1, -1), np.arange(last + 1, stop)
     members = np.zeros(len(left), dtype=bool), np.zeros(len(right), dtype=bool)
+    # Positions of the arc's points among those of each end, outwards from the middle part.
     members[0][first - 1 - arc.indices[:size]] = True
     members[1][arc.indices[count - size :] - (last + 1)] = True
     ends = (

@@ -17,6 +17,11 @@ MIN_POINTS = 8
 """Smallest number of points to which an ellipse is fitted: three more than its parameters."""
 
 
+def span_of(indices: IntArray) -> Arc:
+    """Return the span from the smallest to the largest of one or more indices."""
+    return Arc(int(indices.min()), int(indices.max()) + 1)
+
+
 class IdentifiedArc(NamedTuple):
     """Arc found by rough identification, before screening.
 
@@ -34,7 +39,7 @@ class IdentifiedArc(NamedTuple):
     @property
     def arc(self) -> Arc:
         """Span from the first to the last inlier."""
-        return Arc(int(self.indices[0]), int(self.indices[-1]) + 1)
+        return span_of(self.indices)
 
 
 class ScreenedArc(NamedTuple):

@@ -28,9 +28,6 @@ MIN_COVERAGE_POINTS = 15.7
 """Smallest product of the angle that a window covers (rad) and its number of points (for 36 points
 the angle is 25 deg): the noise of few points may look like curvature."""
 
-MIN_CIRCLE_POINTS = 3
-"""Number of points that determine a circle."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class CandidateSettings:
@@ -50,10 +47,8 @@ class CandidateSettings:
     min_span_points: int = 10
 
     def __post_init__(self) -> None:
-        if self.min_span_points < MIN_CIRCLE_POINTS:
-            raise ValueError(
-                f"expected min_span_points >= {MIN_CIRCLE_POINTS}, got {self.min_span_points}"
-            )
+        if self.min_span_points < 3:
+            raise ValueError(f"expected min_span_points >= 3, got {self.min_span_points}")
 
 
 class Candidate(NamedTuple):
@@ -115,10 +110,8 @@ def find_candidates(
     spans, centres = select_rows((spans, circles.centre), passed)
     order = _order_by_coverage(points, spans, centres)
     best = order[_suppress_non_maxima(select_rows(spans, order))]
-    fields = (*spans, centres, circles.radius[passed])
-    for row, start, stop, centre, radius in zip(
-        *(field[best].tolist() for field in fields), strict=True
-    ):
+    columns = [field[best].tolist() for field in (*spans, centres, circles.radius[passed])]
+    for row, start, stop, centre, radius in zip(*columns, strict=True):
         candidate = Candidate(sequences[row][start:stop], (centre.real, centre.imag), radius)
         candidates[searched[row]].append(candidate)
     return candidates

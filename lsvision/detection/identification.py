@@ -77,8 +77,6 @@ class _GrowingArc:
 
     Attributes
     ----------
-    number : int
-        Index of the seed among those that grow together.
     seed : Seed
         Candidate from which the arc grows.
     points : NoisyPoints
@@ -93,17 +91,20 @@ class _GrowingArc:
         Outward unit normals of the ellipse at the points of that window.
     span : (int, int)
         First and last inlier after the last step.
+    grown : GrownArc or None
+        Result; None as long as the arc has not finished.
     """
 
-    def __init__(self, number: int, seed: Seed) -> None:
+    def __init__(self, seed: Seed) -> None:
         profile, candidate, free = seed
         in_candidate = np.zeros(len(profile.points), dtype=bool)
         in_candidate[candidate.indices] = True
-        self.number, self.seed, self.points = number, seed, profile.noisy_points[free]
+        self.seed, self.points = seed, profile.noisy_points[free]
         self.max_noise_factor = profile.max_noise_factor(candidate.radius)
         self.inliers: IntArray = in_candidate[free].nonzero()[0]
         self.start, self.normals = 0, self.points.z
         self.span = -1, -1
+        self.grown: GrownArc | None = None
 
     def move_window(self) -> NoisyPoints:
         """Set `start` to the next window, and return its points.
@@ -129,10 +130,10 @@ class _GrowingArc:
         previous, self.span = self.span, (int(self.inliers[0]), int(self.inliers[-1]))
         return self.span == previous
 
-    def result(self, parameters: FloatArray) -> GrownArc:
-        """Return the arc with the ellipse of these parameters (5,), in mm."""
+    def finish(self, parameters: FloatArray) -> None:
+        """Set the result: the arc with the ellipse of these parameters (5,), in mm."""
         arc = IdentifiedArc(self.seed.free[self.inliers], ellipse_from_parameters(parameters))
-        return GrownArc(arc, self.normals[self.inliers - self.start])
+        self.grown = GrownArc(arc, self.normals[self.inliers - self.start])
 
 
 class _SearchedProfile:
@@ -223,38 +224,45 @@ def grow_arcs(seeds: Sequence[Seed]) -> list[GrownArc | None]:
     list of GrownArc or None
         Arc of each seed; None where no ellipse fits, or fewer than `MIN_POINTS` are inliers.
     """
-    grown: list[GrownArc | None] = [None] * len(seeds)
-    arcs = [_GrowingArc(number, seed) for number, seed in enumerate(seeds)]
-    arcs = [arc for arc in arcs if len(arc.inliers) >= MIN_POINTS]
+    all_arcs = list(map(_GrowingArc, seeds))
+    arcs = [arc for arc in all_arcs if len(arc.inliers) >= MIN_POINTS]
     ellipses = [seed_ellipse(arc.seed.profile, arc.seed.candidate) for arc in arcs]
     parameters = np.array([parameters_from_ellipse(ellipse) for ellipse in ellipses])
     for _ in range(MAX_ITERATIONS):
-        if not arcs:
-            break
-        evaluated, within = _compare(arcs, parameters)
-        members, rows = np.zeros(within.shape, dtype=bool), list[int]()
-        for row, arc in enumerate(arcs):
-            inliers = find_connected_inliers(within[row], arc.inliers - arc.start)
-            if len(inliers) < MIN_POINTS:
-                continue
-            if arc.update(inliers, evaluated.normals[row]):
-                grown[arc.number] = arc.result(parameters[row])
-            else:
-                members[row, inliers] = True
-                rows.append(row)
-        if not rows:
-            return grown
-        if len(rows) < len(arcs):
-            stacks = arcs, evaluated, parameters, members
-            arcs, evaluated, parameters, members = select_rows(stacks, rows)
-        parameters = gauss_newton_step(evaluated, parameters, members)
-        fitted = ~np.isnan(parameters[:, 0])
-        if not fitted.all():
-            arcs, parameters = select_rows((arcs, parameters), fitted)
+        if arcs:
+            arcs, parameters = _grow_once(arcs, parameters)
     # The arcs that have not converged keep the inliers before their last step.
     for arc, row in zip(arcs, parameters, strict=True):
-        grown[arc.number] = arc.result(row)
-    return grown
+        arc.finish(row)
+    return [arc.grown for arc in all_arcs]
+
+
+def _grow_once(
+    arcs: list[_GrowingArc], parameters: FloatArray
+) -> tuple[list[_GrowingArc], FloatArray]:
+    """Update the inliers of k arcs, and refit the ellipses (k, 5) of those that are still growing.
+
+    Arcs whose span has not changed are finished. Those without an ellipse are left out, too.
+    """
+    evaluated, within = _compare(arcs, parameters)
+    members, rows = np.zeros(within.shape, dtype=bool), list[int]()
+    for row, arc in enumerate(arcs):
+        inliers = find_connected_inliers(within[row], arc.inliers - arc.start)
+        if len(inliers) < MIN_POINTS:
+            continue
+        if arc.update(inliers, evaluated.normals[row]):
+            arc.finish(parameters[row])
+        else:
+            members[row, inliers] = True
+            rows.append(row)
+    if not rows:
+        return [], parameters[:0]
+    if len(rows) < len(arcs):
+        stacks = arcs, evaluated, parameters, members
+        arcs, evaluated, parameters, members = select_rows(stacks, rows)
+    parameters = gauss_newton_step(evaluated, parameters, members)
+    fitted = ~np.isnan(parameters[:, 0])
+    return (arcs, parameters) if fitted.all() else select_rows((arcs, parameters), fitted)
 
 
 def _compare(arcs: list[_GrowingArc], parameters: FloatArray) -> tuple[EllipseResiduals, BoolArray]:

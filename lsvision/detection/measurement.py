@@ -5,11 +5,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lsvision.detection.arcs import Rejection
+from lsvision.detection.arcs import Rejection, span_of
 from lsvision.ellipse.section import CylinderSection, compute_intervals
 from lsvision.ellipse.section_table import section_cells
-from lsvision.geometry import IntArray
-from lsvision.profile import Arc, PreparedProfile, Profile
+from lsvision.profile import PreparedProfile, Profile
 from lsvision.results.picture import draw_svg
 from lsvision.results.quantities import Record
 from lsvision.results.result import Result
@@ -48,7 +47,9 @@ class Measurement(Result):
 
     @property
     def reason(self) -> str:
-        """Reason why there is no cylinder: that of the longest convex arc; empty if there is one.
+        """Reason why there is no cylinder; empty if there is one.
+
+        It is that of the longest convex arc, or of the longest arc if none is convex.
 
         Examples
         --------
@@ -130,10 +131,6 @@ def build_measurement(
     Measurement
         Cylinders in ascending order of the x of their centres.
     """
-
-    def span_of(indices: IntArray) -> Arc:
-        return Arc(int(indices.min()), int(indices.max()) + 1)
-
     columns = prepared.sensor_columns
     sections = [
         CylinderSection(cylinder.fit, span_of(columns[cylinder.indices]), columns[cylinder.indices])

@@ -62,6 +62,7 @@ def prepare_profile(profile: Profile, noise: NoiseModel | None) -> PreparedProfi
         noisy = NoisyPoints.uniform(as_complex(points), LATERAL_FRACTION * std, std)
     else:
         noisy, factor = NoisyPoints.of(points, noise.covariances(profile.points)[columns]), 1.0
+        # Of errors along the ray, the variance is the trace of the covariance.
         std = math.sqrt(2 * upper_median(noisy.mean_variance)) if len(valid) else 0.0
     return PreparedProfile(points, noisy, valid, columns, std, pitch, factor)
 

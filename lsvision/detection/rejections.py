@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from lsvision.detection import candidates, windows
-from lsvision.detection.arcs import MAX_OVERLAP, Rejection
+from lsvision.detection.arcs import MAX_OVERLAP, Rejection, span_of
 from lsvision.ellipse.section import CylinderSection
 from lsvision.geometry import BoolArray, IntArray
 from lsvision.profile import Arc, PreparedProfile
@@ -23,7 +23,7 @@ def complete_rejections(
     radius_range: tuple[float, float],
     min_span_points: int = candidates.CandidateSettings().min_span_points,
 ) -> list[Rejection]:
-    """Return the rejections without overlaps, and one more for each segment without explanation.
+    """Return the rejections of a profile, and one more for each segment without explanation.
 
     Parameters
     ----------
@@ -34,7 +34,8 @@ def complete_rejections(
     cylinders : sequence of CylinderSection
         Accepted sections, with the indices of the prepared profile.
     rejections : list of Rejection
-        Rejected arcs; of those that overlap the first one is retained.
+        Rejected arcs. One that overlaps a cylinder or an earlier one is left out; a flat one gets
+        that reason instead of its own.
     radius_range : (float, float)
         Smallest and largest radius of the search. Units: mm.
     min_span_points : int
@@ -59,13 +60,11 @@ def complete_rejections(
     if complete and components:
         complete = _add_reasons(profile, np.concatenate(components), complete, radius_range)
     if not complete and not cylinders and len(explained):
-        valid = len(profile.valid_indices)
-        too_few = (
-            f"too few points: {valid}, no segment of at least {min_span_points} connected points"
-        )
-        complete.append(
-            Rejection(Arc(0, len(explained)), too_few if valid else "all points are lost")
-        )
+        valid, reason = len(profile.valid_indices), "all points are lost"
+        if valid:
+            needed = f"no segment of at least {min_span_points} connected points"
+            reason = f"too few points: {valid}, {needed}"
+        complete.append(Rejection(Arc(0, len(explained)), reason))
     return sorted(complete, key=lambda rejection: rejection.arc.start)
 
 
@@ -82,7 +81,7 @@ def _find_unexplained(
         edges = (is_explained[1:] != is_explained[:-1]).nonzero()[0] + 1
         for i, j in pairwise([0, *edges.tolist(), len(component)]):
             if j - i >= smallest and not is_explained[i]:
-                segments.append(Rejection(Arc(int(component[i]), int(component[j - 1]) + 1), ""))
+                segments.append(Rejection(span_of(component[i:j]), ""))
     return segments
 
 

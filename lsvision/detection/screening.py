@@ -90,8 +90,8 @@ def screen_arcs(
     Returns
     -------
     list of ScreenedArc or None
-        None where no ellipse fits the middle part. An arc with too few points for screening keeps
-        the inliers of its identification.
+        None where no ellipse fits the middle part, alone or with inliers of the ends. An arc with
+        too few points for screening keeps the inliers of its identification.
     """
     screened: list[ScreenedArc | None] = [None] * len(arcs)
     remaining = dict(enumerate(arcs))

@@ -35,9 +35,7 @@ FLATTENING_DIAGONAL = FLATTENING_INFORMATION.sum(axis=1, keepdims=True)
 """Information of the prior on the flattening about each parameter, (5, 1), for m = 1 mm."""
 MAX_RELATIVE_STEP = 0.1
 """Step, as a fraction of m, whose damping costs as much as a residual of one sigma."""
-DAMPING = IDENTITY / MAX_RELATIVE_STEP**2
-"""Information that damps a step, for m = 1 mm. Units: 1/mm^2."""
-DAMPED_PRIOR = DAMPING + FLATTENING_INFORMATION[:, :PARAMETERS]
+DAMPED_PRIOR = IDENTITY / MAX_RELATIVE_STEP**2 + FLATTENING_INFORMATION[:, :PARAMETERS]
 """Information of the damping and of the prior on the flattening, for m = 1 mm. Units: 1/mm^2."""
 VARIANCE_FLOOR_FRACTION = 0.05
 """Fraction of a point's total variance that is added to the variance along any normal, as for a
@@ -89,11 +87,11 @@ def ellipse_residuals(points: NoisyPoints, parameters: FloatArray) -> EllipseRes
     size = np.maximum(np.abs(w), TINY)
     w *= (1 / size).astype(complex)
     n = w - d * w.conj()
-    cosine = 1 / np.maximum(np.abs(n), TINY)
-    n *= cosine.astype(complex)
-    # The ray meets the ellipse at m det(E / m) / size of the offset from the centre. The distance
-    # of the point from there is multiplied by the cosine of the angle between the ray and n.
-    signed = (size - (m - m * (d * d.conjugate()).real)) * cosine
+    scale = 1 / np.maximum(np.abs(n), TINY)
+    n *= scale.astype(complex)
+    # The component of the offset along the unit normal n is size * scale, and the ray meets the
+    # ellipse at m det(E / m) / size of the offset.
+    signed = (size - (m - m * (d * d.conjugate()).real)) * scale
     variances = points.normal_variances(n)
     inflated = variances + (2 * VARIANCE_FLOOR_FRACTION) * points.mean_variance
     return EllipseResiduals(signed, n, w, variances, inflated)
@@ -115,13 +113,13 @@ def ray_normal_variances(points: NoisyPoints, parameters: FloatArray) -> FloatAr
     """Return only the `EllipseResiduals.variances` (..., n) of points. Units: mm^2."""
     centre, m, d = split_parameters(parameters)
     offset = points.z - centre
-    # The normal n of `ellipse_residuals` times m^2, without the intermediate unit vector w.
+    # Along the normal n of `ellipse_residuals`, without the intermediate unit vector w.
     n = (m * m + (d * d.conjugate()).real) * offset
     n -= (2 * m * d) * offset.conj()
-    n *= n
-    size = np.maximum(np.abs(n), TINY)
+    n *= n  # n' Sigma n needs only the square
+    squared_length = np.maximum(np.abs(n), TINY)
     n *= points.deviator
-    variances: FloatArray = n.real / size
+    variances: FloatArray = n.real / squared_length
     variances += points.mean_variance
     return variances
 
@@ -256,8 +254,6 @@ def solve_positive_definite(matrix: FloatArray, rhs: FloatArray) -> FloatArray:
     """
     if matrix.ndim == 2:
         return _solve(matrix, rhs)
-    if len(matrix) == 1:
-        return _solve(matrix[0], rhs[0])[None]
     return np.array([_solve(*pair) for pair in zip(matrix, rhs, strict=True)])
 
 

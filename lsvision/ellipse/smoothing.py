@@ -121,10 +121,7 @@ def _sort_rows(angles: FloatArray, sizes: list[int]) -> IntArray:
 
 def _interpolate_rows(x: FloatArray, knots: FloatArray, values: FloatArray) -> FloatArray:
     """Return the values (k, n) at knots (k, n), linearly interpolated at x (k, p)."""
-    interpolated = np.empty(x.shape)
-    for out, *row in zip(interpolated, x, knots, values, strict=True):
-        out[:] = np.interp(*row)
-    return interpolated
+    return np.array([np.interp(*row) for row in zip(x, knots, values, strict=True)])
 
 
 def smooth_residuals(
