@@ -18,8 +18,8 @@ MIN_POINTS = 8
 
 
 def span_of(indices: IntArray) -> Arc:
-    """Return the span from the smallest to the largest of one or more indices."""
-    return Arc(int(indices.min()), int(indices.max()) + 1)
+    """Return the span from the first to the last of one or more ascending indices."""
+    return Arc(int(indices[0]), int(indices[-1]) + 1)
 
 
 class IdentifiedArc(NamedTuple):

@@ -131,14 +131,15 @@ def build_measurement(
     Measurement
         Cylinders in ascending order of the x of their centres.
     """
-    columns = prepared.sensor_columns
-    sections = [
-        CylinderSection(cylinder.fit, span_of(columns[cylinder.indices]), columns[cylinder.indices])
-        for cylinder in cylinders
-    ]
+    columns = prepared.sensor_columns  # ascending only if that is the order along the line
+
+    def with_columns(section: CylinderSection) -> CylinderSection:
+        indices = columns[section.indices]
+        return CylinderSection(section.fit, span_of(np.sort(indices)), indices)
+
     rejected = [
-        Rejection(span_of(columns[r.arc.start : r.arc.stop]), r.reason, r.convex)
+        Rejection(span_of(np.sort(columns[r.arc.start : r.arc.stop])), r.reason, r.convex)
         for r in rejections
     ]
-    ordered = sorted(sections, key=lambda section: section.centre[0])
+    ordered = sorted(map(with_columns, cylinders), key=lambda section: section.centre[0])
     return Measurement(tuple(ordered), tuple(rejected), profile)
