@@ -1,7 +1,7 @@
-"""Cramer-Rao bound of a radius with the true membership, and the linear estimate that reaches it.
+"""Cramer-Rao bound of a radius from the true points of a pipe; a linear estimate that attains it.
 
-The error of an estimate is compared with the linear estimate's from the same noise: its mean
-square is the bound exactly, so that what chance does to both cancels.
+The error of an estimate is compared with that of the linear estimate from the same noise, whose
+mean square is exactly the squared bound, so that random deviations common to both cancel.
 """
 
 import math
@@ -16,9 +16,10 @@ MIN_POINTS = 8
 
 
 def bound_radius(section, tube):
-    """Bound and linear error of a simulated tube's radius; NaN where its points leave it open.
+    """Bound and linear error of a simulated tube's radius; NaN if its points do not determine it.
 
-    Noise along the ray counts by its part across the ellipse; lost points and jumps not at all.
+    The error of a point is its noise along the ray, times the cosine of the angle to the normal.
+    Lost points and jumps are left out.
     """
     seen = section.truth.labels == tube.label
     if seen.sum() < MIN_POINTS:
@@ -39,12 +40,15 @@ def bound_radius(section, tube):
 
 
 def _distance_gradients(ellipse, points):
-    """Change of the distances of points on an ellipse by its unknowns, and its normals there."""
+    """Derivatives (n, 5) of the normal displacement of an ellipse at its points, and the normals.
+
+    The parameters are centre_x, centre_y, a, b and (a - b) theta.
+    """
     a, b = ellipse.semi_major, ellipse.semi_minor
     u, v = ellipse.to_ellipse_frame(points).T
     length = np.hypot(b * u / a, a * v / b)
-    own = np.column_stack([b * u / a, a * v / b]) / length[:, None]
-    normals = ellipse.from_ellipse_frame(own) - ellipse.centre
-    by_axes = own * np.column_stack([u / a, v / b])
+    normals_uv = np.column_stack([b * u / a, a * v / b]) / length[:, None]
+    normals = ellipse.from_ellipse_frame(normals_uv) - ellipse.centre
+    by_axes = normals_uv * np.column_stack([u / a, v / b])
     by_turn = (a + b) * (u / a) * (v / b) / length
     return np.column_stack([normals, by_axes, by_turn]), normals

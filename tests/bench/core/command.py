@@ -20,6 +20,7 @@ from tests.bench.core.trees import ROOT, tree_on_trial
 from tests.bench.goals import missed
 
 SEED = 770_000
+"""First seed of the scenes."""
 QUICK = {
     "A": 210, "As": 210, "Ah": 140, "Ahs": 140, "B": 180, "Bu": 40, "C": 120, "C2": 168, "T": 80,
     "D": 160, "E": 1, "F": 40, "G": 150, "speed": 10,
@@ -28,12 +29,13 @@ FULL = {
     "A": 560, "As": 560, "Ah": 420, "Ahs": 420, "B": 480, "Bu": 120, "C": 200, "C2": 560, "T": 160,
     "D": 320, "E": 1, "F": 94, "G": 600, "speed": 30,
 }  # fmt: skip
-"""How many scenes of each set (rounds of speed)."""
+"""Number of scenes of each set, with and without --quick; of speed the number of rounds. Set E is
+all of the real data."""
 
 
 @dataclass
 class Report:
-    """Rows and faults of each tree, side by side."""
+    """Rows of the first tree, set by set, and faults of all trees."""
 
     names: list[str]
     rows: list[list] = field(default_factory=list)
@@ -50,7 +52,7 @@ class Report:
             line = f"  {row.what:46} {row.value:10.4g}{columns} {row.unit:3}"
             print(f"{line} {row.goal:>9} {verdict:5} {row.note}".rstrip(), flush=True)
         self.rows.append(rows[0])
-        self.faults.append([list(own) for own in faults])
+        self.faults.append([list(tree_faults) for tree_faults in faults])
 
 
 def main(arguments):
@@ -103,12 +105,13 @@ def run(sources, options):
 
 
 def _measure(name, trees, effort, seed):
+    """Return rows and faults of a set for each tree; `effort` is the number of scenes or rounds."""
     if name == "F":
         return measure_laws(trees, effort, seed)
     if name == "speed":
         return measure_speed(trees, effort, seed)
     if name == "E":
-        from tests.bench.core.real import measure_real  # imports what is on trial: late on purpose
+        from tests.bench.core.real import measure_real  # imports lsvision's readers
 
         return measure_real(trees)
     return measure_set(name, trees, effort, seed)
@@ -132,8 +135,8 @@ def dump(which, path, seed):
         csv.writer(file).writerows(np.round(scene.points, 5).tolist())
     print(scene)
     for tube in scene.tubes:
-        own = np.flatnonzero(scene.labels == tube.label)
-        span = f"columns {own[0]}-{own[-1]}" if len(own) else "unseen"
-        print(f"  tube {tube.label}: radius {tube.radii}, {span}, {len(own)} points")
+        columns = np.flatnonzero(scene.labels == tube.label)
+        span = f"columns {columns[0]}-{columns[-1]}" if len(columns) else "unseen"
+        print(f"  tube {tube.label}: radius {tube.radii}, {span}, {len(columns)} points")
     print(f"  sensor: {scene.sensor}")
     return 0

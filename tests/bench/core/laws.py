@@ -1,39 +1,45 @@
 """Set F: results must not depend on the order or the position of the points.
 
-Each law makes another profile of the same points and says where each of its rows comes from, so
-that pipes are matched by their points and compared by their radii.
+Each law makes another profile of the same points, and returns from which row each of its rows
+comes, so that pipes are matched by their points and compared by their radii.
 """
 
+import itertools
 import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tests.bench.core.scenes import CoreScene, make_scene, own_scene
+from lsvision.simulate import SCENE_KINDS
+from tests.bench.core.scenes import CoreScene, make_scene
 
-OWN_FRACTION = 0.6
-"""Fraction of sections from the first simulator; the rest are welded ones of the second."""
+SIMULATE_FRACTION = 0.6
+"""Fraction of sections made by `lsvision.simulate`; the rest are welded ones of set B."""
 SHIFT = np.array([37.0, -21.0])  # mm
 TURN = math.radians(10.0)
 LOST_ROWS_FRACTION = 0.2
-SAME_PIPE = 0.5
-"""Least share of common points for two pipes to be the same."""
+"""Mean number of lost rows inserted per point."""
+SAME_PIPE_IOU = 0.5
+"""Smallest intersection over union of the points of two results that are the same pipe."""
+MAX_LAW_SIGMAS = 0.01
+"""Goal: largest move of a radius, in its standard uncertainties."""
 
 
 @dataclass(frozen=True, eq=False)
 class Changed:
-    """A scene with its points in another order or place; row i was row `rows[i]`, -1 is new."""
+    """A scene whose points have another order or place; row i was row `rows[i]`, -1 is new."""
 
     scene: CoreScene
     rows: np.ndarray
 
 
 def law_scenes(count, seed):
-    """Sections of sets A (no empty ones) and B."""
-    own = round(OWN_FRACTION * count)
-    indices = [i for i in range(2 * own + 7) if i % 7 != 6][:own]
-    scenes = [replace(own_scene(seed, i), name=f"As:{i}") for i in indices]
-    return scenes + [make_scene("B", i, seed) for i in range(count - own)]
+    """Return sections of set As, those of its kind without pipes left out, and of set B."""
+    simulated, kinds = round(SIMULATE_FRACTION * count), list(SCENE_KINDS)
+    with_pipes = (i for i in itertools.count() if kinds[i % len(kinds)] != "empty")
+    indices = itertools.islice(with_pipes, simulated)
+    scenes = [make_scene("As", i, seed) for i in indices]
+    return scenes + [make_scene("B", i, seed) for i in range(count - simulated)]
 
 
 def reverse(scene, rng):
@@ -65,7 +71,7 @@ def shift(scene, rng):
 
 
 def rotate(scene, rng):
-    """About the sensor, whose place is known."""
+    """Rotate the points about the sensor's origin."""
     cos, sin = math.cos(TURN), math.sin(TURN)
     origin = np.array(scene.sensor.origin)
     points = (scene.points - origin) @ np.array([[cos, sin], [-sin, cos]]) + origin
@@ -79,12 +85,12 @@ LAWS = {
     "shift": shift,
 }
 SENSOR_LAWS = LAWS | {"rotation": rotate}
-"""Laws that need a sensor whose place is known, and all others with that sensor."""
+"""Laws of sections with a noise model, including one that needs the sensor's origin."""
 
 
 @dataclass(frozen=True)
 class LawScore:
-    """Sections, those whose cylinders are others, and the moves of all radii in sigma."""
+    """Number of sections, of those with other cylinders, and moves of all radii in sigmas."""
 
     law: str
     sections: int
@@ -109,28 +115,28 @@ def measure_law(tree, law, scenes, seed):
 
 
 def compare_radii(law, changed, before, after):
-    """How far any radius has moved."""
+    """Score the results of changed scenes against those of the original ones."""
     counts, moves, faults = 0, [], []
     for change, first, second in zip(changed, before, after, strict=True):
         old, new = first["cylinders"], second["cylinders"]
-        again = [_move(pipe, new, change.rows) for pipe in old]
-        own = [move for move in again if move is not None]
-        if len(old) != len(new) or len(own) != len(old):
+        matched = [_move(pipe, new, change.rows) for pipe in old]
+        found = [move for move in matched if move is not None]
+        if len(old) != len(new) or len(found) != len(old):
             counts += 1
             faults.append(f"{change.scene}: {law}, {len(old)} cylinders became {len(new)}")
-        moves += own
-        worst = max(own, default=0.0)
-        if worst > 0.01:
+        moves += found
+        worst = max(found, default=0.0)
+        if worst > MAX_LAW_SIGMAS:
             faults.append(f"{change.scene}: {law}, a radius moved by {worst:.3f} sigma")
     return LawScore(law, len(changed), counts, np.array(moves), tuple(faults))
 
 
 def _move(pipe, others, rows):
-    """By how many sigma the same pipe's radius differs; None where it is not found again."""
-    own = set(pipe["indices"])
+    """Return by how many sigmas the same pipe's radius differs; None if it is not found again."""
+    points = set(pipe["indices"])
     for other in others:
-        theirs = set(rows[other["indices"]].tolist())
-        if len(own & theirs) > SAME_PIPE * len(own | theirs):
+        other_points = set(rows[other["indices"]].tolist())
+        if len(points & other_points) > SAME_PIPE_IOU * len(points | other_points):
             return abs(other["radius"] - pipe["radius"]) / pipe["radius_std"]
     return None
 

@@ -1,11 +1,11 @@
 """Measure points with the lsvision found on PYTHONPATH; run as a script in its own process.
 
-Only lsvision's public names and numpy: the same file measures any commit. One request a line on
-stdin, as JSON, and one line of answer on stdout:
+It uses only public names of lsvision, so that the same file measures any commit. Each line on stdin
+is a request, as JSON, and is answered by one line on stdout:
 
 - ``{"do": "measure", "scenes": npz, "first": i, "step": k, "quantities": [...], "out": json}``
 - ``{"do": "read", "paths": [...], "quantities": [...], "out": json}``: files instead of points
-- ``{"do": "time", "scenes": npz, "core": number}``: processor ms of each scene, measured once
+- ``{"do": "time", "scenes": npz, "core": number}``: processor time of each scene in ms, on one core
 
 An npz holds the `points` of all scenes one after the other (n, 2), where each scene `stops`, and
 a row of `sensors` each (range_std, reference_range, origin x and y, quantum; NaN without one).
@@ -41,18 +41,18 @@ def _profile(points, row):
 
 
 def measure(profile, quantities):
-    """One result as plain numbers; an error of the code on trial is a result too."""
-    with warnings.catch_warnings(record=True) as heard:
+    """Return the result of a profile as plain numbers, with the error and warnings of the code."""
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         result = _measure(profile, quantities)
-    return result | {"warnings": [str(warning.message) for warning in heard]}
+    return result | {"warnings": [str(warning.message) for warning in caught]}
 
 
 def _measure(profile, quantities):
     start = time.process_time()
     try:
         found = lsv.measure_cylinders(profile)
-    except Exception as error:  # noqa: BLE001 - whatever it is, it is to be counted
+    except Exception as error:  # noqa: BLE001 - any error is counted
         return {"cylinders": [], "rejections": [], "ms": 0.0, "error": repr(error)}
     ms = 1e3 * (time.process_time() - start)
     result = {"rejections": [rejection.reason for rejection in found.rejections], "ms": ms}
@@ -112,7 +112,7 @@ def _write(path, results):
 def main():
     cv2.setNumThreads(1)
     answers = os.fdopen(os.dup(1), "w")
-    os.dup2(2, 1)  # what the code on trial prints is no answer
+    os.dup2(2, 1)  # what the code under test prints is no answer
     print(json.dumps(lsv.__file__), file=answers, flush=True)
     does = {"measure": do_measure, "read": do_read, "time": do_time}
     for line in sys.stdin:

@@ -1,8 +1,8 @@
 """Circles whose data a sensor or a program has smoothed, resampled, held or quantised.
 
-Frame: columns at an even pitch along X, noise along Y; phi is 0 and nothing stands around. The
-windows of a filter use what points there are (one-sided at the ends of the arc); in every other
-scene the points without a full window are lost instead.
+Columns have an even pitch along X, noise is along Y, phi is 0, and there are no other objects. At
+the ends of the arc, the windows of a filter are one-sided; in every other scene the points without
+a full window are lost instead.
 """
 
 import numpy as np
@@ -106,7 +106,7 @@ PROCESSES = {
     "quantised": quantised,
     "correlated": correlated,
 }
-"""Each draws (x, y, radius, centre, words); `ends` is "one-sided" or "lost"."""
+"""Each draws x, y, radius, centre and a description; `ends` is "one-sided" or "lost"."""
 
 
 def _filtered(rng, ends, half, reduce, words):

@@ -1,4 +1,4 @@
-"""Set E: real spheres, read and measured by the code on trial, judged by `tests.bench.spheres`."""
+"""Set E: real spheres, read and measured by the code under test, with `tests.bench.spheres`."""
 
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,7 +13,7 @@ MIN_IOU, MAX_CENTRE_ERROR, MAX_RADIUS_ERROR = 0.985, 0.0075, 0.0065  # mm
 
 
 def measure_real(trees):
-    """Rows and faults of each tree; one row that says so where the data are absent."""
+    """Rows and faults of each tree; a single row if the data are absent."""
     for tree in trees:
         if spheres.real_data():
             yield _spheres(tree)
@@ -36,7 +36,7 @@ def _spheres(tree):
 
 
 def judge_sphere(path, result):
-    """One labelled profile against the longest common arc; NaN where nothing was found."""
+    """Compare the cylinder with the largest IoU with the labelled arc; NaN if nothing was found."""
     labelled = np.loadtxt(path, delimiter=",")[:, 2] == 1
     points = np.array(result["points"])
     cylinders = [SimpleNamespace(**cylinder) for cylinder in result["cylinders"]]
@@ -75,7 +75,7 @@ def _sphere_rows(profiles):
 
 
 def _robot(tree):
-    """Rows of sphere-robot, and the profiles to be looked at."""
+    """Rows of the data set sphere-robot, and its profiles without an arc."""
     folder = spheres.REAL / "sphere-robot"
     main = _longest_radii(tree, [folder / "main" / f"{p}.yml" for p in spheres.MAIN_RADII])
     off = np.abs(np.array(main) - np.array(list(spheres.MAIN_RADII.values())))
@@ -98,7 +98,7 @@ def _robot(tree):
 
 
 def _longest_radii(tree, files: list[Path], loss="linear"):
-    """Circle radius through the points of the longest arc of each file; NaN without one."""
+    """Radius of the circle fitted to the longest arc of each file; NaN without an arc."""
     radii = []
     for result in tree.read(files, ()):
         longest = max((c["indices"] for c in result["cylinders"]), key=len, default=None)

@@ -2,20 +2,21 @@
 
 import math
 
-from tests.bench.core.laws import LAWS, SENSOR_LAWS, law_scenes, measure_law
+from tests.bench.core.laws import LAWS, MAX_LAW_SIGMAS, SENSOR_LAWS, law_scenes, measure_law
 from tests.bench.core.scenes import make_scenes, without_sensor
 from tests.bench.core.score import FAR_SIGMAS, TOO_FAR_SIGMAS, score_set
 from tests.bench.core.shapes import CURVES, FLATS, PIPE_LIKE
 from tests.bench.goals import Number
 
 FREE = (-math.inf, math.inf)
+"""Range of a number without a goal."""
 COVERAGE = {"A": (93.0, 97.0), "B": (93.0, 97.0)}
 MAX_BEYOND_FIVE = {"A": 0.1, "B": 0.1}
 MIN_F1, MAX_FALSE_PER_100 = {"As": 0.995}, {"As": 0.5}
 MAX_FALSE_SECTIONS = 2.0  # %
 MIN_D_FOUND, MIN_D_INSIDE = 98.0, 90.0  # %
 MIN_T_INSIDE = 80.0  # %
-MAX_LAW_SIGMAS = 0.01
+"""Goals of the sets; sets without one are for information."""
 
 
 def pipe_rows(score):
@@ -76,7 +77,7 @@ def tube_rows(score):
 
 
 def shape_rows(score):
-    """Set C2: the same for other shapes, by family and kind."""
+    """Set C2: sections of other shapes in which a pipe is detected, by family and kind."""
     families = {
         "C2: flats, sections with a false pipe": (["plate edge", *FLATS], MAX_FALSE_SECTIONS),
         "C2: curves, sections with a false pipe": (list(CURVES), MAX_FALSE_SECTIONS),
@@ -95,19 +96,19 @@ def shape_rows(score):
 
 
 def fault_rows(score):
-    """Set T: whether the interval holds a radius of the crest, of the arcs that are found."""
+    """Set T: fraction of the arcs found whose interval contains a radius of the crest."""
     for kind, scenes in score.scenes_by_kind.items():
         pipes = score.by_kind.get(kind, [])
         inside = sum(pipe.inside for pipe in pipes)
         note = f"{inside} of {len(pipes)} found, {scenes} scenes"
         goal = -math.inf if kind == "flank bias" else MIN_T_INSIDE
-        # Rejected as no cylinder is no wrong interval.
+        # A rejected arc has no wrong interval.
         share = 100 * inside / len(pipes) if pipes else math.nan
         yield Number(f"T: {kind}, 95 % hold the crest's radius", share, goal, unit="%", note=note)
 
 
 def processed_rows(score):
-    """Set D: found, and inside the interval, of each kind."""
+    """Set D: fraction of circles that are found, and whose interval contains the radius."""
     found, inside = len(score.pipes), sum(pipe.inside for pipe in score.pipes)
     note = f"{found} of {score.scenes}"
     yield Number("D: found", 100 * found / score.scenes, MIN_D_FOUND, unit="%", note=note)
@@ -140,7 +141,7 @@ SET_ROWS = {
 
 
 def error_rows(name, errors):
-    """One row where the code on trial has failed or warned."""
+    """Number of errors and warnings of the code under test, if there are any."""
     if errors:
         note = f"first {errors[0]}"
         yield Number(f"{name}: errors and warnings", len(errors), high=0, note=note)
@@ -156,13 +157,13 @@ def measure_set(name, trees, effort, seed):
 
 
 def measure_laws(trees, effort, seed):
-    """Set F: rows and faults, for each tree; with a sensor on the first simulator's sections."""
-    with_sensor = law_scenes(effort, seed)
-    own = [scene for scene in with_sensor if scene.sensor is not None]
+    """Set F: rows and faults, for each tree; with a sensor only for sections that have one."""
+    scenes_as_made = law_scenes(effort, seed)
+    bare = [without_sensor(scene) for scene in scenes_as_made]
+    with_sensor = [scene for scene in scenes_as_made if scene.sensor is not None]
     for tree in trees:
         rows, faults = [], []
-        bare = [without_sensor(scene) for scene in with_sensor]
-        for words, laws, scenes in (("", LAWS, bare), (", sensor", SENSOR_LAWS, own)):
+        for words, laws, scenes in (("", LAWS, bare), (", sensor", SENSOR_LAWS, with_sensor)):
             for law in laws:
                 score = measure_law(tree, law, scenes, seed)
                 moved = int((score.moves > MAX_LAW_SIGMAS).sum())

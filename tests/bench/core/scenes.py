@@ -1,7 +1,9 @@
-"""Scenes by set and index: the same set, index and seed give the same scene, however many.
+"""Scenes by set and index: the same set, index and seed give the same scene, however many are made.
 
-Sets A, As, Ah, Ahs, B, Bu, C, C2, T, D, G; their truth stays here, points and sensor alone are
-handed to the code on trial.
+A: the kinds of `lsvision.simulate`; s: with the sensor as noise model; h: with more lost points and
+jumps. B, Bu: two tubes in clutter by the second simulator (`tests.other_scenes`), welded and not.
+C, C2: shapes that are no pipe. T: arcs that deviate from the model. D: processed data. G: one
+tilted tube with noise only. The code under test gets the points and the sensor, but not the truth.
 """
 
 import math
@@ -19,16 +21,17 @@ from tests.other_scenes import other_scene
 HARD = SectionSettings(lost_fraction=0.10, jump_fraction=0.05)
 CLEAN = SectionSettings(lost_fraction=0.0, jump_fraction=0.0)
 HARD_SEEDS, CLEAN_SEEDS = 50_000, 70_000
-"""How far from the first seed those of Ah and Ahs, and of G, start."""
+"""Offsets of the seeds of Ah and Ahs, and of G, from the first seed."""
 TILTED = TubeRanges(phi_deg=(15.0, 40.0))
 
 
 @dataclass(frozen=True)
 class TruePipe:
-    """A pipe of a scene; `radii` holds what may rightly be called its radius, first the nominal.
+    """A pipe of a scene; `radii` are all correct values of its radius, the nominal one first.
 
-    `bound` is the Cramer-Rao bound of the radius with the true membership, and `linear_error`
-    the error of the linear estimate from the same noise, which reaches it; NaN where unknown.
+    `bound` is the Cramer-Rao bound of the radius for the true points of the pipe, and
+    `linear_error` the error of the linear estimate from the same noise, which attains the bound;
+    NaN where unknown. Units: mm.
     """
 
     label: int
@@ -44,7 +47,10 @@ class TruePipe:
 
 @dataclass(frozen=True, eq=False)
 class CoreScene:
-    """Points (n, 2), the sensor handed in with them if any, labels (n,) and pipes."""
+    """Points (n, 2), the sensor that is their noise model, if any, labels (n,) and pipes.
+
+    `words` describe the scene in messages.
+    """
 
     name: str
     kind: str
@@ -58,22 +64,22 @@ class CoreScene:
         return f"{self.name} {self.kind}, {self.words}"
 
 
-def own_scene(seed, index, settings=None):
-    """One of the seven kinds of `lsvision.simulate` in turn, with its sensor."""
+def simulated_scene(seed, index, settings=None):
+    """One of the kinds of `lsvision.simulate` in turn, with its sensor."""
     kinds = list(SCENE_KINDS)
-    kind, own_seed = kinds[index % len(kinds)], seed + index // len(kinds)
-    section = random_section(kind, own_seed, settings=settings)
-    return _own(kind, own_seed, section)
+    kind, scene_seed = kinds[index % len(kinds)], seed + index // len(kinds)
+    section = random_section(kind, scene_seed, settings=settings)
+    return _from_section(kind, scene_seed, section)
 
 
 def clean_scene(seed, index):
     """Set G: one tilted tube with noise and nothing else, and its sensor."""
-    own_seed = seed + CLEAN_SEEDS + index
-    section = random_section("single", own_seed, settings=CLEAN, tubes=TILTED)
-    return _own("single", own_seed, section)
+    scene_seed = seed + CLEAN_SEEDS + index
+    section = random_section("single", scene_seed, settings=CLEAN, tubes=TILTED)
+    return _from_section("single", scene_seed, section)
 
 
-def _own(kind, seed, section):
+def _from_section(kind, seed, section):
     tubes = tuple(
         TruePipe(tube.label, (tube.radius,), tube.visible, *bound_radius(section, tube))
         for tube in section.truth.tubes
@@ -86,12 +92,12 @@ def without_sensor(scene):
     return replace(scene, sensor=None)
 
 
-def other_scene_of(seed, index, **kind):
-    """Two tubes of the second simulator."""
+def two_tubes(seed, index, *, welded):
+    """Two tubes in clutter, by the second simulator."""
     rng = np.random.default_rng(seed + index)
-    points, labels, tubes = other_scene(rng, 2, cluttered=True, **kind)
+    points, labels, tubes = other_scene(rng, 2, cluttered=True, welded=welded)
     pipes = tuple(TruePipe(label, (tube.radius,)) for label, tube in enumerate(tubes, 1))
-    kind = "welded in clutter" if kind else "two in clutter"
+    kind = "welded in clutter" if welded else "two in clutter"
     return CoreScene("", kind, f"seed {seed + index}", points, labels, pipes)
 
 
@@ -190,12 +196,12 @@ def processed_circle(seed, index):
 
 
 SETS = {
-    "A": lambda seed, i: without_sensor(own_scene(seed, i)),
-    "As": own_scene,
-    "Ah": lambda seed, i: without_sensor(own_scene(seed + HARD_SEEDS, i, HARD)),
-    "Ahs": lambda seed, i: own_scene(seed + HARD_SEEDS, i, HARD),
-    "B": lambda seed, i: other_scene_of(seed, i, welded=True),
-    "Bu": other_scene_of,
+    "A": lambda seed, i: without_sensor(simulated_scene(seed, i)),
+    "As": simulated_scene,
+    "Ah": lambda seed, i: without_sensor(simulated_scene(seed + HARD_SEEDS, i, HARD)),
+    "Ahs": lambda seed, i: simulated_scene(seed + HARD_SEEDS, i, HARD),
+    "B": lambda seed, i: two_tubes(seed, i, welded=True),
+    "Bu": lambda seed, i: two_tubes(seed, i, welded=False),
     "C": rectangular_tube,
     "C2": no_cylinder,
     "T": bent_model,

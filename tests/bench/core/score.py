@@ -17,9 +17,11 @@ MIN_PIPES_OF_KIND = 10
 
 @dataclass(frozen=True)
 class FoundPipe:
-    """A pipe that was found: error of its radius in sigma and in Cramer-Rao bounds.
+    """A pipe that was found: error of its radius, in its standard uncertainties and in bounds.
 
-    `linear_bounds` is what the linear estimate from the same noise is off, in bounds.
+    `bounds` is the error over the Cramer-Rao bound, `linear_bounds` that of the linear estimate
+    from the same noise, `inside` whether the 95 % interval contains the radius, and `iou` the
+    intersection over union of its points with the true ones.
     """
 
     scene: str
@@ -33,7 +35,12 @@ class FoundPipe:
 
 @dataclass(frozen=True)
 class SetScore:
-    """Counts over the scenes of a set; `false_kinds` and `found_kinds` count scenes by kind."""
+    """Scores of the scenes of a set.
+
+    `true` and `missed` count visible pipes, `false` results that are no pipe; `pipes` are all that
+    were found. `false_by_kind` counts scenes with a false result. `ms` is the time of each profile.
+    `faults` are lines of text, `errors` those of them that are errors or warnings.
+    """
 
     name: str
     scenes: int
@@ -61,7 +68,7 @@ class SetScore:
         return np.abs([pipe.sigmas for pipe in self.pipes])
 
     def beyond(self, sigmas):
-        """Fraction of the radii that are further off, in percent."""
+        """Fraction of the radii with a larger error. Units: percent."""
         return 100 * float(np.mean(self.sigmas > sigmas)) if self.pipes else math.nan
 
     @property
@@ -120,13 +127,13 @@ def score_set(name, scenes, results):
     for scene, result in zip(scenes, results, strict=True):
         match = match_tubes(_measured(result), scene)
         visible = {tube.label for tube in scene.tubes if tube.visible}
-        own = [_judge(scene, *found) for found in match.found]
+        judged = [_judge(scene, *found) for found in match.found]
         true += sum(label in visible for label, _, _ in match.found)
         false, missed = false + len(match.false), missed + len(match.missed)
         scenes_by_kind[scene.kind] += 1
         false_by_kind[scene.kind] += bool(match.false)
-        pipes += own
-        faults += _faults(scene, match, own)
+        pipes += judged
+        faults += _faults(scene, match, judged)
         errors += [f"{scene}: {what}" for what in _complaints(result)]
     return SetScore(
         name, len(scenes), true, false, missed, tuple(pipes),
@@ -152,7 +159,7 @@ def _judge(scene, label, cylinder, iou):
 
 
 def _complaints(result):
-    """An error or warnings of the code on trial."""
+    """Error and warnings of the code under test."""
     return [*([result["error"]] if "error" in result else []), *result["warnings"]]
 
 
@@ -178,7 +185,7 @@ def _coverage(pipes):
 
 
 def _over_bound(pipes):
-    """RMSE over the bound: 1 and what the squares exceed those of the linear estimates by."""
-    more = [pipe.bounds**2 - pipe.linear_bounds**2 for pipe in pipes]
-    known = [value for value in more if math.isfinite(value)]
+    """RMSE over the bound: its square is 1 plus the mean excess over the linear estimates."""
+    excess = [pipe.bounds**2 - pipe.linear_bounds**2 for pipe in pipes]
+    known = [value for value in excess if math.isfinite(value)]
     return math.sqrt(max(0.0, 1 + np.mean(known))) if known else math.nan

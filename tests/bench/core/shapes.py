@@ -1,7 +1,7 @@
 """Outlines that are no pipe, drawn around (0, 0) with the sensor above. Units: mm.
 
-Each function draws one random outline, an array of corners, from a generator. What has arcs here
-(rounded corners, bends) has them between tangential flats.
+Each function draws a random outline, an array of corners (n, 2), and its description. Arcs of the
+outlines (rounded corners, bends) are between tangential flats.
 """
 
 import math
@@ -15,17 +15,18 @@ from lsvision.simulate.clutter import ground, place_outline
 
 RANGE = 400.0
 FIELD = 140.0
-"""Length of the line that is seen at `RANGE`."""
+"""Length of the laser line at `RANGE`."""
 FAR = 650.0
-MIN_FLAT_MM = 4.0
-"""Between two rounded corners; with none a tube seen from above is an arch and no rectangle."""
-MIN_FLAT_FRACTION = 0.15
+"""Largest range of the sensor."""
+MIN_FLAT_MM, MIN_FLAT_FRACTION = 4.0, 0.15
+"""Smallest length of the flat between two rounded corners, and the same as a fraction of the width;
+without a flat, a tube seen from above is an arch."""
 CORNER_PIECES = 48
-"""Straight pieces of a rounded corner: sagitta under 3 um at a radius of 20 mm."""
+"""Number of straight pieces of a rounded corner: sagitta under 3 um at a radius of 20 mm."""
 
 
 def sensor_of(pitch, noise):
-    """Columns `pitch` apart at 400 mm, and one sigma of noise along the ray there."""
+    """Sensor with this pitch at `RANGE`, and this standard deviation of the noise along the ray."""
     return ProfileSensor(
         range_std=noise,
         reference_range=RANGE,
@@ -36,10 +37,10 @@ def sensor_of(pitch, noise):
 
 
 def look_at(outline, rng, *, pitch, noise, tilt=0.0, floor=None, settings=None):
-    """Section of an outline, turned by `tilt` (rad), whose (0, 0) lies some 400 mm away.
+    """Simulate a section of an outline, rotated by `tilt` (rad), whose (0, 0) is about 400 mm away.
 
-    `floor` is the depth of a plate under it; `settings` are those of `simulate_section`, by
-    default nothing but noise along the ray and the loss of grazing points.
+    `floor` is the depth of a plate under it; `settings` are those of `simulate_section`, by default
+    noise along the ray and the loss of points at grazing incidence only.
     """
     at = (rng.uniform(-15.0, 15.0), -RANGE + rng.uniform(-15.0, 15.0))
     objects = [place_outline(outline, at, tilt)]
@@ -50,7 +51,7 @@ def look_at(outline, rng, *, pitch, noise, tilt=0.0, floor=None, settings=None):
 
 
 def displaced(section, along_ray):
-    """The section's noise-free points, each moved by `along_ray` (mm)."""
+    """Return the section's noise-free points, each displaced along its ray by `along_ray` (mm)."""
     exact = section.truth.points
     rays = exact - section.sensor.origin
     points = exact + rays / np.hypot(*rays.T)[:, None] * along_ray[:, None]
@@ -58,7 +59,7 @@ def displaced(section, along_ray):
 
 
 def round_corners(corners, radii):
-    """The open line through `corners` with arcs of `radii` instead of the inner ones."""
+    """Return the open line through `corners` with the inner corners rounded by arcs of `radii`."""
     corners = np.asarray(corners, dtype=float)
     pieces = [corners[:1]]
     for before, corner, after, radius in zip(
@@ -76,7 +77,7 @@ def round_corners(corners, radii):
 
 
 def rectangular_tube(rng):
-    """Width 30-60, corners 3-18, a flat between them; its height is the depth of a floor."""
+    """Width 30-60, corners 3-18 with a flat between them; also return its height."""
     width = rng.uniform(30.0, 60.0)
     flat = max(MIN_FLAT_MM, MIN_FLAT_FRACTION * width)
     corner = rng.uniform(3.0, min(18.0, (width - flat) / 2))
@@ -98,7 +99,7 @@ def bent_sheet(rng):
 
 
 def plate_edge(rng):
-    """A plate whose one visible edge is rounded by 3-15; its face is flat."""
+    """A flat plate whose one visible edge is rounded by 3-15; also return its height."""
     radius, width = rng.uniform(3.0, 15.0), rng.uniform(40.0, 90.0)
     down = radius + rng.uniform(2.0, 20.0)
     line = round_corners([[-width, 0.0], [0.0, 0.0], [0.0, -down]], [radius])
@@ -204,7 +205,7 @@ FLATS = {
     "thread": thread,
     "octagon": lambda rng: polygon(rng, 8),
 }
-"""Outlines of flats, with or without arcs between them; each draws (outline, words)."""
+"""Outlines of flats, with or without arcs between them; each draws outline and description."""
 CURVES = {
     "gaussian bump": gaussian_bump,
     "cosine bump": cosine_bump,
@@ -212,6 +213,6 @@ CURVES = {
     "parabola": parabola,
     "superellipse": superellipse,
 }
-"""Outlines whose curvature is nowhere that of a circle; each draws (outline, words)."""
+"""Outlines without circular arcs; each draws outline and description."""
 PIPE_LIKE = {"catenary": catenary, "16-gon": lambda rng: polygon(rng, 16)}
-"""Outlines that noise can hide in a pipe: for information only."""
+"""Outlines that cannot be distinguished from a pipe with much noise: for information only."""

@@ -9,13 +9,13 @@ from tests.bench.core.scenes import CoreScene
 from tests.bench.goals import Number
 
 TIMED_SCENES = 16
-FIRST_SEED = 60_000
-"""How far from the seed of the table."""
+SEED_OFFSET = 60_000
+"""Offset of the seeds of these scenes from the first seed of the bench."""
 KINDS = {
     "single": ("one pipe", 0.6),
     "welded_complex": ("welded pair in clutter", 0.7),
 }
-"""Words and the goal of the ratio of each kind."""
+"""Description of each kind, and goal of its ratio."""
 
 
 def measure_speed(trees, rounds, seed):
@@ -23,21 +23,21 @@ def measure_speed(trees, rounds, seed):
     core = max(os.sched_getaffinity(0))
     rows = [[] for _ in trees]
     for kind, (words, goal) in KINDS.items():
-        scenes = _scenes(kind, seed + FIRST_SEED)
+        scenes = _scenes(kind, seed + SEED_OFFSET)
         times = [[] for _ in trees]
         paths = [str(tree.store(scenes, f"timed {kind}")) for tree in trees]
         for round_ in range(rounds + 1):
-            for tree, own, path in zip(trees, times, paths, strict=True):
+            for tree, tree_times, path in zip(trees, times, paths, strict=True):
                 ms = tree.workers[0].ask(do="time", scenes=path, core=core)
-                own.extend(ms if round_ else [])  # the first round is not counted
-        medians = [float(np.median(own)) for own in times]
-        for own, median in zip(rows, medians, strict=True):
-            own.append(Number(f"speed: {words}, median", median, unit="ms"))
+                tree_times.extend(ms if round_ else [])  # the first round is not counted
+        medians = [float(np.median(tree_times)) for tree_times in times]
+        for tree_rows, median in zip(rows, medians, strict=True):
+            tree_rows.append(Number(f"speed: {words}, median", median, unit="ms"))
         if len(trees) > 1:
             ratio = medians[0] / medians[1]
             note = f"{rounds} alternating rounds of {len(scenes)} scenes"
             rows[0].append(Number(f"speed: {words}, ratio", ratio, high=goal, note=note))
-    return [(own, []) for own in rows]
+    return [(tree_rows, []) for tree_rows in rows]
 
 
 def _scenes(kind, seed):

@@ -1,4 +1,4 @@
-"""Trees of source on trial, each copied aside, and the processes that measure with them."""
+"""Source trees under test, copied to temporary folders, and processes that measure with them."""
 
 import hashlib
 import json
@@ -59,7 +59,7 @@ class Worker:
 
 @dataclass(frozen=True)
 class Tree:
-    """A copy of the code on trial with its workers, and a folder for what goes between."""
+    """A copy of the code under test with its workers, and the folder of the files they exchange."""
 
     name: str
     folder: Path
@@ -84,14 +84,14 @@ class Tree:
         return results
 
     def read(self, paths, quantities=("phi",)):
-        """Results of files, read by the code on trial; with the points that it read."""
+        """Results of files that the code under test reads, with the points that it read."""
         out = self.exchange / "read.json"
         request = {"do": "read", "paths": [str(p) for p in paths], "quantities": list(quantities)}
         self.workers[0].ask(**request, out=str(out))
         return json.loads(out.read_text())
 
     def store(self, scenes, name="scenes"):
-        """The points and sensors of scenes as a file; never their truth."""
+        """Write points and sensors of scenes, without the truth; return the path of the file."""
         path = self.exchange / f"{name}.npz"
         np.savez(
             path,
@@ -129,7 +129,7 @@ def _archive(commit, folder):
 
 
 def fingerprint(folder):
-    """Eight digits that change with any source file of the package in `folder`."""
+    """First eight digits of the hash of all source files of the package in `folder`."""
     digest = hashlib.sha256()
     for path in sorted((folder / "lsvision").rglob("*.py")):
         digest.update(path.relative_to(folder).as_posix().encode())
