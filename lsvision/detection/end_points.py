@@ -141,7 +141,8 @@ def find_end_inliers(ends: EndPoints, prediction: Prediction) -> EndInliers:
     # An outlier has an error of up to a radius along the ray, of which this part is along n.
     ranges = 2 * prediction.radius[..., None] * np.maximum(cosines, MIN_INCIDENCE_COSINE)
     log_outlier = np.log(OUTLIER_FRACTION / ranges)
-    # The filter uses only points that are possible inliers of the ellipse predicted without them.
+    # The filter uses only points that are possible inliers of the ellipse predicted without them,
+    # with larger variances where errors are correlated: n points then count as fewer.
     variances = point_variances + covariance.diagonal(axis1=-2, axis2=-1)
     possible = visible & (_log_inlier_density(residuals, variances) > log_outlier)
     used = np.where(possible, correlation_time, EXCLUDED) * point_variances

@@ -72,14 +72,15 @@ def _valid_columns(points: Points) -> IntArray:
     valid: IntArray = (~np.isnan(points[:, 0])).nonzero()[0]
     if len(valid) <= MAX_POINTS:
         return valid
-    half = np.arange(0, len(valid) // 2, -(-len(valid) // MAX_POINTS))
+    half = np.arange(0, len(valid) // 2, math.ceil(len(valid) / MAX_POINTS))
     return np.asarray(valid[np.concatenate([half, len(valid) - 1 - half[::-1]])])
 
 
 def typical_pitch(points: Points) -> float:
     """Return the median spacing of ordered points (n, 2) along X. Units: mm.
 
-    Where all have the same x, their mean spacing along Y; 1 if all coincide or there is no point.
+    Where all have the same x, their extent along Y over their number; 1 if all coincide or there is
+    no point.
     """
     x = points[:, 0]
     spacing = np.abs(x[1:] - x[:-1])

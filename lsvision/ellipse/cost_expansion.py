@@ -80,32 +80,16 @@ def expand_cost(stack: FitStack, owners: IntArray, parameters: FloatArray) -> Ex
         where the expansion is not finite.
     """
     variance_factors = stack.variance_factors[owners]
-    squares, slope, gauss_newton, curvature = _expand_orthogonal(stack, owners, parameters)
-    for k in np.flatnonzero(stack.radial[owners]):
-        problem = stack.fits[owners[k]].problem
-        squares[k], slope[k], gauss_newton[k] = _linearise_radial(problem, parameters[k])
-        curvature[k] = 0.0
     factor_rows, factor_matrices = variance_factors[:, None], variance_factors[:, None, None]
-    points = (
-        squares / variance_factors,
-        slope / factor_rows,
-        (gauss_newton + curvature) / factor_matrices,
-    )
-    for k in np.flatnonzero(stack.has_prior[owners]):
-        problem, row = stack.fits[owners[k]].problem, parameters[k]
-        residuals, jacobian = _evaluate_priors(problem, row)
-        squares[k] += residuals @ residuals
-        slope[k] += jacobian.T @ residuals
-        gauss_newton[k] += jacobian.T @ jacobian
-        curvature[k] += _differentiate_priors(problem, row, residuals)
+    squares, slope, gauss_newton, curvature = _expand_points(stack, owners, parameters)
+    cost_of_points, gradient_of_points = squares / variance_factors, slope / factor_rows
+    information_of_points = (gauss_newton + curvature) / factor_matrices
+    _add_priors(stack, owners, parameters, (squares, slope, gauss_newton, curvature))
     information = gauss_newton + curvature
     if not math.isfinite(float(information.sum())):
         infinite = ~np.isfinite(information).all(axis=(1, 2))
-        information[infinite], squares[infinite], points[0][infinite] = (
-            np.eye(PARAMETERS),
-            np.inf,
-            np.inf,
-        )
+        information[infinite] = np.eye(PARAMETERS)
+        squares[infinite] = cost_of_points[infinite] = np.inf
     try:
         np.linalg.cholesky(information)
     except np.linalg.LinAlgError:
@@ -113,10 +97,39 @@ def expand_cost(stack: FitStack, owners: IntArray, parameters: FloatArray) -> Ex
         information[indefinite] = gauss_newton[indefinite]
     information += RIDGE * (information + 1.0) * np.eye(PARAMETERS)
     information /= factor_matrices
-    covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
     return Expansion(
-        squares / variance_factors, slope / factor_rows, information, covariance, *points
+        cost=squares / variance_factors,
+        gradient=slope / factor_rows,
+        information=information,
+        covariance=np.asarray(np.linalg.inv(information), dtype=np.float64),
+        cost_of_points=cost_of_points,
+        gradient_of_points=gradient_of_points,
+        information_of_points=information_of_points,
     )
+
+
+def _expand_points(stack: FitStack, owners: IntArray, parameters: FloatArray) -> SecondOrder:
+    """Expand the sum of squares of the points; that of radial residuals by Gauss-Newton."""
+    squares, slope, gauss_newton, curvature = _expand_orthogonal(stack, owners, parameters)
+    for k in np.flatnonzero(stack.radial[owners]):
+        problem = stack.fits[owners[k]].problem
+        squares[k], slope[k], gauss_newton[k] = _linearise_radial(problem, parameters[k])
+        curvature[k] = 0.0
+    return squares, slope, gauss_newton, curvature
+
+
+def _add_priors(
+    stack: FitStack, owners: IntArray, parameters: FloatArray, second_order: SecondOrder
+) -> None:
+    """Add the residuals of the priors to the sum of squares, in place."""
+    squares, slope, gauss_newton, curvature = second_order
+    for k in np.flatnonzero(stack.has_prior[owners]):
+        problem, row = stack.fits[owners[k]].problem, parameters[k]
+        residuals, jacobian = _evaluate_priors(problem, row)
+        squares[k] += residuals @ residuals
+        slope[k] += jacobian.T @ residuals
+        gauss_newton[k] += jacobian.T @ jacobian
+        curvature[k] += _differentiate_priors(problem, row, residuals)
 
 
 def _expand_orthogonal(stack: FitStack, owners: IntArray, parameters: FloatArray) -> SecondOrder:

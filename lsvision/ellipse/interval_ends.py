@@ -197,18 +197,34 @@ class _Search:
             self._select_rows(~done & self.wanted[self.rows])
 
     def restart_surpassed(self) -> None:
-        """Restart ends that have not converged, or where another end has a more extreme value.
+        """Restart ends that have not converged, or where another end has a more extreme value."""
+        self.critical[self.rows] = self.targets.critical
+        again, starts = self._find_surpassed()
+        if again.any():
+            self.rows = Rows(*np.nonzero(again))
+            self.parameters = starts[self.rows]
+            self.expansion = expand_cost(self.regions.stack, self.rows.owners, self.parameters)
+            self.reduction = np.ones(self.rows.ends.size)
+            d, m = deviators_from_parameters(self.parameters), self.parameters[:, 2]
+            kappas = np.where(IS_PHI[self.rows.ends], np.abs(d) / m, 1.0)
+            self.targets = self.targets._replace(
+                angles=np.angle(d), kappas=kappas, critical=self.critical[self.rows]
+            )
+            self._find_targets()
+
+    def _find_surpassed(self) -> tuple[BoolArray, FloatArray]:
+        """Return which ends are restarted (s, 13), and the parameters (s, 13, 5) where they start.
 
         Every end of a fit, and its estimate, lies in the regions of all ends whose c is not
-        smaller: such an end restarts from the most extreme of these points.
+        smaller: an end starts from the most extreme of these points.
         """
         estimates = self.regions.stack.parameters[:, None]
         active = np.zeros(self.wanted.shape, dtype=bool)
         active[self.rows] = True
-        self.critical[self.rows] = self.targets.critical
         candidates = np.concatenate([self.ends, estimates], axis=1)
-        critical = np.concatenate([self.critical, 0 * self.critical[:, :1]], axis=1)
-        sources = np.concatenate([self.wanted & ~active, active[:, :1] | True], axis=1)
+        # The estimate, in the last column, lies in all regions: its c is 0.
+        critical = np.pad(self.critical, ((0, 0), (0, 1)))
+        sources = np.pad(self.wanted & ~active, ((0, 0), (0, 1)), constant_values=True)
         sources[:, CIRCLE] = False
         inside = sources[:, :, None] & (
             critical[:, :, None] < CRITICAL_SLACK * self.critical[:, None]
@@ -222,18 +238,8 @@ class _Search:
         slack = SURPASSING_FRACTION * np.abs(ends - heights[:, ENDS])
         again = self.wanted & (active | (reached.max(axis=1) > ends + slack))
         again[:, CIRCLE] = active[:, CIRCLE]
-        if again.any():
-            self.rows = Rows(*np.nonzero(again))
-            furthest = reached.argmax(axis=1)[self.rows]
-            self.parameters = candidates[self.rows.owners, furthest]
-            self.expansion = expand_cost(self.regions.stack, self.rows.owners, self.parameters)
-            self.reduction = np.ones(furthest.size)
-            d, m = deviators_from_parameters(self.parameters), self.parameters[:, 2]
-            kappas = np.where(IS_PHI[self.rows.ends], np.abs(d) / m, 1.0)
-            self.targets = self.targets._replace(
-                angles=np.angle(d), kappas=kappas, critical=self.critical[self.rows]
-            )
-            self._find_targets()
+        furthest = reached.argmax(axis=1)
+        return again, candidates[np.arange(len(candidates))[:, None], furthest]
 
     def _find_targets(self) -> None:
         """Find the targets of the active rows and the lengths of the steps to them."""
