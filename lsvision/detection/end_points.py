@@ -87,16 +87,6 @@ class Prediction(NamedTuple):
     autocorrelation_time: FloatArray
     radius: FloatArray
 
-    def innovations(self, residuals: FloatArray, jacobian: FloatArray) -> FloatArray:
-        """Return residuals (..., k) from the predicted ellipse; `jacobian` is (..., 5, k)."""
-        predicted: FloatArray = (self.offset[..., None, :] @ jacobian)[..., 0, :]
-        return residuals - predicted
-
-    def covariances(self, jacobian: FloatArray) -> FloatArray:
-        """Return the covariance (..., k, k) of the predicted ellipse at k points."""
-        covariances: FloatArray = jacobian.swapaxes(-1, -2) @ self.covariance @ jacobian
-        return covariances
-
 
 class EndInliers(NamedTuple):
     """Which of the k points of an end are inliers.
@@ -133,9 +123,11 @@ def find_end_inliers(ends: EndPoints, prediction: Prediction) -> EndInliers:
     """
     jacobian = ends.jacobian[..., PREDECESSORS:]
     point_variances = ends.variances[..., PREDECESSORS:]
-    residuals = prediction.innovations(ends.residuals[..., PREDECESSORS:], jacobian)
+    # Residuals from the predicted ellipse, and its covariance (..., k, k) at the points.
+    shifts = (prediction.offset[..., None, :] @ jacobian)[..., 0, :]
+    residuals = ends.residuals[..., PREDECESSORS:] - shifts
+    covariance = jacobian.swapaxes(-1, -2) @ prediction.covariance @ jacobian
     correlation_time = prediction.autocorrelation_time[..., None]
-    covariance = prediction.covariances(jacobian)
     cosines = ends.incidence_cosines[..., PREDECESSORS:]
     visible = cosines > MIN_INCIDENCE_COSINE
     # An outlier has an error of up to a radius along the ray, of which this part is along n.
