@@ -96,9 +96,8 @@ class EllipseFit:
     unscaled_covariance : (5, 5) ndarray
         Covariance of the parameters for a variance factor of 1. Units: mm^2.
     variance_factor : float
-        Factor on that covariance. With a given noise model 1 where it explains the residuals, more
-        where they are larger, or correlated along the line; with an estimated noise the variance
-        of the residuals over the predicted one.
+        Factor on that covariance: 1 where a given noise model explains the residuals; more where
+        they are larger, or correlated along the line; any size where the noise is estimated.
     degrees_of_freedom : float
         Degrees of freedom of `variance_factor`: infinite for a given noise model, but 4 at most
         where the residuals are correlated.
