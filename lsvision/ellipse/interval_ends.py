@@ -329,39 +329,36 @@ def _move_rows(
     arc is more nearly an ellipsoid. A known radius or phi is a coordinate, too: steps preserve it.
     """
     steps = fractions[:, None] * (targets - parameters)
-    m, d, dm, dd = (
-        parameters[:, 2],
-        deviators_from_parameters(parameters),
-        steps[:, 2],
-        deviators_from_parameters(steps),
-    )
-    bent = d / m + (dd - d * dm / m) / m
-    along_phi = ~stack.may_be_circle[owners]
-    if along_phi.any():
-        bent[along_phi] = _bend_along_phi(d[along_phi] / m[along_phi], bent[along_phi])
-    bent[~targets[:, 3:].any(axis=1) & (fractions == 1)] = 0.0
+    m, d = parameters[:, 2], deviators_from_parameters(parameters)
+    dm, dd = steps[:, 2], deviators_from_parameters(steps)
+    new_delta = d / m + (dd - d * dm / m) / m
+    phi_known = ~stack.may_be_circle[owners]
+    if phi_known.any():
+        delta = d[phi_known] / m[phi_known]
+        new_delta[phi_known] = _step_along_phi(delta, new_delta[phi_known])
+    new_delta[~targets[:, 3:].any(axis=1) & (fractions == 1)] = 0.0  # a full step to a circle
     new_m = m * np.exp(np.minimum(np.maximum(dm / m, -MAX_LOG_STEP), MAX_LOG_STEP))
+    # With a known radius b = m - |d| changes linearly, and m follows from b and d / m.
     u = np.where(d == 0, 1.0, d / np.abs(d))
-    m_of_known_radius = (m - np.abs(d) + dm - (dd * u.conj()).real) / (1 - np.abs(bent))
+    m_of_known_radius = (m - np.abs(d) + dm - (dd * u.conj()).real) / (1 - np.abs(new_delta))
     new_m = np.where(stack.known_radius[owners], m_of_known_radius, new_m)
+    new_d = new_m * new_delta
+    # The centre moves so that the middle point c + m w + d conj(w) of the arc moves linearly.
     w = stack.arc_middles[owners]
-    new_d = new_m * bent
     moved = parameters + steps
     moved[:, :2] += as_vectors((m + dm - new_m) * w + (d + dd - new_d) * w.conj())
     moved[:, 2], moved[:, 3:] = new_m, as_vectors(new_d)
     return moved
 
 
-def _bend_along_phi(delta: ComplexArray, bent: ComplexArray) -> ComplexArray:
-    """Return d / m (k,) after a step from `delta` towards `bent` whose length is linear in phi."""
+def _step_along_phi(delta: ComplexArray, new_delta: ComplexArray) -> ComplexArray:
+    """Return d / m (k,) after a step from `delta` towards `new_delta` that is linear in phi."""
     kappa = np.abs(delta)
     root = np.sqrt(kappa)
-    step = ((bent - delta) * delta.conj()).real / (kappa * root * (1 + kappa))
-    phi = 2 * np.arctan(root) + step
-    bent_along_phi: ComplexArray = (
-        np.tan(np.clip(phi, 0.0, np.pi / 2) / 2) ** 2 * bent / np.abs(bent)
-    )
-    return bent_along_phi
+    step = ((new_delta - delta) * delta.conj()).real / (kappa * root * (1 + kappa))
+    phi = np.clip(2 * np.arctan(root) + step, 0.0, np.pi / 2)
+    moved: ComplexArray = np.tan(phi / 2) ** 2 * new_delta / np.abs(new_delta)
+    return moved
 
 
 def _maximised_quantities(parameters: FloatArray, estimates: FloatArray) -> FloatArray:

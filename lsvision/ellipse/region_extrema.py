@@ -330,7 +330,8 @@ def _turn_to_extrema(
         variances = np.maximum((f * Cf).sum(axis=1), TINY)
         scale = radii / np.sqrt(variances)
         extrema = centres + scale[:, None] * Cf
-        # At the extremum d has the direction u: no component perpendicular to it.
+        # At the extremum d has the direction u: no component perpendicular to it. The derivative of
+        # this component, d.imag below, by the angle of u is -slopes.
         u_conj = u.conj()
         d, C_across = as_complex(extrema[:, 1:]) * u_conj, (as_complex(Cf[:, 1:]) * u_conj).imag
         spread = mean - (deviator * u_conj * u_conj).real
