@@ -1,8 +1,9 @@
 """Posterior probability that each point at an end of an arc lies on the arc's ellipse.
 
 From the middle part outwards, a Kalman filter of the ellipse predicts each point from the inliers
-closer to the middle. The probability density of its residual is compared with those of an outlier
-and of a point on another smooth line, such as the foot of a weld bead.
+closer to the middle. The probability density of its residual is compared with those of an outlier,
+of a point on another smooth line, and of a gradual departure from the ellipse, such as the foot of
+a weld bead.
 
 The functions take a stack of ends, as arrays with one or more leading axes, and up to k points of
 each end. A shorter end is padded with points that are not visible; they have no influence.
@@ -15,7 +16,7 @@ import numpy as np
 
 from lsvision.geometry import BoolArray, FloatArray
 from lsvision.geometry.arrays import TINY
-from lsvision.statistics.compiled_routines import dpotrf
+from lsvision.statistics.compiled_routines import dposv, dpotrf
 
 OUTLIER_FRACTION = 0.05
 """Prior probability that a point is an outlier, from stray light or a jump."""
@@ -27,6 +28,16 @@ POINTS_BEYOND = 16
 """Number of points beyond each end of an arc that are screened. An arc may be longer than rough
 identification found: growing stops early where the initial ellipse deviates from a tilted
 section."""
+FOOT_POINTS = 8
+"""Number of the outermost inliers at which a departure may begin, and largest number of connected
+points beyond them that are used to detect it. The foot of a weld bead has fewer points within the
+noise."""
+TURN_STD = 0.5
+"""Prior standard deviation of the angle at which a line departs. Units: rad."""
+BEND_STD_RADII = 2.0
+"""Prior standard deviation of the departing line's curvature, in curvatures of the ellipse."""
+NO_DEPARTURE_PRIOR = 0.5
+"""Prior probability that no departure begins inside the end."""
 MAX_STEP_RATIO = 5.0
 """Largest ratio of two successive steps with which another line is extrapolated."""
 MIN_INCIDENCE_COSINE = 0.05
@@ -87,6 +98,16 @@ class Prediction(NamedTuple):
     autocorrelation_time: FloatArray
     radius: FloatArray
 
+    def innovations(self, residuals: FloatArray, jacobian: FloatArray) -> FloatArray:
+        """Return residuals (..., k) from the predicted ellipse; `jacobian` is (..., 5, k)."""
+        predicted: FloatArray = (self.offset[..., None, :] @ jacobian)[..., 0, :]
+        return residuals - predicted
+
+    def covariances(self, jacobian: FloatArray) -> FloatArray:
+        """Return the covariance (..., k, k) of the predicted ellipse at k points."""
+        covariances: FloatArray = jacobian.swapaxes(-1, -2) @ self.covariance @ jacobian
+        return covariances
+
 
 class EndInliers(NamedTuple):
     """Which of the k points of an end are inliers.
@@ -123,10 +144,8 @@ def find_end_inliers(ends: EndPoints, prediction: Prediction) -> EndInliers:
     """
     jacobian = ends.jacobian[..., PREDECESSORS:]
     point_variances = ends.variances[..., PREDECESSORS:]
-    # Residuals from the predicted ellipse, and its covariance (..., k, k) at the points.
-    shifts = (prediction.offset[..., None, :] @ jacobian)[..., 0, :]
-    residuals = ends.residuals[..., PREDECESSORS:] - shifts
-    covariance = jacobian.swapaxes(-1, -2) @ prediction.covariance @ jacobian
+    residuals = prediction.innovations(ends.residuals[..., PREDECESSORS:], jacobian)
+    covariance = prediction.covariances(jacobian)
     correlation_time = prediction.autocorrelation_time[..., None]
     cosines = ends.incidence_cosines[..., PREDECESSORS:]
     visible = cosines > MIN_INCIDENCE_COSINE
@@ -182,6 +201,82 @@ def _predict_sequentially(
         single_variances = covariance.diagonal(axis1=-2, axis2=-1) + variances
         predicted_variances[failed] = single_variances[failed]
     return predicted, predicted_variances
+
+
+def departure_free_probability(
+    ends: EndPoints, prediction: Prediction, members: BoolArray, following: BoolArray
+) -> FloatArray:
+    """Return the probability (n, k) that the line still follows the ellipse at each inlier.
+
+    The marginal likelihood of a departure that begins at an inlier, with normal priors on its angle
+    and curvature, is compared with that of no departure. Departures may begin at the `FOOT_POINTS`
+    outermost inliers or beyond; the probability of the inliers before them is 1.
+
+    Parameters
+    ----------
+    ends : EndPoints
+        Points of n ends.
+    prediction : Prediction
+        Ellipses predicted without the points of the ends.
+    members : (n, k) bool ndarray
+        Inliers, at least one in each end.
+    following : (n, k) bool ndarray
+        Connected points beyond the last inlier.
+    """
+    used = members | following
+    begins = used & (members[:, ::-1].cumsum(axis=1)[:, ::-1] <= FOOT_POINTS)
+    # The last columns: all points at which a departure may begin, and possibly some others.
+    columns = begins.argsort(axis=1, kind="stable")[:, -2 * FOOT_POINTS :]
+    cells = columns + used.shape[1] * np.arange(len(used))[:, None]
+    begins = begins.take(cells)
+    jacobian = ends.jacobian[..., PREDECESSORS:] * used[:, None]
+    positions = ends.positions[:, PREDECESSORS - 1 :]
+    # A departure that begins at a point leaves the ellipse at the used point before it.
+    before = np.where(used, positions[:, 1:], positions[:, :1])
+    before = np.concatenate([positions[:, :1], before[:, :-1]], axis=1)
+    origins = np.maximum.accumulate(before, axis=1).take(cells)
+    beyond = np.maximum(positions[:, None, 1:] - origins[..., None], 0.0) * used[:, None]
+    residuals = prediction.innovations(ends.residuals[:, PREDECESSORS:], jacobian) * used
+    covariance = prediction.covariances(jacobian)
+    diagonal = covariance.reshape(len(covariance), -1)[:, :: covariance.shape[1] + 1]
+    diagonal += prediction.autocorrelation_time[:, None] * ends.variances[:, PREDECESSORS:]
+    bends = (BEND_STD_RADII / 2 / prediction.radius)[:, None, None] * beyond * beyond
+    log_ratio = _log_marginal_ratio(covariance, residuals, TURN_STD * beyond, bends)
+    log_ratio += math.log((1 - NO_DEPARTURE_PRIOR) / NO_DEPARTURE_PRIOR)
+    log_ratio -= np.log(begins.sum(axis=1))[:, None]
+    log_ratio[~begins] = -np.inf
+    # Cumulated weights: no departure, and all departures that begin at each point or beyond it.
+    largest = np.maximum(log_ratio.max(axis=1, keepdims=True), 0.0)
+    no_departure, weights = np.exp(-largest), np.exp(log_ratio - largest)
+    from_here = weights[:, ::-1].cumsum(axis=1)[:, ::-1] + no_departure
+    later = np.concatenate([from_here, no_departure], axis=1)
+    probability = np.ones(used.shape)
+    probability.put(cells, np.where(begins, later[:, 1:] / later[:, :1], 1.0))
+    return probability
+
+
+def _log_marginal_ratio(
+    covariance: FloatArray, residuals: FloatArray, turn: FloatArray, bend: FloatArray
+) -> FloatArray:
+    """Return the log of the likelihood ratio (n, j) of each of j departures to no departure.
+
+    `covariance` (n, k, k) is that of the `residuals` (n, k) without a departure; `turn` and `bend`
+    (n, j, k) are displacements of the points, whose factors have standard normal priors.
+    """
+    count = turn.shape[1]
+    displacements = np.concatenate([turn, bend], axis=1)
+    pairs = zip(covariance, displacements, strict=True)
+    weighted = np.array([dposv(matrix, rows.T)[1].T for matrix, rows in pairs])
+    squares = (displacements * weighted).sum(axis=2)
+    products = (weighted @ residuals[..., None])[..., 0]
+    # Normal equations of the factors of turn and bend: their priors add 1 to the diagonal.
+    m11, m22 = 1 + squares[:, :count], 1 + squares[:, count:]
+    m12 = (turn * weighted[:, count:]).sum(axis=2)
+    g1, g2 = products[:, :count], products[:, count:]
+    determinant = m11 * m22 - m12 * m12
+    quadratic = (m22 * g1 * g1 - 2 * m12 * g1 * g2 + m11 * g2 * g2) / determinant
+    ratio: FloatArray = 0.5 * (quadratic - np.log(determinant))
+    return ratio
 
 
 def _log_inlier_density(residuals: FloatArray, variances: FloatArray) -> FloatArray:

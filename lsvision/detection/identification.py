@@ -16,6 +16,7 @@ from lsvision.detection.acceptance import AcceptanceSettings, shape_rejection_re
 from lsvision.detection.arcs import MAX_OVERLAP, MIN_POINTS, IdentifiedArc, Rejection
 from lsvision.detection.candidates import Candidate, seed_ellipse
 from lsvision.ellipse.parameters import (
+    PARAMETERS,
     ellipse_from_parameters,
     parameters_from_ellipse,
 )
@@ -226,8 +227,7 @@ def grow_arcs(seeds: Sequence[Seed]) -> list[GrownArc | None]:
     """
     all_arcs = list(map(_GrowingArc, seeds))
     arcs = [arc for arc in all_arcs if len(arc.inliers) >= MIN_POINTS]
-    ellipses = [seed_ellipse(arc.seed.profile, arc.seed.candidate) for arc in arcs]
-    parameters = np.array([parameters_from_ellipse(ellipse) for ellipse in ellipses])
+    arcs, parameters = _fit_seeds(arcs)
     for _ in range(MAX_ITERATIONS):
         if arcs:
             arcs, parameters = _grow_once(arcs, parameters)
@@ -235,6 +235,17 @@ def grow_arcs(seeds: Sequence[Seed]) -> list[GrownArc | None]:
     for arc, row in zip(arcs, parameters, strict=True):
         arc.finish(row)
     return [arc.grown for arc in all_arcs]
+
+
+def _fit_seeds(arcs: list[_GrowingArc]) -> tuple[list[_GrowingArc], FloatArray]:
+    """Return the arcs that have an ellipse, and its parameters (k, 5) after one refinement."""
+    if not arcs:
+        return arcs, np.empty((0, PARAMETERS))
+    ellipses = [seed_ellipse(arc.seed.profile, arc.seed.candidate) for arc in arcs]
+    parameters = np.array([parameters_from_ellipse(ellipse) for ellipse in ellipses])
+    points, valid = NoisyPoints.stack([arc.points[arc.inliers] for arc in arcs])
+    evaluated = ellipse_residuals(points, parameters)
+    return _drop_failed(arcs, gauss_newton_step(evaluated, parameters, valid))
 
 
 def _grow_once(
@@ -260,7 +271,13 @@ def _grow_once(
     if len(rows) < len(arcs):
         stacks = arcs, evaluated, parameters, members
         arcs, evaluated, parameters, members = select_rows(stacks, rows)
-    parameters = gauss_newton_step(evaluated, parameters, members)
+    return _drop_failed(arcs, gauss_newton_step(evaluated, parameters, members))
+
+
+def _drop_failed(
+    arcs: list[_GrowingArc], parameters: FloatArray
+) -> tuple[list[_GrowingArc], FloatArray]:
+    """Return the arcs, and their parameters (k, 5), without those whose fit has failed (NaN)."""
     fitted = ~np.isnan(parameters[:, 0])
     return (arcs, parameters) if fitted.all() else select_rows((arcs, parameters), fitted)
 

@@ -16,10 +16,12 @@ from lsvision.detection.arc_stack import ArcStack, SplitArc, split_arc
 from lsvision.detection.arcs import IdentifiedArc, ScreenedArc
 from lsvision.detection.end_condition import find_connected_beyond
 from lsvision.detection.end_points import (
+    FOOT_POINTS,
     PREDECESSORS,
     EndInliers,
     EndPoints,
     Prediction,
+    departure_free_probability,
     find_end_inliers,
 )
 from lsvision.ellipse.arc_noise import estimate_arc_noise, smoothed_noise
@@ -73,6 +75,14 @@ class _ArcFits(NamedTuple):
     stack: ArcStack
     evaluated: EllipseResiduals
     noise: _Noises
+
+
+class _EndComparison(NamedTuple):
+    """Points of both ends of k arcs (k, 2), the predicted ellipses, and the inliers."""
+
+    points: EndPoints
+    prediction: Prediction
+    inliers: EndInliers
 
 
 def screen_arcs(
@@ -169,19 +179,19 @@ def _compare_ends(fits: _ArcFits) -> Iterator[tuple[int, ScreenedArc | Identifie
     for remaining in reversed(range(MAX_ITERATIONS)):
         if not fits.stack.arcs:
             return
-        fits, inliers, converged = _compare_once(fits)
+        fits, ends, converged = _compare_once(fits)
         finished = converged | (remaining == 0)
         if finished.all():
-            yield from _screened_arcs(fits, inliers)
+            yield from _screened_arcs(fits, ends)
             return
-        yield from _screened_arcs(*select_rows((fits, inliers), finished))
+        yield from _screened_arcs(*select_rows((fits, ends), finished))
         fits = select_rows(fits, ~finished)
         evaluated = ellipse_residuals(fits.stack.points, fits.stack.parameters)
         fits = fits._replace(evaluated=evaluated)
 
 
-def _compare_once(fits: _ArcFits) -> tuple[_ArcFits, EndInliers, BoolArray]:
-    """Return the arcs with the ellipses of their new inliers, these, and which arcs have converged.
+def _compare_once(fits: _ArcFits) -> tuple[_ArcFits, _EndComparison, BoolArray]:
+    """Return the arcs with the ellipses of their new inliers, their ends, and which have converged.
 
     An arc has converged if none of its inliers has changed. Arcs whose fit fails are left out.
     """
@@ -197,13 +207,14 @@ def _compare_once(fits: _ArcFits) -> tuple[_ArcFits, EndInliers, BoolArray]:
     # Each end is predicted from the middle part and the other end.
     others = predicting[:, None] + ends.normal_equations(stack.members)[:, ::-1]
     prediction, singular = _predict(others, fits)
-    inliers = find_end_inliers(_end_points(fits, rows[..., :PARAMETERS, :]), prediction)
+    points = _end_points(fits, rows[..., :PARAMETERS, :])
+    inliers = find_end_inliers(points, prediction)
     changed = np.logical_or.reduce(inliers.members != stack.members, axis=(1, 2))
     equations += ends.normal_equations(inliers.members).sum(axis=1)
     parameters = stack.parameters + damped_step(equations, stack.parameters)
     valid = are_ellipses(parameters) & ~singular
     fits = fits._replace(stack=stack._replace(members=inliers.members, parameters=parameters))
-    result = fits, inliers, ~changed
+    result = fits, _EndComparison(points, prediction, inliers), ~changed
     return result if valid.all() else select_rows(result, valid)
 
 
@@ -237,11 +248,11 @@ def _end_points(fits: _ArcFits, jacobian: FloatArray) -> EndPoints:
 
 
 def _screened_arcs(
-    fits: _ArcFits, inliers: EndInliers
+    fits: _ArcFits, ends: _EndComparison
 ) -> Iterator[tuple[int, ScreenedArc | IdentifiedArc]]:
     """Yield the number of each arc with its result, as `_compare_ends` does."""
     stack = fits.stack
-    selected, mixed_points = _select_probable(fits, inliers), fits.noise.mixed_points.tolist()
+    selected, mixed_points = _select_probable(fits, ends), fits.noise.mixed_points.tolist()
     for row, arc in enumerate(stack.arcs):
         ellipse = ellipse_from_parameters(stack.parameters[row])
         if arc.reaches_outermost(stack.members[row]):
@@ -253,25 +264,34 @@ def _screened_arcs(
             yield arc.number, ScreenedArc(*points, ellipse, variance_factor, mixed_points[row])
 
 
-def _select_probable(fits: _ArcFits, inliers: EndInliers) -> BoolArray:
+def _select_probable(fits: _ArcFits, ends: _EndComparison) -> BoolArray:
     """Return the mask (k, 2, m) of the inliers that are probable enough for their leverage.
 
     The outermost of them are dropped at a contact (`GUARD_POINTS`), and near the edges in a profile
     of a sensor that smooths along the line (`EDGE_POINTS_PER_CORRELATION`).
     """
+    members, log_odds, leverages = ends.inliers
+    following = _mark_connected_beyond(fits.stack)
+    probability = 1 / (1 + np.exp(-np.where(members, log_odds, 0.0)))
+    contacts: BoolArray = np.logical_or.reduce(following, axis=-1)
+    if contacts.any():
+        at_contacts = select_rows((ends.points, ends.prediction, members, following), contacts)
+        probability[contacts] *= departure_free_probability(*at_contacts)
     # Quadratic costs of a wrong decision: without a true inlier the ellipse remains as it is; a
     # false one may shift the ellipse by sqrt(leverage) of its standard deviations.
-    selected = inliers.members & (inliers.log_odds > np.log(inliers.leverages))
-    contact = _count_connected_beyond(fits.stack) >= MIN_CONTACT_POINTS
+    selected = members & (probability > leverages * (1 - probability))
+    # A contact has enough connected points beyond the last inlier, or enough rejected inliers.
+    rejected = (members & ~selected).sum(axis=-1)
+    contact = np.maximum(following.sum(axis=-1), rejected) >= MIN_CONTACT_POINTS
     dropped = fits.noise.mixed_points[:, None] + GUARD_POINTS * contact
     rank_from_outside = selected[..., ::-1].cumsum(axis=-1)[..., ::-1]
     remaining: BoolArray = selected & (rank_from_outside > dropped[..., None])
     return remaining
 
 
-def _count_connected_beyond(stack: ArcStack) -> IntArray:
-    """Return the number (k, 2) of points connected beyond each end, up to `MIN_CONTACT_POINTS`."""
-    counts = np.zeros(stack.members.shape[:2], dtype=int)
+def _mark_connected_beyond(stack: ArcStack) -> BoolArray:
+    """Return the mask (k, 2, m) of the points connected beyond the last inlier of each end."""
+    following = np.zeros(stack.members.shape, dtype=bool)
     points = stack.take_ends(stack.points.z)
     for row, arc in enumerate(stack.arcs):
         for side, end in enumerate(arc.ends):
@@ -279,8 +299,6 @@ def _count_connected_beyond(stack: ArcStack) -> IntArray:
             if inliers:
                 z, beyond = points[row, side, : len(end)].tolist(), inliers[-1] + 1
                 inside = z[:PREDECESSORS] + [z[PREDECESSORS + i] for i in inliers]
-                connected = find_connected_beyond(
-                    inside, z[PREDECESSORS + beyond :], MIN_CONTACT_POINTS
-                )
-                counts[row, side] = len(connected)
-    return counts
+                chain = find_connected_beyond(inside, z[PREDECESSORS + beyond :], FOOT_POINTS)
+                following[row, side, [beyond + i for i in chain]] = True
+    return following

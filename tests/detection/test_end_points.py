@@ -7,9 +7,10 @@ import math
 
 import numpy as np
 import pytest
-from scipy.stats import norm
+from scipy.stats import multivariate_normal, norm
 
 from lsvision.detection.end_points import EndInliers, EndPoints, Prediction
+from lsvision.detection.end_points import departure_free_probability as departure_free_probabilities
 from lsvision.detection.end_points import find_end_inliers as find_inliers_of_ends
 
 OUTLIERS = 0.05
@@ -28,6 +29,14 @@ def find_end_inliers(end, prediction):
         field[0] for field in find_inliers_of_ends(stacked([end]), stacked([prediction]))
     )
     return EndInliers(np.flatnonzero(members), *(field[members] for field in others))
+
+
+def departure_free_probability(end, prediction, members, following):
+    """Probability for each position of `members` of one end."""
+    masks = np.zeros((2, 1, len(end.residuals) - 2), dtype=bool)
+    masks[0, 0, members] = masks[1, 0, following] = True
+    ends = stacked([end]), stacked([prediction])
+    return departure_free_probabilities(*ends, *masks)[0][members]
 
 
 def circle_end(rng, count=24, *, radius=20.0, std=0.05, start_deg=40.0, step_deg=1.5, time=1.0):
@@ -217,3 +226,64 @@ def test_the_correlation_of_errors_delays_the_end():
         for time in (1.0, 4.0)
     ]
     assert last[0] < last[1]
+
+
+def departure_oracle(end, prediction, members, following):
+    """The marginal likelihood of each departure, by full covariances."""
+    members, following = list(members), list(following)[:8]
+    rows = np.array(members + following) + 2
+    offset, covariance, time, radius = prediction
+    jacobian = end.jacobian[:, rows]
+    residuals = end.residuals[rows] - offset @ jacobian
+    base = jacobian.T @ covariance @ jacobian + np.diag(time * end.variances[rows])
+    first = max(0, len(members) - 8)
+    before = np.concatenate([[end.positions[1]], end.positions[rows]])
+    onsets = list(range(first, len(rows)))
+    likelihoods = []
+    for onset in onsets:
+        beyond = np.maximum(end.positions[rows] - before[onset], 0.0)
+        turn, bend = 0.5 * beyond, 2.0 * beyond**2 / (2 * radius)
+        total = base + np.outer(turn, turn) + np.outer(bend, bend)
+        likelihoods.append(multivariate_normal(cov=total).logpdf(residuals))
+    none = multivariate_normal(cov=base).logpdf(residuals)
+    weights = 0.5 / len(onsets) * np.exp(np.array(likelihoods) - none)
+    total = weights.sum() + 0.5
+    return [
+        (0.5 + sum(w for w, onset in zip(weights, onsets, strict=True) if onset > i)) / total
+        for i in range(len(members))
+    ]
+
+
+@pytest.mark.parametrize("time", [1.0, 2.2])
+@pytest.mark.parametrize("count", [5, 26])
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_departure_is_as_likely_as_full_covariances_say(seed, count, time):
+    rng = np.random.default_rng([5, seed, count])
+    end, prediction = circle_end(rng, count=count + 10, time=time, step_deg=0.4)
+    # As weld beads leave: so gently that the point where they do is not known.
+    start = end.positions[count - 2]
+    foot = rng.uniform(0, 0.06) * np.maximum(end.positions - start, 0.0) ** 2
+    end = end._replace(residuals=end.residuals + foot)
+    members = np.flatnonzero(rng.random(count) > 0.1)
+    following = count + np.arange(min(seed, 8))
+    probability = departure_free_probability(end, prediction, members, following)
+    expected = departure_oracle(end, prediction, members, following)
+    np.testing.assert_allclose(probability, expected, rtol=1e-6, atol=1e-9)
+
+
+def test_a_line_that_goes_on_as_it_should_has_most_likely_not_departed():
+    end, prediction = certain(np.zeros(20), std=0.05, radius=20.0)
+    probability = departure_free_probability(end, prediction, np.arange(12), np.arange(12, 20))
+    assert probability.min() > 0.9
+
+
+def test_what_follows_shows_that_the_last_inliers_have_left_already():
+    beyond = np.maximum(np.arange(-8.0, 10.0), 0.0)
+    end, prediction = certain(0.03 * beyond**2, std=0.05, radius=20.0)
+    members, following = np.arange(12), np.arange(12, 18)
+    alone = departure_free_probability(end, prediction, members[:10], members[:0])
+    followed = departure_free_probability(end, prediction, members, following)
+    assert alone[9] > 0.5
+    assert followed[9] < 0.5
+    assert followed[:7].min() > 0.99  # the eighth point is the first that has left
+    assert (np.diff(followed) <= 1e-12).all()

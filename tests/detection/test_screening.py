@@ -353,6 +353,20 @@ def test_correlated_errors_widen_the_prediction(monkeypatch):
     assert single.radius == pytest.approx(20.0)
 
 
+def test_a_departure_is_looked_for_with_the_eight_points_that_follow(monkeypatch):
+    """12 points at the end are inliers, and a line begins beyond them; at the start none does."""
+    given = []
+    monkeypatch.setattr(
+        screening,
+        "departure_free_probability",
+        lambda *values: given.append(values) or np.ones(values[2].shape),
+    )
+    screen_arc(exact(contact(12), STD), identified(0, 81, circle()))
+    ((_, _, (members,), (following,)),) = given
+    np.testing.assert_array_equal(np.flatnonzero(members), np.arange(12))
+    np.testing.assert_array_equal(np.flatnonzero(following), np.arange(12, 20))
+
+
 LOG_ODDS = np.log([1e9, 8.2, 7.8, 1.2, 0.9, 1e9])
 LEVERAGES = np.array([1.0, 8.0, 8.0, 1.0, 1.0, 30.0])
 
@@ -364,6 +378,20 @@ def test_an_inlier_that_decides_much_must_be_the_more_probable(monkeypatch):
     kept = screened(exact(arc_points(ANGLES)), 0, 81)
     np.testing.assert_array_equal(kept[kept > 68], 69 + np.array([0, 1, 3, 11]))
     np.testing.assert_array_equal(kept[kept < 12], 11 - np.array([11, 3, 1, 0]))
+
+
+def test_an_inlier_beyond_a_departure_is_none(monkeypatch):
+    """The probability of none multiplies that of an inlier: .95 x .6 > .5, .6 x .6 is not."""
+    free = np.array([1.0] * 9 + [0.6, 0.6, 0.4])
+    log_odds = np.log([1e9] * 9 + [19.0, 1.5, 1e9])
+    found = both_ends(np.arange(12), log_odds, np.ones(12))
+    found = EndInliers(*(np.pad(field, ((0, 0), (0, 0), (0, 12))) for field in found))
+    monkeypatch.setattr(screening, "find_end_inliers", lambda *_: found)
+    monkeypatch.setattr(
+        screening, "departure_free_probability", lambda *_: np.pad(free, (0, 12))[None]
+    )
+    monkeypatch.setattr(screening, "GUARD_POINTS", 0)
+    np.testing.assert_array_equal(screened(exact(contact(12)), 0, 81), np.arange(79))
 
 
 def test_the_ellipse_is_that_of_the_inliers():

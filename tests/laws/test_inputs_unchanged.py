@@ -14,6 +14,7 @@ from lsvision.detection.end_condition import find_connected_beyond, tangential_e
 from lsvision.detection.end_points import (
     EndPoints,
     Prediction,
+    departure_free_probability,
     find_end_inliers,
 )
 from lsvision.detection.identification import Seed, find_connected_inliers, grow_arcs, identify_arcs
@@ -77,6 +78,10 @@ STEPS = {
     "identify_arcs": (identify_arcs, [PREPARED], [CANDIDATES], [RANGE]),
     "screen_arcs": (screen_arcs, [PREPARED], [ARC]),
     "find_end_inliers": (find_end_inliers, END, PREDICTION),
+    "departure_free_probability": (
+        departure_free_probability, END, PREDICTION, np.arange(10)[None] < 7,
+        np.arange(10)[None] >= 7,
+    ),
     "tangential_end_reason": (tangential_end_reason, PREPARED, ARC, SCREENED),
     "find_connected_beyond": (find_connected_beyond, np.arange(9) + 0j, np.arange(9, 12) + 0j, 3),
     "smooth_arcs": (smooth_arcs, [SCREENED.points], [SCREENED.ellipse]),
