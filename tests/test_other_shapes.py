@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from lsvision import Profile, measure_cylinders
+from lsvision.ellipse.section import compute_intervals
+from lsvision.measure import measure_profiles
 
 
 def rectangular_tube(rng, width, corner, *, tilt_deg, pitch, noise):
@@ -97,3 +99,34 @@ def test_a_pipe_with_a_tight_fillet_on_both_sides_is_measured(radius, begin_deg,
 def test_a_wave_whose_valleys_are_as_round_as_its_crest_is_no_pipe(radius, rng):
     points = pipe_with_fillets(rng, radius, 65, 1.0)
     assert measure_cylinders(Profile(points)).cylinders == ()
+
+
+def pipe_with_smooth_beads(rng, radius=8.3, begin_deg=52.0, fillet=4.0, noise=0.09):
+    """A pipe whose line bends away on both sides along arcs, as columns along Y see it."""
+    x = np.arange(-30.0, 30.0, 0.14)
+    centre = (radius + fillet) * np.array(
+        [math.sin(math.radians(begin_deg)), math.cos(math.radians(begin_deg))]
+    )
+    from_centre = np.minimum(np.abs(x) - centre[0], 0.0)
+    foot = centre[1] - np.sqrt(np.maximum(fillet**2 - from_centre**2, 0.0))
+    top = np.sqrt(np.maximum(radius**2 - x**2, 0.0))
+    y = np.where(np.abs(x) > radius * math.sin(math.radians(begin_deg)), foot, top)
+    return np.column_stack([x, y - 300 + noise * rng.normal(size=len(x))])
+
+
+@pytest.mark.parametrize(("radius", "begin_deg", "fillet"), [(8.3, 52.0, 4.0), (12.0, 45.0, 6.0)])
+def test_the_feet_of_beads_on_both_sides_do_not_shift_the_radius(radius, begin_deg, fillet):
+    """Of each foot ten points lie within the noise; in the fit, three of four intervals miss."""
+    points = [
+        pipe_with_smooth_beads(np.random.default_rng([7, seed]), radius, begin_deg, fillet)
+        for seed in range(100)
+    ]
+    pipes = [pipe for measurement in measure_profiles(points) for pipe in measurement.cylinders]
+    compute_intervals(pipes)
+    intervals = [pipe.interval("radius") for pipe in pipes]
+    held = np.mean([low <= radius <= high for low, high in intervals])
+    worst = max(abs(pipe.radius - radius) / pipe.radius_std for pipe in pipes)
+    print(f"{len(pipes)} of 100, {held:.0%} hold, worst {worst:.1f} sigma")
+    assert len(pipes) >= 90
+    assert held >= 0.8
+    assert worst < 5

@@ -380,12 +380,12 @@ def test_an_inlier_that_decides_much_must_be_the_more_probable(monkeypatch):
     np.testing.assert_array_equal(kept[kept < 12], 11 - np.array([11, 3, 1, 0]))
 
 
-def test_an_inlier_beyond_a_departure_is_none(monkeypatch):
-    """The probability of none multiplies that of an inlier: .95 x .6 > .5, .6 x .6 is not."""
-    free = np.array([1.0] * 9 + [0.6, 0.6, 0.4])
-    log_odds = np.log([1e9] * 9 + [19.0, 1.5, 1e9])
-    found = both_ends(np.arange(12), log_odds, np.ones(12))
-    found = EndInliers(*(np.pad(field, ((0, 0), (0, 0), (0, 12))) for field in found))
+def test_an_inlier_beyond_a_probable_departure_is_none(monkeypatch):
+    """The probability that none has begun must exceed .9: .91 does, .89 does not."""
+    free = np.array([1.0] * 9 + [0.91, 0.89, 0.4])
+    found = both_ends(np.arange(12), np.full(12, 20.0), np.ones(12))
+    found = EndInliers(*(np.pad(f, ((0, 0), (0, 0), (0, 12)), mode="edge") for f in found))
+    found.members[..., 12:] = False
     monkeypatch.setattr(screening, "find_end_inliers", lambda *_: found)
     monkeypatch.setattr(
         screening, "departure_free_probability", lambda *_: np.pad(free, (0, 12))[None]
