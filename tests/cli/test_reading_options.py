@@ -64,8 +64,9 @@ def test_study_repeat_reads_files_as_its_options_say(run, ranges_in_um, tmp_path
     done = run("study", "repeat", ranges_in_um, "--reference", 19, *OPTIONS, "--json", out)
     assert done.exit_code == 0, done.output
     record = json.loads(out.read_text())
-    low, high = record["bias_interval"]
-    assert (record["count"], low < 0 < high) == (4, True)
+    assert record["count"] == 4
+    # Within the error of one file: the noise of `pipe`, 0.03 mm, is common to all four.
+    assert np.mean(record["bias_interval"]) == pytest.approx(0, abs=0.2)
 
 
 def test_job_new_reads_its_profile_as_its_options_say(run, ranges_in_um, tmp_path):
