@@ -53,11 +53,14 @@ class SplitArc(NamedTuple):
     ends: tuple[IntArray, IntArray]
     members: tuple[BoolArray, BoolArray]
 
-    def reaches_outermost(self, members: BoolArray) -> bool:
+    def may_continue(self, members: BoolArray) -> bool:
         """Return whether the outermost point of an end is an inlier, and the profile continues.
 
-        `members` (2, m) are the masks of the inliers of both ends, which may be padded.
+        `members` (2, m) are the masks of the inliers of both ends, which may be padded. False
+        unless there are more of them than in the identified arc.
         """
+        if np.count_nonzero(members) <= sum(map(np.count_nonzero, self.members)):
+            return False
         last = len(self.profile.points) - 1
         return any(
             count > 0 and end[-1] not in (0, last) and bool(mask[count - 1])

@@ -7,6 +7,7 @@ import pytest
 
 from lsvision import Ellipse, PointNoise, Profile
 from lsvision.detection import screening
+from lsvision.detection.arc_stack import split_arc
 from lsvision.detection.end_points import EndInliers, find_end_inliers
 from lsvision.detection.profile_preparation import prepare_profile
 from lsvision.detection.range_image import build_range_image, connected_components
@@ -232,6 +233,17 @@ def both_ends(members, log_odds, leverages):
     mask, odds, large = np.zeros((1, 2, 12), dtype=bool), np.zeros((1, 2, 12)), np.ones((1, 2, 12))
     mask[..., members], odds[..., members], large[..., members] = True, log_odds, leverages
     return EndInliers(mask, odds, large)
+
+
+@pytest.mark.parametrize(("more", "expected"), [(1, True), (0, False)])
+def test_an_arc_is_screened_again_only_if_it_has_more_inliers_than_before(more, expected):
+    """Otherwise screening might not end. The outermost of 16 points beyond an end is an inlier."""
+    arc = split_arc(0, exact(arc_points(ANGLES)), identified(20, 60, circle()))
+    members = np.zeros((2, len(arc.members[0])), dtype=bool)
+    before = sum(map(np.count_nonzero, arc.members))
+    members[0, -1] = True
+    members[1, : before - 1 + more] = True
+    assert arc.may_continue(members) == expected
 
 
 def test_inliers_that_alternate_are_compared_three_times(monkeypatch):
