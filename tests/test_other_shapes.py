@@ -116,7 +116,7 @@ def pipe_with_smooth_beads(rng, radius=8.3, begin_deg=52.0, fillet=4.0, noise=0.
 
 @pytest.mark.parametrize(("radius", "begin_deg", "fillet"), [(8.3, 52.0, 4.0), (12.0, 45.0, 6.0)])
 def test_the_feet_of_beads_on_both_sides_do_not_shift_the_radius(radius, begin_deg, fillet):
-    """Of each foot ten points lie within the noise; in the fit, three of four intervals miss."""
+    """With three points of each foot, within a sigma, in the fit three of four intervals miss."""
     points = [
         pipe_with_smooth_beads(np.random.default_rng([7, seed]), radius, begin_deg, fillet)
         for seed in range(100)

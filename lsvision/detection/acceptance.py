@@ -110,8 +110,8 @@ def rejection_reason(
     reason = shape_rejection_reason(fit.ellipse, fit.normals, radius_range, settings)
     if reason is not None:
         return reason
-    # Of the errors in all directions, because on a steep flank those along the normal vanish: the
-    # variances along normal and tangent add up to twice the mean variance.
+    # Variances in all directions, twice the mean variance: on a steep flank those along the normal
+    # vanish.
     variance = 2 * float(profile.noisy_points.mean_variance[section.indices].sum())
     scatter = math.sqrt(float(fit.residuals @ fit.residuals) / variance)
     limit = profile.max_noise_factor(fit.ellipse.radius)
