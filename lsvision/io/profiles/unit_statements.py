@@ -63,17 +63,14 @@ _KEY_VALUE = re.compile(r"^([^:=,;\t]{1,60}?)\s*(?:[:=,;\t]+|\bis\b|\bare\b)\s*(
 _KEY_BLANK_VALUE = re.compile(r"^(\S*unit\S*|Einheit\S*)\s+(\S.*)$", re.IGNORECASE)
 # The words of a key such as "xUnit" or "X_UNIT".
 _KEY_WORDS = re.compile(r"[A-Z]?[^\W\d_A-Z]+|[A-Z]+(?![^\W\d_A-Z])")
+_AXIS_GROUP = r"(x|y|z|heights?|ranges?|distance|lateral|depth)"
+_UNIT_GROUP = r"([0-9./^*+e-]*\s?[^\W\d_]+)"
 # "z in um", "z: um" or "z [um]".
 _AXIS_UNIT = re.compile(
-    r"\b(x|y|z|heights?|ranges?|distance|lateral|depth)(?:[ _]?units?)?\b"
-    r"\s*(?:[:=]|\bin\b)?\s*[\[(]?\s*"
-    r"([0-9./^*+e-]*\s?[^\W\d_]+)\s*[\])]?"
+    rf"\b{_AXIS_GROUP}(?:[ _]?units?)?\b\s*(?:[:=]|\bin\b)?\s*[\[(]?\s*{_UNIT_GROUP}\s*[\])]?"
 )
 # "um (z)".
-_UNIT_AXIS = re.compile(
-    r"([0-9./^*+e-]*\s?[^\W\d_]+)\s*[\[(]\s*"
-    r"(x|y|z|heights?|ranges?|distance|lateral|depth)\b[^\])]*[\])]"
-)
+_UNIT_AXIS = re.compile(rf"{_UNIT_GROUP}\s*[\[(]\s*{_AXIS_GROUP}\b[^\])]*[\])]")
 # "heights are stated in um".
 _PHRASE = re.compile(
     r"\b(lateral|depth|values?|coordinates?|lengths?|distances?|dimensions?|data|numbers?|points?|"
