@@ -318,9 +318,7 @@ def _from_rows(
     """Return the profiles of rows x, z or x, y, z, or of two or three rows of them."""
     if rows.shape[1] > rows.shape[0] and rows.shape[0] in (2, 3):
         rows = rows.T
-    names = {2: ("x", "z"), 3: ("x", "y", "z")}.get(rows.shape[1], ())
-    table = NumberTable(rows, names, (None,) * rows.shape[1], statements)
-    return profiles_from_table(table, settings)
+    return profiles_from_table(NumberTable.of_points(rows, statements), settings)
 
 
 def _named_rows(

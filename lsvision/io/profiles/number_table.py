@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Self
 
 from lsvision.geometry import FloatArray
 from lsvision.io.profiles.number_cells import InvalidCell
@@ -48,6 +49,13 @@ class NumberTable:
     notes: tuple[str, ...] = ()
     limits: tuple[float, ...] = ()
     mentions: tuple[str, ...] = ()
+
+    @classmethod
+    def of_points(cls, rows: FloatArray, statements: tuple[UnitStatement, ...] = ()) -> Self:
+        """Return the table of points x, z or x, y, z; rows of another length have no names."""
+        count = rows.shape[1]
+        names = {2: ("x", "z"), 3: ("x", "y", "z")}.get(count, ())
+        return cls(rows, names, (None,) * count, statements)
 
     def label(self, column: int) -> str:
         """Return the name of a column, or its number if it has none."""

@@ -129,8 +129,7 @@ def table_from_points(key: str, values: FloatArray) -> NumberTable:
         raise UnreadableFile(
             f"expected pairs or triples, as [x, y, z, x, ...], got {values.size} numbers"
         )
-    names = {2: ("x", "z"), 3: ("x", "y", "z")}.get(rows.shape[1], ())
-    return NumberTable(rows, names, (None,) * rows.shape[1])
+    return NumberTable.of_points(rows)
 
 
 def is_constant(values: FloatArray) -> bool:

@@ -147,7 +147,7 @@ def _parse_points(body: bytes, layout: _Layout, *, ascii_: bool) -> NumberTable:
     else:
         records = np.frombuffer(body, dtype, layout.count)
         columns = [floats_from(records[axis]).reshape(layout.count, -1)[:, 0] for axis in "xyz"]
-    return NumberTable(np.column_stack(columns), ("x", "y", "z"), (None,) * 3)
+    return NumberTable.of_points(np.column_stack(columns))
 
 
 def _ascii_columns(body: bytes, dtype: np.dtype[np.void], count: int) -> list[FloatArray]:
