@@ -113,9 +113,14 @@ def draw_scene(scene: SceneFigure, number: int) -> str:
     axes = figure.subplots()
     draw_on_axes(axes, scene.section.profile, scene.measurement)
     axes.margins(y=0.15)  # space for the letters above the points
-    axes.legend(loc="lower center", fontsize=7, ncols=2, frameon=False, bbox_to_anchor=(0.5, 1.0))
+    _draw_legend_above(axes)
     content = "measured points and the pipes found, each with its ellipse and major axis"
     return inline_svg(figure, f"scene{number}", f"{scene.title}: {content}")
+
+
+def _draw_legend_above(axes: "Axes") -> None:
+    """Draw the legend above the axes, in two columns."""
+    axes.legend(fontsize=7, ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False)
 
 
 def draw_repeatability(repeatability: Repeatability) -> str:
@@ -162,9 +167,7 @@ def draw_recognition(steps: StepExample) -> str:
     section_axes.set_aspect("equal", adjustable="box")
     section_axes.margins(y=0.15)
     section_axes.set_xlabel("")
-    section_axes.legend(
-        loc="lower center", fontsize=7, ncols=2, frameon=False, bbox_to_anchor=(0.5, 1.0)
-    )
+    _draw_legend_above(section_axes)
     x, largest = steps.windows.T
     residual_axes.plot(x, np.minimum(largest, MAX_RESIDUAL_MM), "-", color=GREY, lw=0.8)
     limit = PaperSettings().sensor_error_mm
@@ -210,7 +213,7 @@ def draw_screening(steps: StepExample) -> str:
                      label=f"the paper's limit, {limit:g} mm" if value > 0 else None)  # fmt: skip
     axes.set(ylim=(-RESIDUAL_LIMIT_MM, RESIDUAL_LIMIT_MM), xlabel="X / mm",
              ylabel="off the middle part's ellipse / mm")  # fmt: skip
-    axes.legend(fontsize=7, ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False)
+    _draw_legend_above(axes)
     return inline_svg(
         figure, "screening",
         "Residuals of an arc's points to the ellipse of its middle part; end points beyond "
@@ -240,7 +243,7 @@ def draw_smoothing(steps: StepExample) -> str:
     plot_residuals(steps.literal, "-", color=ORANGE, lw=1.6, label=over_x)
     axes.axhline(0.0, color=GREEN, lw=0.8, label="the true pipe")
     axes.set(xlabel="X / mm", ylabel="off the true ellipse / mm")
-    axes.legend(fontsize=7, ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False)
+    _draw_legend_above(axes)
     return inline_svg(
         figure, "smoothing",
         "Distance from the true ellipse of measured points, of points smoothed along the arc, "
