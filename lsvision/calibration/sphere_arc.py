@@ -251,8 +251,7 @@ def _normal_variances(profile: Profile, indices: IntArray, circle: FloatArray) -
     """Return the variance n' Sigma n of each point; ones without noise model. Units: mm^2."""
     if profile.noise is None:
         return np.ones(len(indices))
-    normals = profile.points[indices] - circle[:2]
-    normals = normals / np.maximum(np.hypot(normals[:, 0], normals[:, 1]), 1e-12)[:, None]
+    normals = _normals(profile.points[indices], circle)
     covariances = profile.noise.covariances(profile.points)[indices]
     variances: FloatArray = np.einsum("ni,nij,nj->n", normals, covariances, normals)
     return variances
@@ -260,9 +259,14 @@ def _normal_variances(profile: Profile, indices: IntArray, circle: FloatArray) -
 
 def _jacobian(points: Points, circle: FloatArray) -> FloatArray:
     """Return the Jacobian (n, 3) of the residuals by centre and radius."""
+    return np.column_stack([-_normals(points, circle), -np.ones(len(points))])
+
+
+def _normals(points: Points, circle: FloatArray) -> FloatArray:
+    """Return the unit vectors (n, 2) from the circle's centre to points."""
     offset = points - circle[:2]
-    units = offset / np.maximum(np.hypot(offset[:, 0], offset[:, 1]), 1e-12)[:, None]
-    return np.column_stack([-units, -np.ones(len(points))])
+    normals: FloatArray = offset / np.maximum(np.hypot(offset[:, 0], offset[:, 1]), 1e-12)[:, None]
+    return normals
 
 
 def _fit_circle(points: Points, initial_guess: FloatArray, variances: FloatArray) -> FloatArray:
