@@ -185,11 +185,7 @@ def _reject_outliers(
         rejected = int(p_values.argmin())
         if p_values[rejected] * fit.mask.sum() > settings.significance:
             break
-        mask = fit.mask.copy()
-        mask[rejected] = 0.0
-        fit = fit_errors_in_variables(
-            observations, fit.states, mask, estimate_robot_std=estimate_robot_std
-        )
+        fit = _toggle_pose(observations, fit, rejected, estimate_robot_std=estimate_robot_std)
     return fit
 
 
@@ -206,12 +202,19 @@ def _restore_inliers(
         restored = int(p_values.argmax())
         if p_values[restored] * len(fit.mask) <= settings.significance:
             break
-        mask = fit.mask.copy()
-        mask[restored] = 1.0
-        fit = fit_errors_in_variables(
-            observations, fit.states, mask, estimate_robot_std=estimate_robot_std
-        )
+        fit = _toggle_pose(observations, fit, restored, estimate_robot_std=estimate_robot_std)
     return fit
+
+
+def _toggle_pose(
+    observations: Observations, fit: ErrorsInVariablesFit, index: int, *, estimate_robot_std: bool
+) -> ErrorsInVariablesFit:
+    """Return the fit without a pose that it used, or with one that it did not use."""
+    mask = fit.mask.copy()
+    mask[index] = 1.0 - mask[index]
+    return fit_errors_in_variables(
+        observations, fit.states, mask, estimate_robot_std=estimate_robot_std
+    )
 
 
 def _outlier_p_values(fit: ErrorsInVariablesFit) -> FloatArray:
