@@ -34,6 +34,7 @@ from lsvision.inspection.job_tables import (
     Rig,
     Scan,
     Source,
+    find_part,
 )
 from lsvision.inspection.limits import JobTable
 
@@ -174,11 +175,7 @@ class Job(JobTable):
         ValueError
             If the job has no part with that name.
         """
-        for part in self.parts:
-            if part.name == name:
-                return part
-        known = ", ".join(repr(part.name) for part in self.parts)
-        raise ValueError(f"expected a part among {known}, got {name!r}")
+        return find_part({part.name: part for part in self.parts}, name)
 
     def extra_std(self, key: str) -> float:
         """Return the stated uncertainty that the fit does not contain, in the unit of the key.

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, Literal, TypeVar
 
 from pydantic import Field, model_validator
 
@@ -25,6 +26,7 @@ NonNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0)]
 KnownRadius = Positive | tuple[Positive, NonNegative]
 """A known radius, or (radius, standard uncertainty). Units: mm."""
 Vector = tuple[Number, Number, Number]
+PartOrVerdict = TypeVar("PartOrVerdict")
 
 
 class Source(JobTable):
@@ -180,6 +182,13 @@ class Part(JobTable):
         """Limits by key, in the order of the rows of printed tables."""
         keys = dict.fromkeys((*SECTION_KEYS, *SCAN_KEYS))
         return {key: limits for key in keys if (limits := getattr(self, key)) is not None}
+
+
+def find_part(parts: Mapping[str, PartOrVerdict], name: str) -> PartOrVerdict:
+    """Return the part with a name, or its verdict; raise ValueError if there is none."""
+    if name not in parts:
+        raise ValueError(f"expected a part among {', '.join(map(repr, parts))}, got {name!r}")
+    return parts[name]
 
 
 class RelationLimits(JobTable):

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from lsvision.inspection.decision import Decision, worst
+from lsvision.inspection.job_tables import find_part
 from lsvision.inspection.quantity_verdict import QUANTITY_HEADER, QuantityVerdict, quantity_cells
 from lsvision.results.quantities import Record
 from lsvision.results.result import Result
@@ -188,11 +189,7 @@ class Verdict(Result):
         ValueError
             If there is no part with that name.
         """
-        for item in self.parts:
-            if item.name == name:
-                return item
-        known = ", ".join(repr(item.name) for item in self.parts)
-        raise ValueError(f"expected a part among {known}, got {name!r}")
+        return find_part({item.name: item for item in self.parts}, name)
 
     def to_dict(self) -> Record:
         """Return the verdict as plain numbers and text, ready for JSON.
