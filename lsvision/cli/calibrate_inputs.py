@@ -11,7 +11,7 @@ import typer
 
 from lsvision.cli.image_options import BayerPattern, Laser, parse_line_settings
 from lsvision.cli.image_sources import check_colours
-from lsvision.cli.messages import FAILED, print_error
+from lsvision.cli.messages import end_on_failures
 from lsvision.cli.sources import (
     IMAGE_SUFFIXES,
     find_sources,
@@ -179,8 +179,5 @@ def _find(names: Sequence[str], suffixes: frozenset[str]) -> list[Path]:
         for file in files
         if not exists(file)
     ]
-    for failure in missing:
-        print_error(str(failure))
-    if missing:
-        raise typer.Exit(FAILED)
+    end_on_failures(missing)
     return files

@@ -23,6 +23,14 @@ def print_error(message: str, *, debug: bool = False) -> None:
     typer.echo(f"lsvision: {printable(' '.join(message.split()))}", err=True)
 
 
+def end_on_failures(failures: Sequence[Exception]) -> None:
+    """Print each failure as an error and end the command, if there are any."""
+    for failure in failures:
+        print_error(str(failure))
+    if failures:
+        raise typer.Exit(FAILED)
+
+
 def print_lines(lines: Iterable[str], *, err: bool = False) -> None:
     """Write lines on stdout, or on stderr, with non-printable characters escaped."""
     typer.echo("\n".join(printable(line) for line in lines), err=err)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lsvision.cli.measure_options import parse_known_radius, parse_search_range
-from lsvision.cli.messages import FAILED, print_error, print_lines
+from lsvision.cli.messages import end_on_failures, print_lines
 from lsvision.cli.option_groups import expand_option_groups
 from lsvision.cli.outputs import STDOUT, check_outputs, check_picture, write_output
 from lsvision.cli.profile_options import (
@@ -124,10 +124,7 @@ def scan(
     outputs = (plot, points_ply, surfaces_ply)
     check_outputs(outputs, [*sources, *robot.files], streams=(json_file, csv_file))
     motion = parse_motion(feed, step, robot)
-    for failure in missing:
-        print_error(str(failure))
-    if missing:
-        raise typer.Exit(FAILED)
+    end_on_failures(missing)
 
     from lsvision.scan import fit_sections_jointly
 
