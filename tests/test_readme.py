@@ -31,6 +31,27 @@ def words_of(command):
     ]
 
 
+def block_of(start):
+    """The only block of commands that begins with a text."""
+    (commands,) = (block for block in COMMANDS if block.startswith(start))
+    return commands
+
+
+def output_below(commands):
+    """What the README shows below commands."""
+    return README.split(commands, 1)[1].split("```text\n", 1)[1].split("```")[0]
+
+
+def words_printed(run_lsvision, commands):
+    """What the commands of a block print, without the path of the repository."""
+    printed = []
+    for command in commands.strip().splitlines():
+        done = run_lsvision(command)
+        assert done.exit_code == 0, done.stderr
+        printed += done.stdout.replace(f"{ROOT}/", "").split()
+    return printed
+
+
 @pytest.fixture
 def run_lsvision(tmp_path, monkeypatch):
     """Runs a command line of the README in this process, in an empty folder."""
@@ -61,44 +82,32 @@ def test_the_first_command_prints_the_table_and_draws_the_picture(tmp_path):
 
 
 def test_the_scan_prints_what_it_shows(run_lsvision, tmp_path):
-    (command,) = (c for c in COMMANDS if c.startswith("lsvision scan"))
-    done = run_lsvision(command)
-    assert done.exit_code == 0, done.stderr
-    assert differing(done.stdout.split(), SCANNED.split()) == []
+    printed = words_printed(run_lsvision, block_of("lsvision scan"))
+    assert differing(printed, SCANNED.split()) == []
     assert (tmp_path / "pair.png").exists()
 
 
 def test_the_inspection_prints_what_it_shows_and_ends_with_the_code_of_ng(run_lsvision, tmp_path):
-    (command,) = (c for c in COMMANDS if c.startswith("lsvision inspect"))
-    shown = README.split(command, 1)[1].split("```text\n", 1)[1].split("```")[0]
+    command = block_of("lsvision inspect")
     done = run_lsvision(command)
     assert done.exit_code == 3, done.stderr
-    assert differing(done.stdout.replace(f"{ROOT}/", "").split(), shown.split()) == []
+    printed = done.stdout.replace(f"{ROOT}/", "").split()
+    assert differing(printed, output_below(command).split()) == []
     assert "<svg" in (tmp_path / "pair.html").read_text(encoding="utf-8")
 
 
 def test_the_images_print_what_they_show(run_lsvision, tmp_path):
-    (commands,) = (c for c in COMMANDS if c.startswith("lsvision line"))
-    shown = README.split(commands, 1)[1].split("```text\n", 1)[1].split("```")[0]
-    printed = []
-    for command in commands.strip().splitlines():
-        done = run_lsvision(command)
-        assert done.exit_code == 0, done.stderr
-        printed += done.stdout.replace(f"{ROOT}/", "").split()
-    assert differing(printed, shown.split()) == []
+    commands = block_of("lsvision line")
+    printed = words_printed(run_lsvision, commands)
+    assert differing(printed, output_below(commands).split()) == []
     assert (tmp_path / "line.png").exists()
     assert (tmp_path / "found.png").exists()
 
 
 def test_the_robot_prints_what_it_shows(run_lsvision):
-    (commands,) = (c for c in COMMANDS if c.startswith("lsvision calibrate hand-eye"))
-    shown = README.split(commands, 1)[1].split("```text\n", 1)[1].split("```")[0]
-    printed = []
-    for command in commands.strip().splitlines():
-        done = run_lsvision(command)
-        assert done.exit_code == 0, done.stderr
-        printed += done.stdout.replace(f"{ROOT}/", "").split()
-    for part in shown.split("...\n")[:-1]:  # of six tables the first
+    commands = block_of("lsvision calibrate hand-eye")
+    printed = words_printed(run_lsvision, commands)
+    for part in output_below(commands).split("...\n")[:-1]:  # of six tables the first
         words = part.split()
         starts = (i for i, word in enumerate(printed) if not differing([word], words[:1]))
         assert any(not differing(printed[i : i + len(words)], words) for i in starts), part
@@ -106,14 +115,11 @@ def test_the_robot_prints_what_it_shows(run_lsvision):
 
 @pytest.mark.parametrize("command", [c for c in COMMANDS if c.startswith("lsvision plan")])
 def test_every_other_command_runs(command, run_lsvision):
-    for line in command.strip().splitlines():
-        done = run_lsvision(line)
-        assert done.exit_code == 0, done.stderr
+    words_printed(run_lsvision, command)
 
 
 def test_the_batch_is_done_and_tells_its_status(run_lsvision, tmp_path):
-    (commands,) = (c for c in COMMANDS if c.startswith("lsvision batch"))
-    first, second = map(run_lsvision, commands.strip().splitlines())
+    first, second = map(run_lsvision, block_of("lsvision batch").strip().splitlines())
     assert (first.exit_code, second.exit_code) == (0, 0), first.stderr + second.stderr
     assert first.stdout == second.stdout
     assert first.stdout.startswith("20 of 20 files done, 0 failed, 0 left: 20 profiles")
