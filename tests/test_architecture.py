@@ -83,25 +83,26 @@ def test_no_modules_import_each_other():
     TopologicalSorter(imports).prepare()  # raises CycleError, which names the circle
 
 
+def calls():
+    """Every call of the package, with its place."""
+    for path in MODULES:
+        for node in ast.walk(tree_of(path)):
+            if isinstance(node, ast.Call):
+                yield f"{name_of(path)}:{node.lineno}", node
+
+
 def test_nothing_prints():
-    prints = [
-        f"{name_of(path)}:{node.lineno}"
-        for path in MODULES
-        for node in ast.walk(tree_of(path))
-        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "print"
-    ]
-    assert prints == []
+    assert [place for place, call in calls() if getattr(call.func, "id", "") == "print"] == []
 
 
 def test_equal_values_keep_their_order_in_every_sort():
     """NumPy's default sort leaves it to the processor, and results with it."""
     sorts = [
-        f"{name_of(path)}:{node.lineno}"
-        for path in MODULES
-        for node in ast.walk(tree_of(path))
-        if isinstance(node, ast.Call) and getattr(node.func, "attr", "") == "argsort"
-        and ("kind", "stable") not in keywords_of(node)
-    ]  # fmt: skip
+        place
+        for place, call in calls()
+        if getattr(call.func, "attr", "") == "argsort"
+        and ("kind", "stable") not in keywords_of(call)
+    ]
     assert sorts == []
 
 
