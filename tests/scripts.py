@@ -1,6 +1,8 @@
-"""Scripts of the repository outside of its packages, imported from their paths."""
+"""Code outside of the packages: scripts imported from their paths, and a Python of its own."""
 
 import importlib.util
+import subprocess
+import sys
 
 
 def import_script(path):
@@ -9,3 +11,12 @@ def import_script(path):
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+def output_of_python(code):
+    """Return what code prints in a process of its own."""
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout

@@ -2,31 +2,25 @@
 
 import inspect
 import pydoc
-import subprocess
-import sys
 
 import pytest
 
 import lsvision
 from lsvision.detection.acceptance import AcceptanceSettings
-
-
-def run_python(code):
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    return done.stdout.split()
+from tests.scripts import output_of_python
 
 
 def test_the_import_waits_for_no_heavy_package():
     code = "import sys, lsvision; print(*sys.modules)"
-    assert not {"numpy", "scipy", "cv2", "skimage", "matplotlib", "pandas"} & set(run_python(code))
+    heavy = {"numpy", "scipy", "cv2", "skimage", "matplotlib", "pandas"}
+    assert not heavy & set(output_of_python(code).split())
 
 
 def test_every_public_name_can_be_imported_by_itself():
     code = (
         f"from lsvision import {', '.join(lsvision.__all__)}; print(measure_cylinders.__module__)"
     )
-    assert run_python(code) == ["lsvision.measure"]
+    assert output_of_python(code) == "lsvision.measure\n"
 
 
 def test_dir_names_what_is_public():

@@ -1,8 +1,6 @@
 """Pictures of a measurement: everything that the numbers say is in the picture."""
 
 import math
-import subprocess
-import sys
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from xml.etree import ElementTree as ET
@@ -19,6 +17,7 @@ from lsvision.draw.rejected import rejected_arcs
 from lsvision.measure import Measurement, measure_cylinders
 from lsvision.profile import Arc, Profile
 from tests.draw.borders import has_white_border
+from tests.scripts import output_of_python
 
 PIXEL_PER_MM = 1e-6
 """Relative difference of the two scales: rounding."""
@@ -146,13 +145,18 @@ def test_letters_of_crowded_arcs_keep_clear_of_each_other():
     assert "more lines: see lsvision measure -v" in panel[-1].get_text()
 
 
+def extents_of_texts(figure):
+    """Extents, in px, of the texts of a figure outside of its axes."""
+    figure.canvas.draw()
+    renderer = figure.canvas.get_renderer()
+    return [text.get_window_extent(renderer) for text in figure.texts if text.get_text()]
+
+
 def test_lines_of_the_panel_stay_within_the_figure():
     points = Profile(np.column_stack([np.linspace(0, 100, 50), np.full(50, -400.0)]))
     long = Measurement((), (Rejection(Arc(0, 50), "W" * 30 + " " + "many long words " * 20),))
     figure = draw_measurement(points, long)
-    figure.canvas.draw()
-    renderer = figure.canvas.get_renderer()
-    extents = [t.get_window_extent(renderer) for t in figure.texts if t.get_text()]
+    extents = extents_of_texts(figure)
     assert max(extent.x1 for extent in extents) < figure.bbox.x1
     panel = [
         e for e, t in zip(extents, figure.texts, strict=False) if t.get_family() == ["monospace"]
@@ -198,15 +202,11 @@ def test_pyplot_is_never_imported():
         "figure_bytes(draw_measurement(Profile([[0, 0]]), Measurement((), ())), 'svg')\n"
         "print('matplotlib.pyplot' in sys.modules)"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["False", "False"]
+    assert output_of_python(code).split() == ["False", "False"]
 
 
 def test_panel_of_many_cylinders_stays_within_the_figure(scene):
     profile, measurement = scene
     figure = draw_measurement(profile, Measurement(measurement.cylinders * 4, ()))
-    figure.canvas.draw()
-    renderer = figure.canvas.get_renderer()
-    extents = [t.get_window_extent(renderer) for t in figure.texts if t.get_text()]
-    assert max(extent.x1 for extent in extents) < figure.bbox.x1
+    assert max(extent.x1 for extent in extents_of_texts(figure)) < figure.bbox.x1
     assert words(figure).count("φ = ") == words(figure).count("r = ") == 8

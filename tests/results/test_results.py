@@ -4,7 +4,6 @@ import csv
 import inspect
 import json
 import math
-import subprocess
 import sys
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -29,6 +28,7 @@ from lsvision.io.result_files import ResultFiles
 from lsvision.io.results import measurement_record
 from lsvision.results.result import Result
 from lsvision.scan import ScanRejection
+from tests.scripts import output_of_python
 
 ROOT = Path(__file__).parents[2]
 CAMERA = lsv.Camera([[600, 0, 32], [0, 600, 24], [0, 0, 1]], [0.1, 0, 0, 0], (64, 48))
@@ -334,8 +334,7 @@ def test_pandas_is_imported_for_frames_only():
         "str(m), m.to_json(), m._repr_html_()\n"
         "print('pandas' in sys.modules, 'matplotlib' in sys.modules)"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["False", "False"]
+    assert output_of_python(code).split() == ["False", "False"]
 
 
 def test_ipython_shows_the_html():

@@ -1,6 +1,5 @@
 """Routines from scipy's compiled modules, beside those of its packages."""
 
-import subprocess
 import sys
 
 import numpy as np
@@ -11,6 +10,7 @@ from scipy.optimize import leastsq
 
 from lsvision.statistics import compiled_routines
 from lsvision.statistics.compiled_routines import compiled_module, dposv, levenberg_marquardt
+from tests.scripts import output_of_python
 
 TIMES = np.linspace(0.0, 3.0, 40)
 
@@ -64,10 +64,7 @@ def test_packages_around_them_are_not_imported_and_work_afterwards():
         "print(scipy.linalg.lapack.dposv([[4.0]], [2.0])[1])\n"
         "print(scipy.optimize.leastsq(lambda x: x - [2.0], [0.0])[0].round(6))\n"
     )
-    run = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120
-    )
-    assert run.stdout.splitlines() == ["[]", "[0.5]", "[2.]"]
+    assert output_of_python(code).splitlines() == ["[]", "[0.5]", "[2.]"]
 
 
 def test_module_at_another_place_is_imported_in_the_usual_way(monkeypatch):
