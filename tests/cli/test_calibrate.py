@@ -156,9 +156,15 @@ def test_what_does_not_exist_is_named(run, boards, out, tmp_path):
     assert "missing.png: no such file" in error_text(run("calibrate", *words, "--out", out), out)
 
 
-def test_laser_plane_wants_a_line_image_for_each_board(run, boards, camera_json, out):
-    words = ("laser-plane", "--boards", boards, "--lines", LINES, "--camera", camera_json)
-    error = error_text(run("calibrate", *words, "--out", out), out)
+@pytest.fixture
+def laser_plane_error(run, boards, camera_json, out):
+    """The error of `calibrate laser-plane` for `boards` and a folder of line images."""
+    words = ("calibrate", "laser-plane", "--boards", boards, "--camera", camera_json, "--out", out)
+    return lambda lines: error_text(run(*words, "--lines", lines), out)
+
+
+def test_laser_plane_wants_a_line_image_for_each_board(laser_plane_error):
+    error = laser_plane_error(LINES)
     assert (
         "expected a line image for each of 6 board images (board_00.jpg to board_05.jpg)" in error
     )
@@ -181,35 +187,31 @@ def test_shuffled_pair_of_board_and_line_is_left_out_by_name(run, camera_json, o
     assert "left out: image 1 (board_01.jpg): its laser line lies" in result.stdout
 
 
-def test_line_images_all_shuffled_are_rejected(run, boards, camera_json, out, tmp_path):
+def test_line_images_all_shuffled_are_rejected(laser_plane_error, tmp_path):
     lines = tmp_path / "lines"
     lines.mkdir()
     for number, other in enumerate((3, 0, 5, 1, 2, 4)):
         shutil.copy(LINES / f"line_{other:02d}.jpg", lines / f"line_{number:02d}.jpg")
-    words = ("laser-plane", "--boards", boards, "--lines", lines, "--camera", camera_json)
-    error = error_text(run("calibrate", *words, "--out", out), out)
-    assert "check the order of board and line images" in error
+    assert "check the order of board and line images" in laser_plane_error(lines)
 
 
-def test_line_image_of_another_size_is_named(run, boards, camera_json, out, tmp_path):
+def test_line_image_of_another_size_is_named(laser_plane_error, tmp_path):
     lines = tmp_path / "lines"
     lines.mkdir()
     for number in range(6):
         size = (240, 320) if number == 2 else (480, 640)
         cv2.imwrite(str(lines / f"line_{number}.png"), np.full(size, 3, np.uint8))
-    words = ("laser-plane", "--boards", boards, "--lines", lines, "--camera", camera_json)
-    error = error_text(run("calibrate", *words, "--out", out), out)
-    assert "line image 2 (line_2.png) is 320 x 240 px and the camera 640 x 480 px" in error
+    message = "line image 2 (line_2.png) is 320 x 240 px and the camera 640 x 480 px"
+    assert message in laser_plane_error(lines)
 
 
-def test_line_images_without_a_line_are_rejected(run, boards, camera_json, out, tmp_path):
+def test_line_images_without_a_line_are_rejected(laser_plane_error, tmp_path):
     dark = tmp_path / "dark"
     dark.mkdir()
     for number in range(6):
         cv2.imwrite(str(dark / f"line_{number}.png"), np.full((480, 640), 3, np.uint8))
-    words = ("laser-plane", "--boards", boards, "--lines", dark, "--camera", camera_json)
-    error = error_text(run("calibrate", *words, "--out", out), out)
-    assert "0 views show the board with the laser line on it and 2 are needed" in error
+    message = "0 views show the board with the laser line on it and 2 are needed"
+    assert message in laser_plane_error(dark)
 
 
 def test_raw_images_of_a_colour_camera_use_the_lasers_own_pixels(run, camera_json, out):
@@ -416,31 +418,33 @@ def test_image_without_the_board_is_left_out_with_its_pose(calibrate_on_board, o
     assert_found(load_hand_eye(out).flange_from_camera, MOUNT)
 
 
-def test_images_without_the_board_end_a_hand_eye_calibration(
-    run, boards, camera_json, out, tmp_path
-):
-    for number in range(3):
-        cv2.imwrite(str(boards / f"board_{number:02}.jpg"), np.full((480, 640), 99, np.uint8))
+@pytest.fixture
+def hand_eye_error(run, boards, camera_json, out, tmp_path):
+    """The error of `calibrate hand-eye board` for `boards`, which may be changed before."""
     flanges = [Pose.along((1, 0, 0), 100.0 * number) for number in range(6)]
     poses = write_flanges(tmp_path / "poses.csv", flanges)
-    error = error_text(run("calibrate", "hand-eye", "board", boards, "--camera", camera_json,
-                       "--poses", poses, "--convention", "matrix", "--out", out), out)  # fmt: skip
+    words = ("calibrate", "hand-eye", "board", boards, "--camera", camera_json,
+             "--poses", poses, "--convention", "matrix", "--out", out)  # fmt: skip
+    return lambda: error_text(run(*words), out)
+
+
+def test_images_without_the_board_end_a_hand_eye_calibration(hand_eye_error, boards):
+    for number in range(3):
+        cv2.imwrite(str(boards / f"board_{number:02}.jpg"), np.full((480, 640), 99, np.uint8))
+    error = hand_eye_error()
     assert "3 of 6 images show the board and 4 are needed" in error
     assert "board_00.jpg: no ChArUco" in error
 
 
 @pytest.mark.parametrize("spoilt", ["image", "camera"])
 def test_image_of_another_size_than_the_cameras_is_named(
-    run, boards, camera_json, out, tmp_path, spoilt
+    hand_eye_error, boards, camera_json, spoilt
 ):
     if spoilt == "image":
         cv2.imwrite(str(boards / "board_00.jpg"), np.full((240, 320), 99, np.uint8))
     else:
         camera_json.write_text(camera_json.read_text().replace("width: 640", "width: 641"))
-    flanges = [Pose.along((1, 0, 0), 100.0 * number) for number in range(6)]
-    poses = write_flanges(tmp_path / "poses.csv", flanges)
-    error = error_text(run("calibrate", "hand-eye", "board", boards, "--camera", camera_json,
-                       "--poses", poses, "--convention", "matrix", "--out", out), out)  # fmt: skip
+    error = hand_eye_error()
     assert "board_00.jpg is " in error
     assert "take all images with one size" in error
 
