@@ -9,9 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lsvision.geometry import Pose
 from lsvision.io.camera_file import read_camera
 from lsvision.io.hand_eye_file import load_hand_eye
 from lsvision.sensors.light_section import LightSection
+from tests.calibration.hand_eye_scenes import pose_errors
 from tests.printed import differing
 from tests.scripts import import_script
 
@@ -82,10 +84,8 @@ def test_laser_plane_of_the_example_is_found_within_its_covariance(results):
 
 def test_sensor_on_the_flange_is_found_within_its_covariance(results):
     found = load_hand_eye(results[0] / "hand_eye.json")
-    truth = np.array(TRUTH["flange_from_section"])
-    delta = found.flange_from_section.rotation @ truth[:3, :3].T
-    turn = [delta[2, 1] - delta[1, 2], delta[0, 2] - delta[2, 0], delta[1, 0] - delta[0, 1]]
-    error = np.r_[found.flange_from_section.translation - truth[:3, 3], np.array(turn) / 2]
+    truth = Pose.from_matrix(TRUTH["flange_from_section"])
+    error = pose_errors(found.flange_from_section, truth)
     assert error @ np.linalg.solve(found.covariance, error) < SIGMAS**2
     assert found.rejected == ()
 
