@@ -62,17 +62,22 @@ def test_camera_page_shows_each_photo_with_its_corners_and_arrows(solved):
     assert "Good" not in text
 
 
+def heights_on_board(found, view, pixels):
+    """Distances from the board of the points of the laser plane in pixels. Units: mm."""
+    rays = found.light_section.camera.rays(pixels)
+    on_plane = rays * (found.plane.distance / (rays @ found.plane.normal))[:, None]
+    return view.camera_from_board.inverse().apply(on_plane)[:, 2]
+
+
 def test_arrows_of_the_line_end_where_plane_and_board_meet(solved):
     _, found, _, _ = solved
     assert len(found.views) == 6
     for view in found.views:
         predicted = view.laser_view.line_pixels + line_vectors(found, view)
-        rays = found.light_section.camera.rays(predicted)
-        on_plane = rays * (found.plane.distance / (rays @ found.plane.normal))[:, None]
-        heights = view.camera_from_board.inverse().apply(on_plane)[:, 2]
-        before = found.light_section.camera.rays(view.laser_view.line_pixels)
-        before = before * (found.plane.distance / (before @ found.plane.normal))[:, None]
-        seen = view.camera_from_board.inverse().apply(before)[:, 2]
+        heights, seen = (
+            heights_on_board(found, view, pixels)
+            for pixels in (predicted, view.laser_view.line_pixels)
+        )
         assert np.all(np.abs(heights) < LENS * np.abs(seen) + 1e-6)
 
 
