@@ -124,9 +124,17 @@ def test_an_exception_of_a_task_says_where_it_was_raised():
     assert "in fails" in caught.value.__notes__[0]
 
 
+def run_in_repository(code, **options):
+    """The finished process of a Python that can import the tests, too."""
+    repository = Path(__file__).parents[2]
+    return subprocess.run(
+        [sys.executable, "-c", code], cwd=repository, capture_output=True, text=True, timeout=60,
+        env={**os.environ, "PYTHONPATH": str(repository)}, check=False, **options,
+    )  # fmt: skip
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 def test_a_process_ends_with_its_parent_in_the_middle_of_a_task():
-    repository = Path(__file__).parents[2]
     code = (
         "import os\n"
         "from lsvision.batch.process_pool import run_tasks\n"
@@ -135,10 +143,7 @@ def test_a_process_ends_with_its_parent_in_the_middle_of_a_task():
         "print({next(results).value, next(results).value}, flush=True)\n"
         "os.kill(os.getpid(), 9)\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=repository, capture_output=True, text=True, timeout=60,
-        env={**os.environ, "PYTHONPATH": str(repository)}, check=False,
-    )  # fmt: skip
+    done = run_in_repository(code)
     assert done.returncode == -9, done.stderr
     deadline = time.monotonic() + 20
     running = [int(pid) for pid in done.stdout.strip("{} \n").split(",")]
@@ -150,7 +155,6 @@ def test_a_process_ends_with_its_parent_in_the_middle_of_a_task():
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 @pytest.mark.parametrize("delay", [0.0, 0.1, 0.3])
 def test_an_interrupt_reaches_only_the_parent_also_while_processes_start(delay):
-    repository = Path(__file__).parents[2]
     code = (
         "import os, signal, threading\n"
         "from lsvision.batch.process_pool import run_tasks\n"
@@ -162,27 +166,20 @@ def test_an_interrupt_reaches_only_the_parent_also_while_processes_start(delay):
         "try: run()\n"
         "except KeyboardInterrupt: print('interrupted')\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=repository, capture_output=True, text=True, timeout=60,
-        env={**os.environ, "PYTHONPATH": str(repository)}, check=False, start_new_session=True,
-    )  # fmt: skip
+    done = run_in_repository(code, start_new_session=True)
     assert (done.stdout, done.stderr, done.returncode) == ("interrupted\n", "", 0)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 def test_the_first_process_is_started_with_interrupts_blocked_too():
     """In Python 3.11 the resource tracker, started with the first process, unblocks them."""
-    repository = Path(__file__).parents[2]
     code = (
         "from lsvision.batch.process_pool import run_tasks\n"
         "from tests.batch.tasks import blocks_interrupts\n"
         "print({value for _, value in run_tasks(blocks_interrupts, range(8), 2, ordered=True)})\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=repository, capture_output=True, text=True, timeout=60,
-        env={**os.environ, "PYTHONPATH": str(repository)}, check=True,
-    )  # fmt: skip
-    assert done.stdout == "{True}\n"
+    done = run_in_repository(code)
+    assert (done.returncode, done.stdout) == (0, "{True}\n"), done.stderr
 
 
 def _is_running(pid):
