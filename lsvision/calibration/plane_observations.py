@@ -14,7 +14,7 @@ from lsvision.calibration.observations import (
     States,
     masked_least_squares,
 )
-from lsvision.calibration.rotations import find_nearest_rotations
+from lsvision.calibration.rotations import rotations_from_columns
 from lsvision.geometry import BoolArray, FloatArray, IntArray, Plane, Pose, hemisphere_directions
 
 MAX_LINE_SLOPE = np.radians(60.0)
@@ -158,12 +158,10 @@ class PlaneObservations:
         design = np.stack([offset, slope], axis=1)
         rhs = np.column_stack([-self.flanges.origins @ normal, np.zeros(len(p))])
         solution = masked_least_squares(design, rhs, masks)
-        first, second = solution[:, :3], solution[:, 3:6]
-        raw = np.stack([first, second, np.cross(first, second)], axis=-1)
-        length = np.maximum(np.linalg.norm(raw, axis=(1, 2)), 1e-12)[:, None, None]
+        rotations = rotations_from_columns(solution[:, :3], solution[:, 3:6])
         normals = np.broadcast_to(normal, (len(masks), count, 3))
         targets = np.concatenate([normals, solution[:, 9:, None]], axis=-1)
-        return States(find_nearest_rotations(raw / length), solution[:, 6:9], targets)
+        return States(rotations, solution[:, 6:9], targets)
 
 
 def _rotate_to_mount(states: States, vectors: FloatArray) -> FloatArray:

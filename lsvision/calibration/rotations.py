@@ -72,6 +72,13 @@ def find_nearest_rotations(matrices: FloatArray) -> FloatArray:
     return nearest
 
 
+def rotations_from_columns(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Return the rotations (n, 3, 3) nearest to first and second columns (n, 3) of any scale."""
+    matrices = np.stack([first, second, np.cross(first, second)], axis=-1)
+    norms = np.linalg.norm(matrices, axis=(1, 2))[:, None, None]
+    return find_nearest_rotations(matrices / np.maximum(norms, 1e-12))
+
+
 def list_cube_rotations() -> FloatArray:
     """Return the rotation matrices (24, 3, 3) that map a cube onto itself.
 

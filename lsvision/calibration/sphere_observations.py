@@ -23,7 +23,7 @@ from lsvision.calibration.observations import (
     masked_least_squares,
     points_in_sensor_frame,
 )
-from lsvision.calibration.rotations import find_nearest_rotations, list_cube_rotations
+from lsvision.calibration.rotations import list_cube_rotations, rotations_from_columns
 from lsvision.geometry import BoolArray, FloatArray, IntArray, Pose
 
 ARC = np.radians(np.linspace(-60.0, 60.0, 61))
@@ -147,10 +147,7 @@ class SphereObservations:
         columns = [R * xy[:, :1, None], R * xy[:, 1:, None], R, *self._centre_columns()]
         design = np.concatenate(columns, axis=-1)
         solution = masked_least_squares(design, -self.flanges.origins, masks)
-        first, second = solution[:, 0:3], solution[:, 3:6]
-        raw = np.stack([first, second, np.cross(first, second)], axis=-1)
-        length = np.linalg.norm(raw, axis=(1, 2))[:, None, None]
-        return find_nearest_rotations(raw / np.maximum(length, 1e-12))
+        return rotations_from_columns(solution[:, :3], solution[:, 3:6])
 
     def _states_with_rotations(self, rotations: FloatArray, masks: FloatArray) -> States:
         """Return states with given rotations (q, k, 3, 3), all else by linear least squares."""
