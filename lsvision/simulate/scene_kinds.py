@@ -16,7 +16,7 @@ import numpy as np
 from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import Ellipse
 from lsvision.sensors.profile_sensor import ProfileSensor
-from lsvision.simulate.clutter import clutter_around, draw_mixed, draw_planar
+from lsvision.simulate.clutter import DrawShape, clutter_around, draw_mixed, draw_planar
 from lsvision.simulate.scene import Scene
 from lsvision.simulate.section import SectionSettings, SimulatedSection, simulate_section
 from lsvision.simulate.solids import Prism, Tube
@@ -171,18 +171,19 @@ def welded_pair(rng: np.random.Generator, tubes: TubeRanges) -> Scene:
 
 def planar(rng: np.random.Generator, tubes: TubeRanges) -> Scene:
     """Draw one tube among bars, boxes and angle irons, mostly with a ground."""
-    return _draw_visible(
-        lambda rng: [tubes.draw_ellipse(rng)],
-        lambda ellipses, rng: clutter_around(ellipses, draw_planar, rng),
-        rng,
-    )
+    return _draw_in_clutter(draw_planar, rng, tubes)
 
 
 def complex_clutter(rng: np.random.Generator, tubes: TubeRanges) -> Scene:
     """Draw one tube among shapes of every kind, flat and curved; see `draw_mixed`."""
+    return _draw_in_clutter(draw_mixed, rng, tubes)
+
+
+def _draw_in_clutter(draw: DrawShape, rng: np.random.Generator, tubes: TubeRanges) -> Scene:
+    """Draw one tube among shapes of a kind."""
     return _draw_visible(
         lambda rng: [tubes.draw_ellipse(rng)],
-        lambda ellipses, rng: clutter_around(ellipses, draw_mixed, rng),
+        lambda ellipses, rng: clutter_around(ellipses, draw, rng),
         rng,
     )
 
