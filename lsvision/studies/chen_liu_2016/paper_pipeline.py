@@ -64,6 +64,10 @@ class PaperSettings:
         """Return the number of points in a window of rough identification, of `count` points."""
         return max(MIN_WINDOW_POINTS, round(self.window_fraction * count))
 
+    def end_points(self, count: int) -> int:
+        """Return the number of points in each end part of an arc of `count` points."""
+        return max(1, round(self.end_part_fraction * count))
+
 
 def measure_cylinders_paper(
     profile: Profile | npt.ArrayLike,
@@ -242,7 +246,7 @@ def _identify_spans(
 
 def _screen(points: Points, indices: IntArray, radius: float, settings: PaperSettings) -> IntArray:
     """Return the indices after screening (Figure 9): without end points beyond the sensor error."""
-    end_points = max(1, round(settings.end_part_fraction * len(points)))
+    end_points = settings.end_points(len(points))
     middle = points[end_points : len(points) - end_points]
     ellipse = fit_ellipse(middle, initial_ellipse(middle, radius), settings=RADIAL_FITTING).ellipse
     inliers = np.abs(radial_residuals(points, ellipse)) < settings.sensor_error_mm

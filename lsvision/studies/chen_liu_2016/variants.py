@@ -210,7 +210,7 @@ def _fixed_sensor_error(arc: AblationArc) -> VariantFit:
     """Return the fit after screening with one limit in mm (Figure 9), not the points' noise."""
     settings, indices = PaperSettings(), arc.arc.indices
     points: Points = arc.profile.points[indices]
-    end_points = max(1, round(settings.end_part_fraction * len(indices)))
+    end_points = settings.end_points(len(indices))
     middle = fit_ellipse(
         points[end_points:-end_points], arc.arc.ellipse, settings=RADIAL_FITTING
     ).ellipse
