@@ -148,30 +148,51 @@ class _SearchedProfile:
     ) -> None:
         self.arcs: list[IdentifiedArc] = []
         self.rejections: list[Rejection] = []
-        self._profile, self._candidates = profile, iter(candidates)
+        self._profile, self._candidates = profile, list(candidates)
         self._radius_range = radius_range
-        self._free = profile.valid_indices
         self._explained = np.zeros(len(profile.points), dtype=bool)
+        self._free = np.isin(np.arange(len(profile.points)), profile.valid_indices)
 
-    def next_seed(self) -> Seed | None:
-        """Return the next candidate that overlaps no earlier arc; None after the last one."""
+    def next_seeds(self) -> list[Seed]:
+        """Return the candidates that overlap neither an earlier arc nor a better candidate."""
+        free, taken = self._free.nonzero()[0], np.zeros(len(self._free), dtype=bool)
+        seeds, later = list[Seed](), list[Candidate]()
         for candidate in self._candidates:
-            explained = np.count_nonzero(self._explained[candidate.indices])
-            if explained <= MAX_OVERLAP * len(candidate.indices):
-                return Seed(self._profile, candidate, self._free)
-        return None
+            if self._is_explained(candidate):
+                continue
+            if taken[candidate.indices].any():
+                later.append(candidate)
+            else:
+                taken[candidate.indices] = True
+                seeds.append(Seed(self._profile, candidate, free))
+        self._candidates = later
+        return seeds
 
-    def add(self, grown: GrownArc, settings: AcceptanceSettings) -> None:
-        """Add an arc, or its rejection if its shape is not that of a cylinder; mark its points."""
+    def add(self, seed: Seed, grown: GrownArc, settings: AcceptanceSettings) -> None:
+        """Add an arc, or its rejection if its shape is not that of a cylinder; mark its points.
+
+        An arc that has points in common with a better one, which has grown at the same time, is
+        not added; its candidate grows again.
+        """
+        if self._is_explained(seed.candidate):
+            return
         arc, normals = grown
-        span = arc.arc
-        self._explained[span.start : span.stop] = True
+        if not self._free[arc.indices].all():
+            self._candidates.insert(0, seed.candidate)
+            return
+        span = slice(arc.arc.start, arc.arc.stop)
+        self._explained[span] = True
         reason = shape_rejection_reason(arc.ellipse, normals, self._radius_range, settings)
         if reason is None:
             self.arcs.append(arc)
-            self._free = self._free[(self._free < span.start) | (self._free >= span.stop)]
+            self._free[span] = False
         else:
-            self.rejections.append(Rejection(span, reason))
+            self.rejections.append(Rejection(arc.arc, reason))
+
+    def _is_explained(self, candidate: Candidate) -> bool:
+        """Return whether a candidate overlaps an earlier arc."""
+        explained = np.count_nonzero(self._explained[candidate.indices])
+        return explained > MAX_OVERLAP * len(candidate.indices)
 
 
 def identify_arcs(
@@ -182,8 +203,7 @@ def identify_arcs(
 ) -> list[tuple[list[IdentifiedArc], list[Rejection]]]:
     """Return the arcs that grow from the candidates of each profile, and the rejected ones.
 
-    Each point belongs to one arc at most. The candidates of a profile grow one after the other, in
-    their order; those of different profiles grow together.
+    Each point belongs to one arc at most. Candidates that do not overlap grow together.
 
     Parameters
     ----------
@@ -202,13 +222,11 @@ def identify_arcs(
         For each profile its arcs, and the rejections of arcs with another shape.
     """
     searches = list(map(_SearchedProfile, profiles, candidates, radius_ranges))
-    growing = searches
-    while growing:
-        seeds = {search: seed for search in growing if (seed := search.next_seed()) is not None}
-        growing = list(seeds)
-        for search, grown in zip(growing, grow_arcs(list(seeds.values())), strict=True):
+    while seeds := [(search, seed) for search in searches for seed in search.next_seeds()]:
+        grown_arcs = grow_arcs([seed for _, seed in seeds])
+        for (search, seed), grown in zip(seeds, grown_arcs, strict=True):
             if grown is not None:
-                search.add(grown, settings)
+                search.add(seed, grown, settings)
     return [(search.arcs, search.rejections) for search in searches]
 
 
