@@ -16,7 +16,6 @@ from lsvision.detection.acceptance import AcceptanceSettings, shape_rejection_re
 from lsvision.detection.arcs import MAX_OVERLAP, MIN_POINTS, IdentifiedArc, Rejection
 from lsvision.detection.candidates import Candidate, seed_ellipse
 from lsvision.ellipse.parameters import (
-    PARAMETERS,
     ellipse_from_parameters,
     parameters_from_ellipse,
 )
@@ -192,7 +191,7 @@ class _SearchedProfile:
     def _is_explained(self, candidate: Candidate) -> bool:
         """Return whether a candidate overlaps an earlier arc."""
         explained = np.count_nonzero(self._explained[candidate.indices])
-        return explained > MAX_OVERLAP * len(candidate.indices)
+        return bool(explained > MAX_OVERLAP * len(candidate.indices))
 
 
 def identify_arcs(
@@ -245,7 +244,8 @@ def grow_arcs(seeds: Sequence[Seed]) -> list[GrownArc | None]:
     """
     all_arcs = list(map(_GrowingArc, seeds))
     arcs = [arc for arc in all_arcs if len(arc.inliers) >= MIN_POINTS]
-    arcs, parameters = _fit_seeds(arcs)
+    ellipses = [seed_ellipse(arc.seed.profile, arc.seed.candidate) for arc in arcs]
+    parameters = np.array([parameters_from_ellipse(ellipse) for ellipse in ellipses])
     for _ in range(MAX_ITERATIONS):
         if arcs:
             arcs, parameters = _grow_once(arcs, parameters)
@@ -253,17 +253,6 @@ def grow_arcs(seeds: Sequence[Seed]) -> list[GrownArc | None]:
     for arc, row in zip(arcs, parameters, strict=True):
         arc.finish(row)
     return [arc.grown for arc in all_arcs]
-
-
-def _fit_seeds(arcs: list[_GrowingArc]) -> tuple[list[_GrowingArc], FloatArray]:
-    """Return the arcs that have an ellipse, and its parameters (k, 5) after one refinement."""
-    if not arcs:
-        return arcs, np.empty((0, PARAMETERS))
-    ellipses = [seed_ellipse(arc.seed.profile, arc.seed.candidate) for arc in arcs]
-    parameters = np.array([parameters_from_ellipse(ellipse) for ellipse in ellipses])
-    points, valid = NoisyPoints.stack([arc.points[arc.inliers] for arc in arcs])
-    evaluated = ellipse_residuals(points, parameters)
-    return _drop_failed(arcs, gauss_newton_step(evaluated, parameters, valid))
 
 
 def _grow_once(
@@ -289,13 +278,7 @@ def _grow_once(
     if len(rows) < len(arcs):
         stacks = arcs, evaluated, parameters, members
         arcs, evaluated, parameters, members = select_rows(stacks, rows)
-    return _drop_failed(arcs, gauss_newton_step(evaluated, parameters, members))
-
-
-def _drop_failed(
-    arcs: list[_GrowingArc], parameters: FloatArray
-) -> tuple[list[_GrowingArc], FloatArray]:
-    """Return the arcs, and their parameters (k, 5), without those whose fit has failed (NaN)."""
+    parameters = gauss_newton_step(evaluated, parameters, members)
     fitted = ~np.isnan(parameters[:, 0])
     return (arcs, parameters) if fitted.all() else select_rows((arcs, parameters), fitted)
 
