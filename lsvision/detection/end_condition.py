@@ -1,9 +1,9 @@
 """End condition: the line of a cylinder does not continue tangentially beyond the ends of its arc.
 
 It ends where the surface turns away from the sensor, or bends abruptly where the next object
-begins. The lines of a bent sheet and of the rounded corner of a tube continue tangentially. A
-fillet, such as the foot of a weld bead, also begins tangentially, but is concave towards the
-sensor: it is accepted.
+begins. The lines of a bent sheet and of the rounded corner of a tube continue tangentially. The
+line of a weld may also begin tangentially, but it is concave towards the sensor at the foot of the
+bead, and more curved than the cylinder on the bead itself: it is accepted.
 """
 
 import cmath
@@ -25,9 +25,10 @@ DIRECTION_POINTS, DIRECTION_FRACTION = 6, 1 / 8
 """Number of points beyond an end from which the line's direction is measured: the larger of this
 number and this fraction of the arc's points. A line ends where there are fewer than this number, or
 than half of this fraction."""
-MIN_FILLET_POINTS, MAX_FILLET_POINTS = 6, 12
-"""Numbers of points beyond an end whose curvature is measured: that of fewer points is not
-significant, and a fillet is short."""
+CURVED_POINTS, MIN_CURVED_POINTS = 12, 6
+"""Number of points beyond an end whose curvature is measured: the larger of the first number and
+`DIRECTION_FRACTION` of the arc's points. The curvature of fewer than the second is not
+significant."""
 NEAR_POINTS = 12
 """Number of points of an arc, next to its end, from which its typical step and the direction in
 which it leads are determined."""
@@ -37,6 +38,9 @@ MIN_FILLET_CURVATURE = 1.0
 """Smallest ratio of the curvature of a fillet to that of the cylinder: it is 0.9 to 1.6 for the
 feet of weld beads, at most 0 beyond a rounded corner, and up to 1 in the valleys of a corrugated
 sheet."""
+MIN_BEAD_CURVATURE = 2.0
+"""Smallest ratio of the curvature of a weld bead, convex towards the sensor, to that of the
+cylinder: it is 2 to 8 for the beads beside a pipe, and at most 1 beyond a rounded corner."""
 
 
 def tangential_end_reason(
@@ -58,22 +62,18 @@ def tangential_end_reason(
     """
     count = max(DIRECTION_POINTS, int(DIRECTION_FRACTION * len(arc.indices)))
     min_count = max(DIRECTION_POINTS, count // 2)
-    covered = np.zeros(len(profile.points), dtype=bool)
-    covered[arc.indices] = covered[screened.indices] = True
-    mixed_points, longest = screened.mixed_points, covered.nonzero()[0]
+    longest, mixed_points = np.union1d(arc.indices, screened.indices), screened.mixed_points
     turns_deg = [
         math.degrees(_end_turn(inner, beyond[mixed_points:], arc.ellipse, min_count))
         for inner, beyond in _split_ends(profile, longest, count + mixed_points)
     ]
     if min(turns_deg) >= MIN_TURN_DEG:
         return None
-    curvature = MIN_FILLET_CURVATURE / screened.ellipse.radius
-    noise_std = profile.noise_std * screened.variance_factor**0.5
-    ends = zip(turns_deg, _split_ends(profile, screened.indices, MAX_FILLET_POINTS), strict=True)
+    welds = _find_welds(profile, longest, screened, max(CURVED_POINTS, count))
     tangential_deg = sorted(
         turn_deg
-        for turn_deg, (_, line) in ends
-        if turn_deg < MIN_TURN_DEG and not _is_fillet(line, curvature, noise_std)
+        for turn_deg, is_weld in zip(turns_deg, welds, strict=True)
+        if turn_deg < MIN_TURN_DEG and not is_weld
     )
     if not tangential_deg:
         return None
@@ -162,14 +162,35 @@ def _oriented(direction: complex, points: ComplexArray) -> complex:
     return direction if forwards else -direction
 
 
-def _is_fillet(line: ComplexArray, min_curvature: float, noise_std: float) -> bool:
-    """Return whether the line (n,) beyond an end is significantly concave towards the sensor.
+def _find_welds(
+    profile: PreparedProfile, longest: IntArray, screened: ScreenedArc, count: int
+) -> list[bool]:
+    """Return for each end whether the line beyond it is a fillet or a weld bead.
 
-    `min_curvature` (1/mm) is the smallest curvature of a fillet, `noise_std` (mm) the standard
-    deviation of a point.
+    The fillet is measured over `count` points beyond the screened arc, and the bead beyond the
+    `longest` arc, which may contain the fillet.
     """
-    if len(line) < MIN_FILLET_POINTS:
-        return False
+    radius, noise_std = screened.ellipse.radius, profile.noise_std * screened.variance_factor**0.5
+    foot_curvatures, bead_curvatures = (
+        [
+            _significant_curvature(beyond, noise_std)
+            for _, beyond in _split_ends(profile, indices, count)
+        ]
+        for indices in (screened.indices, longest)
+    )
+    return [
+        foot * radius > MIN_FILLET_CURVATURE or bead * radius < -MIN_BEAD_CURVATURE
+        for foot, bead in zip(foot_curvatures, bead_curvatures, strict=True)
+    ]
+
+
+def _significant_curvature(line: ComplexArray, noise_std: float) -> float:
+    """Return the curvature of a line (n,), positive if concave towards the sensor. Units: 1/mm.
+
+    0 if it is not significant. `noise_std` (mm) is the standard deviation of a point.
+    """
+    if len(line) < MIN_CURVED_POINTS:
+        return 0.0
     chord = complex(line[-1] - line[0])
     # Height above the chord, positive towards the sensor.
     in_chord_frame = (line - line[0]) * (chord.conjugate() / abs(chord))
@@ -178,5 +199,5 @@ def _is_fillet(line: ComplexArray, min_curvature: float, noise_std: float) -> bo
     residuals = height - np.polyval(parabola, x)
     dof = len(line) - len(parabola)
     scatter = max(noise_std, math.sqrt(float(residuals @ residuals) / dof))
-    curvature_std = 2 * scatter * math.sqrt(float(covariance[0, 0]))
-    return 2 * float(parabola[0]) > max(SIGNIFICANT_SIGMAS * curvature_std, min_curvature)
+    curvature, std = 2 * float(parabola[0]), 2 * scatter * math.sqrt(float(covariance[0, 0]))
+    return curvature if abs(curvature) > SIGNIFICANT_SIGMAS * std else 0.0

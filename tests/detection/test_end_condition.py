@@ -107,15 +107,16 @@ def test_fewer_than_six_points_beyond_are_nothing():
 def test_the_turn_of_a_short_arc_is_measured_over_six_points():
     """Of 41 points, an eighth is less."""
     short = {"half_deg": 40.0}
-    assert reason([-15] * 6 + [-49] * 9, KINK, **short) is not None
-    assert reason([40] * 4 + [10] * 2 + [-20] * 9, KINK, **short) is None
+    assert reason([-18] * 6 + [-28] * 9, KINK, **short) is not None
+    assert reason([-24] * 4 + [-10] * 2 + [-18] * 9, KINK, **short) is not None
+    assert reason([22] * 4 + [18] * 2 + [10] * 9, KINK, **short) is None
 
 
 def test_the_turn_of_a_long_arc_is_measured_over_an_eighth_of_its_points():
     """96 points, 12 beyond: not over fewer, nor over more."""
     long = {"half_deg": 47.5, "step_deg": 1.0}
     assert reason([-18] * 12 + [-42] * 12, KINK, **long) is not None
-    assert reason([30] * 8 + [-30] * 4, KINK, **long) is not None
+    assert reason([22] * 8 + [14] * 4, KINK, **long) is not None
     assert reason([30] * 8, KINK, **long) is None
 
 
@@ -154,6 +155,22 @@ def test_the_same_bent_the_other_way_is_a_corners():
     assert reason(-fillet(1 / CURVED, 20), KINK) is not None
 
 
+def test_a_bead_has_twice_the_curvature_of_the_cylinder_at_least():
+    """Beyond a foot that turns by 12 deg; the arc of a corner of half the radius is as curved."""
+    for ratio, is_rejected in ((1.5, True), (1.8, True), (2.2, False), (4.0, False)):
+        bead = 12 + 6 * STEP_DEG * ratio - fillet(1 / ratio, 12)
+        for first, second in ((bead, KINK), (KINK, bead)):
+            found = reason(first, second)
+            assert (found is not None) == is_rejected, (ratio, found)
+
+
+def test_a_bead_begins_beyond_the_longer_arc():
+    """Screening left out four points of the pipe, along which the line is less curved."""
+    bead = 15 - fillet(1 / 2.6, 12)
+    points, start, stop = sides(NOTHING, bead)
+    assert reason_of(points, start, stop, screened=(start, stop - 6)) is None
+
+
 def test_a_fillet_has_the_curvature_of_the_cylinder_at_least():
     for ratio, is_rejected in ((0.72, True), (0.9, True), (1.1, False), (1.3, False)):
         found = reason(fillet(1 / ratio, 20), KINK)
@@ -182,6 +199,14 @@ def test_the_curvature_of_a_fillet_is_that_of_its_first_twelve_points():
         noise = CURVED / 20 / sigmas / curvature_std(12, 0.985 * STEP, 1.0)
         assert (reason_of(points, start, stop, std=noise) is not None) == is_rejected
     assert reason_of(*sides(fillet(1 / CURVED, 5), [0] * 20)) is not None
+
+
+def test_the_curvature_beyond_a_long_arc_is_that_of_an_eighth_of_its_points():
+    """Of 241 points, 30: with 22 or with 12 it would not be significant."""
+    points, start, stop = sides(fillet(1 / CURVED, 80) / 4, KINK, step_deg=0.5)
+    for sigmas, is_rejected in ((2.8, True), (3.2, False)):
+        noise = CURVED / 20 / sigmas / curvature_std(30, 0.985 * STEP / 4, 1.0)
+        assert (reason_of(points, start, stop, std=noise) is not None) == is_rejected
 
 
 def test_the_scatter_of_a_line_hides_its_curvature_as_noise_does():
