@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lsvision.cli.measure_options import build_measure_function
+from lsvision.cli.measure_function import build_measure_function
 from lsvision.cli.messages import FAILED, print_error, print_notes
 from lsvision.cli.option_groups import expand_option_groups
 from lsvision.cli.profile_options import (

@@ -19,7 +19,7 @@ from lsvision.cli.hand_eye_command import (
 )
 from lsvision.cli.option_groups import command_group, expand_option_groups
 from lsvision.cli.profile_options import ReadingOptions
-from lsvision.cli.robot_poses import RobotOptions, parse_convention, parse_pose_file
+from lsvision.cli.robot_options import RobotOptions, parse_convention, parse_pose_file
 from lsvision.cli.target_options import TargetOptions
 from lsvision.files.printable import printable
 

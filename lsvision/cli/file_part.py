@@ -13,7 +13,6 @@ from lsvision.cli.image_sources import (
     holds_images,
     read_image_source,
 )
-from lsvision.cli.measure_options import range_warning
 from lsvision.cli.robot_frame import RobotFrame
 from lsvision.cli.sources import iterate_source, read_source
 
@@ -21,7 +20,11 @@ if TYPE_CHECKING:
     from lsvision.batch.measure_group import MeasureFunction
     from lsvision.geometry import Pose
     from lsvision.io.profiles import ProfileFile, ReadOptions
+    from lsvision.profile import Profile
     from lsvision.sensors.profile_sensor import ProfileSensor
+
+RANGE_WARNING_FACTOR = 3.0
+"""Factor beyond the limits of a sensor's range from which a warning is given."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,12 +146,42 @@ def _read_images(source: Path | LiveCamera, options: PartOptions) -> FilePart:
 def _header(options: PartOptions, file: "ProfileFile | ImageFile", first: int = 0) -> list[str]:
     """Return the lines above the results: a summary of the file or part, and notes."""
     valid = (profile for profile in file.profiles if profile.lost < len(profile))
-    warnings = filter(None, (range_warning(profile, options.sensor) for profile in valid))
+    warnings = filter(None, (_range_warning(profile, options.sensor) for profile in valid))
     notes = [*file.notes, *islice(warnings, 1)]  # the distance differs from profile to profile
     if options.verbose and not isinstance(file, ImageFile) and file.ignored:
         notes.append(f"columns not used: {', '.join(file.ignored)}")
     name = f"{file.path}, from profile {first} on" if first else str(file.path)
     return [f"{name}: {file.summary}", *(f"  note: {note}" for note in notes)]
+
+
+def _range_warning(profile: "Profile", sensor: "ProfileSensor | None") -> str | None:
+    """Return a warning if the profile lies far outside the range of the sensor; else None.
+
+    The noise grows with the distance from the sensor; it is wrong if heights are not measured from
+    the sensor, but from the middle of its range, for example.
+
+    Parameters
+    ----------
+    profile : Profile
+        Profile with at least one point.
+    sensor : ProfileSensor, optional
+        Sensor with its range; None gives no warning.
+    """
+    if sensor is None:
+        return None
+    import numpy as np
+
+    distance = float(np.nanmedian(np.hypot(*(profile.points - sensor.origin).T)))
+    if (
+        sensor.min_range / RANGE_WARNING_FACTOR
+        <= distance
+        <= sensor.max_range * RANGE_WARNING_FACTOR
+    ):
+        return None
+    return (
+        f"the points lie {distance:.3g} mm from the origin, the sensor measures at "
+        f"{sensor.min_range:g} to {sensor.max_range:g} mm: check that heights start at the sensor"
+    )
 
 
 def _select_profiles(file: "ProfileFile | ImageFile", indices: slice) -> "ProfileFile | ImageFile":

@@ -19,7 +19,8 @@ from lsvision.cli.hand_eye_boards import ReportData
 from lsvision.cli.messages import print_lines
 from lsvision.cli.outputs import check_outputs
 from lsvision.cli.profile_options import ReadingOptions
-from lsvision.cli.robot_poses import PoseFile, parse_convention
+from lsvision.cli.robot_options import parse_convention
+from lsvision.cli.robot_poses import PoseFile
 from lsvision.results.tables import text_table
 
 if TYPE_CHECKING:

@@ -165,7 +165,7 @@ class _Run:
 
         The keys of the job are checked like the options of ``lsvision scan``.
         """
-        from lsvision.cli.robot_poses import RobotOptions
+        from lsvision.cli.robot_options import RobotOptions
         from lsvision.cli.scan_poses import Robot, parse_motion, scan_poses
 
         rig, scan = self.job.rig, self.job.scan

@@ -19,7 +19,7 @@ from lsvision.cli.image_options import (
 )
 from lsvision.cli.image_sources import LiveCamera
 from lsvision.cli.measure_files import RunOptions, measure_sources
-from lsvision.cli.measure_options import build_measure_function
+from lsvision.cli.measure_function import build_measure_function
 from lsvision.cli.messages import FAILED, print_error
 from lsvision.cli.option_groups import expand_option_groups
 from lsvision.cli.outputs import STDOUT, Pictures, check_outputs, check_picture
@@ -34,8 +34,7 @@ from lsvision.cli.profile_options import (
     SensorOptions,
     Verbose,
 )
-from lsvision.cli.robot_frame import parse_robot_frame
-from lsvision.cli.robot_poses import RobotOptions
+from lsvision.cli.robot_options import RobotOptions, parse_robot_frame
 from lsvision.cli.sources import MEASURED_SUFFIXES, find_sources, suffixes_of_profiles
 from lsvision.errors import LsvisionError
 

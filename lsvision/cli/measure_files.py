@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 from lsvision.cli.file_part import FilePart, PartOptions, read_parts, read_whole
 from lsvision.cli.image_sources import ImageFile, LiveCamera, is_image
+from lsvision.cli.measure_task import MeasureTask, measure_task
 from lsvision.cli.messages import print_error, print_lines
 from lsvision.cli.outputs import Pictures
-from lsvision.cli.part_results import PartResult, error_text, measure_files, measure_parts
+from lsvision.cli.part_results import PartResult, error_text
 from lsvision.cli.progress import Progress
 from lsvision.files.file_kinds import is_regular
 
@@ -53,31 +54,6 @@ class RunOptions:
     results: "ResultFiles | None" = None
     jobs: int | None = 1
     table_to_stderr: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class _Task:
-    """Small files, a part of a larger one, or the error of reading it.
-
-    Parameters
-    ----------
-    first : int
-        Number of the first of the files, from 0.
-    sources : tuple of Path or LiveCamera
-        Small files, which are read in the task, or the larger file.
-    part : FilePart, optional
-        Part of the larger file.
-    profiles_read : int
-        Number of profiles of the larger file that are read so far.
-    error : str
-        Error of reading the larger file.
-    """
-
-    first: int
-    sources: tuple[Path | LiveCamera, ...]
-    part: FilePart | None = None
-    profiles_read: int = 0
-    error: str = ""
 
 
 def measure_sources(sources: Sequence[Path | LiveCamera], run: RunOptions) -> int:
@@ -129,7 +105,7 @@ def _results(
     """Yield the number of a file and a result, in the order of the files and their profiles."""
     from lsvision.batch.process_pool import EndedProcess, run_tasks
 
-    measure, jobs = partial(_measure, run.part), _count_jobs(sources, run)
+    measure, jobs = partial(measure_task, run.part), _count_jobs(sources, run)
     tasks = _tasks(sources, run, _read_with_poses(sources, run.part))
     progress.show(0, str(sources[0]) if sources else "")
     for task, results in run_tasks(measure, tasks, jobs, ordered=True):
@@ -139,7 +115,9 @@ def _results(
         elif len(task.sources) == 1:
             yield task.first, _crash_result(task.sources[0])
         else:  # measure each file in a task of its own, to find the one that ends its process
-            singles = (_Task(k, (source,)) for k, source in enumerate(task.sources, task.first))
+            singles = (
+                MeasureTask(k, (source,)) for k, source in enumerate(task.sources, task.first)
+            )
             for single, single_results in run_tasks(measure, singles, jobs, ordered=True):
                 if isinstance(single_results, EndedProcess):
                     yield single.first, _crash_result(single.sources[0])
@@ -153,7 +131,7 @@ def _crash_result(source: Path | LiveCamera) -> PartResult:
     return PartResult(errors=[message])
 
 
-def _show_progress(progress: Progress, task: _Task) -> None:
+def _show_progress(progress: Progress, task: MeasureTask) -> None:
     """Show how many files are done, and how many profiles of a larger one."""
     name = str(task.sources[-1])
     if task.part is None:
@@ -185,15 +163,6 @@ def _size_bytes(source: Path | LiveCamera) -> int:
     return source.stat().st_size
 
 
-def _measure(options: PartOptions, task: _Task) -> list[PartResult]:
-    """Return the results of a task: one for each small file, or one for the part or the error."""
-    if task.error:
-        return [PartResult(errors=[task.error])]
-    if task.part is not None:
-        return measure_parts(options, [task.part])
-    return measure_files(options, [Path(str(source)) for source in task.sources])
-
-
 def _read_with_poses(
     sources: Sequence[Path | LiveCamera], options: PartOptions
 ) -> dict[int, FilePart]:
@@ -213,7 +182,7 @@ def _read_with_poses(
 
 def _tasks(
     sources: Sequence[Path | LiveCamera], run: RunOptions, read_files: dict[int, FilePart]
-) -> Iterator[_Task]:
+) -> Iterator[MeasureTask]:
     """Yield tasks: several small files each, or parts of a larger file.
 
     `read_files` holds the files that are read already, from `_read_with_poses`: all or none.
@@ -225,7 +194,7 @@ def _tasks(
                 yield from _tasks_of_file(number, sources[number], run, read_files)
         else:
             while files := list(islice(group, TASK_SIZE)):
-                yield _Task(files[0], tuple(sources[number] for number in files))
+                yield MeasureTask(files[0], tuple(sources[number] for number in files))
 
 
 def _is_small(source: Path | LiveCamera, run: RunOptions) -> bool:
@@ -237,7 +206,7 @@ def _is_small(source: Path | LiveCamera, run: RunOptions) -> bool:
 
 def _tasks_of_file(
     number: int, source: Path | LiveCamera, run: RunOptions, read_files: dict[int, FilePart]
-) -> Iterator[_Task]:
+) -> Iterator[MeasureTask]:
     """Yield the tasks of the parts of a file, or one with the error of reading it."""
     try:
         for file_part in [read_files[number]] if read_files else read_parts(source, run.part):
@@ -245,9 +214,9 @@ def _tasks_of_file(
             profiles_read = part.first + len(part)
             task_size = 1 if isinstance(part.file, ImageFile) else TASK_SIZE
             for task_part in part.slices(task_size):
-                yield _Task(number, (source,), task_part, profiles_read)
+                yield MeasureTask(number, (source,), task_part, profiles_read)
     except Exception as error:  # noqa: BLE001 - a bug in one file must not stop the run
-        yield _Task(number, (source,), error=error_text(source, error, run.part))
+        yield MeasureTask(number, (source,), error=error_text(source, error, run.part))
 
 
 def _with_pictures(part: FilePart, pictures: Pictures | None) -> FilePart:

@@ -8,8 +8,6 @@ import traceback
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-import typer
-
 from lsvision.files.printable import printable
 
 FAILED = 1
@@ -20,7 +18,7 @@ def print_error(message: str, *, debug: bool = False) -> None:
     """Write one printable line on stderr; with `debug` after the traceback of the current error."""
     if debug and sys.exc_info()[0] is not None:
         traceback.print_exc(file=sys.stderr)
-    typer.echo(f"lsvision: {printable(' '.join(message.split()))}", err=True)
+    print_lines([f"lsvision: {' '.join(message.split())}"], err=True)
 
 
 def end_on_failures(failures: Sequence[Exception]) -> None:
@@ -28,12 +26,16 @@ def end_on_failures(failures: Sequence[Exception]) -> None:
     for failure in failures:
         print_error(str(failure))
     if failures:
+        import typer
+
         raise typer.Exit(FAILED)
 
 
 def print_lines(lines: Iterable[str], *, err: bool = False) -> None:
     """Write lines on stdout, or on stderr, with non-printable characters escaped."""
-    typer.echo("\n".join(printable(line) for line in lines), err=err)
+    stream = sys.stderr if err else sys.stdout
+    stream.write("".join(f"{printable(line)}\n" for line in lines))
+    stream.flush()
 
 
 def print_notes(names_by_note: Mapping[str, Sequence[object]]) -> None:

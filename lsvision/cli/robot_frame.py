@@ -4,13 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from lsvision.cli.robot_poses import (
-    PoseFile,
-    RobotOptions,
-    format_uncertainty_caption,
-    parse_pose_file,
-    read_calibration,
-)
+from lsvision.cli.robot_poses import PoseFile, format_uncertainty_caption
 
 if TYPE_CHECKING:
     from lsvision.calibration.hand_eye_result import HandEye
@@ -51,23 +45,6 @@ class RobotFrame:
 
         mount = Pose() if self.calibration is None else self.calibration
         return [place_section(section, mount, flange) for section in sections]
-
-
-def parse_robot_frame(robot: RobotOptions) -> RobotFrame | None:
-    """Return the transformation that the options describe; None without any.
-
-    Raises
-    ------
-    typer.BadParameter
-        If only one of poses and convention is given, or the convention is unknown.
-    LsvisionError
-        If the hand-eye file cannot be used.
-    """
-    pose_file, hand_eye = parse_pose_file(robot), robot.flange_from_section
-    if pose_file is None and hand_eye is None:
-        return None
-    calibration = None if hand_eye is None else read_calibration(hand_eye)
-    return RobotFrame(calibration=calibration, pose_file=pose_file)
 
 
 def robot_frame_table(placed: "Sequence[tuple[PlacedCylinder, PlacedCylinder]]") -> list[str]:

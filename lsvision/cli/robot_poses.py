@@ -1,52 +1,15 @@
-"""Options for a sensor on a robot: the file of flange poses, and the hand-eye file."""
+"""The poses of a robot's flange, and the pose of the sensor on it, as files state them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from lsvision.errors import LsvisionError, UnreadableFile
 
 if TYPE_CHECKING:
     from lsvision.calibration.hand_eye_result import HandEye
     from lsvision.geometry import Pose
-
-
-@dataclass(frozen=True, kw_only=True)
-class RobotOptions:
-    """Options for the poses of a robot's flange, and for the pose of the sensor on the flange.
-
-    Without the latter the poses are those of the section frame.
-    """
-
-    poses: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="F", help="File of the flange's poses in the base frame, one per profile."
-        ),
-    ] = None
-    convention: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="Convention of --poses, never guessed: ur, kuka, fanuc, abb, ros, matrix, ...",
-        ),
-    ] = None
-    flange_from_section: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="F",
-            help="Hand-eye file: the sensor's pose on the flange, and its errors, which are "
-            "propagated; without it, --poses are the poses of the section frame itself.",
-        ),
-    ] = None
-
-    @property
-    def files(self) -> list[Path]:
-        """Paths given by the options, for the check that no output overwrites an input."""
-        return [file for file in (self.poses, self.flange_from_section) if file is not None]
 
 
 @dataclass(frozen=True)
@@ -92,48 +55,6 @@ class PoseFile:
                 f"{item} without a pose"
             )
         return flange_poses
-
-
-def parse_pose_file(robot: RobotOptions) -> PoseFile | None:
-    """Return the pose file that ``--poses`` and ``--convention`` state; None if both are missing.
-
-    Raises
-    ------
-    typer.BadParameter
-        If only one of the two is given, or the convention is unknown.
-    """
-    if robot.poses is not None:
-        return PoseFile(robot.poses, parse_convention(robot.convention))
-    if robot.convention is not None:
-        raise typer.BadParameter(
-            "expected --poses with --convention, got none: give the file of poses"
-        )
-    return None
-
-
-def parse_convention(name: str | None, option: str = "--convention") -> str:
-    """Return the name of a pose convention, after the check that it is known.
-
-    Parameters
-    ----------
-    name : str, optional
-        Value of the option; None if it was not given.
-    option : str
-        Name of the command-line option, for the error message.
-
-    Raises
-    ------
-    typer.BadParameter
-        If the name is unknown or missing.
-    """
-    from lsvision.io.robot_conventions import CONVENTIONS
-
-    if name not in CONVENTIONS:
-        raise typer.BadParameter(
-            f"expected {option} {', '.join(CONVENTIONS)}, got {name or 'none'}: the same "
-            "numbers denote a different pose in each convention"
-        )
-    return name
 
 
 def read_calibration(path: Path) -> "HandEye":

@@ -21,7 +21,7 @@ from lsvision.cli.profile_options import (
     Verbose,
 )
 from lsvision.cli.progress import Progress
-from lsvision.cli.robot_poses import RobotOptions
+from lsvision.cli.robot_options import RobotOptions
 from lsvision.cli.scan_poses import (
     Encoder,
     Robot,

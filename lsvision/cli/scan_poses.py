@@ -6,13 +6,8 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from lsvision.cli.robot_poses import (
-    PoseFile,
-    RobotOptions,
-    format_uncertainty_caption,
-    parse_pose_file,
-    read_calibration,
-)
+from lsvision.cli.robot_options import RobotOptions, parse_pose_file
+from lsvision.cli.robot_poses import PoseFile, format_uncertainty_caption, read_calibration
 
 if TYPE_CHECKING:
     from lsvision.calibration.hand_eye_result import HandEye

@@ -1,14 +1,20 @@
 """The frame: help, version, and what a failure looks like from the shell."""
 
 import os
+import pickle
 import re
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 import lsvision
+from lsvision.cli.file_part import PartOptions
+from lsvision.cli.measure_function import build_measure_function
+from lsvision.cli.measure_task import MeasureTask, measure_task
+from lsvision.cli.robot_frame import RobotFrame
 
 REPOSITORY = Path(__file__).parents[2]
 HEAVY = ("numpy", "scipy", "cv2", "matplotlib", "skimage")
@@ -76,6 +82,26 @@ def test_the_process_that_only_hands_out_files_does_not_import_what_measures_the
     result = shell(code=code)
     assert result.stdout.count("radius mm") == 2
     assert result.stdout.splitlines()[-1] == "[]"
+
+
+def test_a_process_that_measures_does_not_import_the_command_line():
+    """Which takes 50 ms, in each process that `lsvision measure` and `lsvision batch` start."""
+    code = (
+        "import pickle, sys\n"
+        "from pathlib import Path\n"
+        "measure, task = pickle.loads(sys.stdin.buffer.read())\n"
+        "print(len(measure(task)[0].records[0]['cylinders']))\n"
+        "print([m for m in ('typer', 'rich', 'click', 'pydantic') if m in sys.modules])"
+    )
+    placing = RobotFrame(calibration=None, pose_file=None)
+    options = PartOptions(measuring=build_measure_function("10:40"), placing=placing)
+    task = MeasureTask(0, (Path("fixtures/welded_pair.csv"),))
+    pickled = pickle.dumps((partial(measure_task, options), task))
+    done = subprocess.run(
+        [sys.executable, "-c", code], input=pickled, capture_output=True, cwd=REPOSITORY,
+        timeout=60, check=False,
+    )  # fmt: skip
+    assert (done.stdout, done.stderr) == (b"2\n[]\n", b"")
 
 
 def test_a_process_that_imports_the_script_does_not_import_the_command_line():

@@ -1,0 +1,79 @@
+"""The function that measures profiles with the options of a command, in any process."""
+
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from lsvision.measure import Measurement
+    from lsvision.profile import Profile
+    from lsvision.sensors.profile_sensor import ProfileSensor
+
+
+def build_measure_function(
+    radius: str | None = None,
+    known_radius: str | None = None,
+    known_phi_deg: str | None = None,
+    sensor: "ProfileSensor | None" = None,
+    *,
+    paper: bool = False,
+) -> "partial[list[Measurement]]":
+    """Return a function that measures profiles with the values of the options.
+
+    Parameters
+    ----------
+    radius : str, optional
+        Search range, ``10:40``, or nominal radius, ``19``. Units: mm.
+    known_radius : str, optional
+        Known radius, ``19``, or with its std, ``19:0.05``. Units: mm.
+    known_phi_deg : str, optional
+        Known tilt, ``0``, or with its std, ``0:2``. Units: deg.
+    sensor : ProfileSensor, optional
+        Noise of the points.
+    paper : bool
+        Whether to measure by the paper's pipeline as published, which has no priors and no noise
+        model: of the options only the search range has an effect, or, without one, that about the
+        known radius.
+
+    Raises
+    ------
+    typer.BadParameter
+        If a radius is not a number, not positive, or the range is reversed; or if a tilt is not in
+        [0, 90) deg.
+    """
+    # Imports typer, which the processes that run the function do not need.
+    from lsvision.cli.measure_options import parse_known_phi, parse_known_radius, parse_search_range
+
+    search_range, known = parse_search_range(radius), parse_known_radius(known_radius)
+    known_phi = parse_known_phi(known_phi_deg)
+    if paper:
+        return partial(_measure_profiles_paper, radius=search_range, known_radius=known)
+    return partial(
+        _measure_profiles,
+        radius=search_range,
+        known_radius=known,
+        known_phi=known_phi,
+        sensor=sensor,
+    )
+
+
+def _measure_profiles(profiles: "Sequence[Profile]", **options: Any) -> "list[Measurement]":
+    """Measure profiles; the packages for that are imported by the processes that measure."""
+    from lsvision.measure import measure_profiles
+
+    return measure_profiles(profiles, **options)
+
+
+def _measure_profiles_paper(
+    profiles: "Sequence[Profile]",
+    radius: float | tuple[float, float] | None,
+    known_radius: float | tuple[float, float] | None,
+) -> "list[Measurement]":
+    """Measure profiles by the paper's pipeline, one by one."""
+    from lsvision.studies.chen_liu_2016 import measure_cylinders_paper
+
+    return [
+        measure_cylinders_paper(profile, radius=radius, known_radius=known_radius)
+        for profile in profiles
+    ]
