@@ -72,7 +72,12 @@ def parse_line_settings(laser: str, method: str, bayer: str | None = None) -> "L
 
 
 def parse_imaging(
-    light_section: Path | None, line: "LineSettings", laser_off: Path | None, **other_options: Any
+    light_section: Path | None,
+    laser: str,
+    method: str = "derivative",
+    bayer: str | None = None,
+    laser_off: Path | None = None,
+    **other_options: Any,
 ) -> ImagingOptions | None:
     """Return the options for converting images to profiles; None without a rig.
 
@@ -80,8 +85,8 @@ def parse_imaging(
     ----------
     light_section : Path, optional
         Rig file.
-    line : LineSettings
-        Settings of the line extraction.
+    laser, method, bayer : str
+        Colour of the laser, sub-pixel method and pattern of a raw image; see `LineSettings`.
     laser_off : Path, optional
         File of the frame without the laser.
     **other_options
@@ -92,26 +97,31 @@ def parse_imaging(
     LsvisionError
         If the rig or the laser-off frame cannot be used; the message states the file.
     typer.BadParameter
-        If an option of images is given without a rig.
+        If an option of images is given without a rig, or its value is unknown.
     """
     if light_section is None:
-        _reject_image_options(line, laser_off, other_options)
+        _reject_image_options(laser, method, bayer, laser_off, other_options)
         return None
     from lsvision.sensors.light_section import LightSection
 
+    line = parse_line_settings(laser, method, bayer)
     rig = LightSection.load(light_section)
     laser_off_image = read_laser_off(laser_off, rig.camera.size)
     return ImagingOptions(light_section=rig, line=line, laser_off=laser_off_image, **other_options)
 
 
 def _reject_image_options(
-    line: "LineSettings", laser_off: Path | None, other_options: Mapping[str, Any]
+    laser: str,
+    method: str,
+    bayer: str | None,
+    laser_off: Path | None,
+    other_options: Mapping[str, Any],
 ) -> None:
     """Raise an error for options of images without a rig: they would have no effect."""
     is_given = {
-        "--laser": line.channel != "grey",
-        "--bayer": line.bayer,
-        "--method": line.method != "derivative",
+        "--laser": laser != "grey",
+        "--bayer": bayer,
+        "--method": method != "derivative",
         "--laser-off": laser_off,
         "--surface-std": other_options.get("surface_std"),
         "--frames": other_options.get("frames"),

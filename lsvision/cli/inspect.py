@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lsvision.cli.image_options import parse_imaging, parse_line_settings
+from lsvision.cli.image_options import parse_imaging
 from lsvision.cli.image_sources import JOB, holds_images, read_image_source
 from lsvision.cli.messages import FAILED, print_error, print_lines
 from lsvision.cli.option_groups import expand_option_groups
@@ -133,7 +133,7 @@ class _Run:
         self.calibration = check_calibration_files(job, path)
         self.failures = 0
         rig = None if job.rig.light_section is None else self.folder / job.rig.light_section
-        self.imaging = parse_imaging(rig, parse_line_settings(job.rig.laser, "derivative"), None)
+        self.imaging = parse_imaging(rig, job.rig.laser)
 
     def measure(
         self, name: str, sources: Sequence[Path]

@@ -15,7 +15,6 @@ from lsvision.cli.image_options import (
     LightSectionFile,
     Method,
     parse_imaging,
-    parse_line_settings,
 )
 from lsvision.cli.image_sources import LiveCamera
 from lsvision.cli.measure_files import RunOptions, measure_sources
@@ -123,7 +122,6 @@ def measure(
     noise = sensor.parse()
     measuring = build_measure_function(radius, known_radius, known_phi_deg, noise, paper=paper)
     options = reading.parse()
-    line = parse_line_settings(laser, method, bayer)
     suffixes = suffixes_of_profiles(reading.dx) if light_section is None else MEASURED_SUFFIXES
     paths, missing = find_sources(files or (), suffixes)
     inputs = [*paths, *robot.files, *filter(None, (light_section, laser_off))]
@@ -137,7 +135,7 @@ def measure(
         sensor=noise,
         reading=options,
         imaging=parse_imaging(
-            light_section, line, laser_off,
+            light_section, laser, method, bayer, laser_off,
             surface_std=surface_std, frames=frames, keep_images=plot is not None,
         ),
         placing=placing,

@@ -95,20 +95,22 @@ class SensorOptions:
             raise typer.BadParameter("expected --sensor or --range-std, got both")
         if self.reference_range is not None and self.range_std is None:
             raise typer.BadParameter("expected --range-std with --reference-range, got none")
-        from lsvision.sensors.profile_sensor import ProfileSensor, find_sensor
-
-        reference = self.reference_range
         try:
             if self.sensor is not None:
+                from lsvision.sensors.profile_sensor import find_sensor
+
                 return find_sensor(self.sensor)
-            if self.range_std is None:
-                return None
-            return ProfileSensor(
-                range_std=self.range_std,
-                reference_range=DEFAULT_REFERENCE_MM if reference is None else reference,
-            )
+            if self.range_std is not None:
+                from lsvision.sensors.profile_sensor import ProfileSensor
+
+                reference = self.reference_range
+                return ProfileSensor(
+                    range_std=self.range_std,
+                    reference_range=DEFAULT_REFERENCE_MM if reference is None else reference,
+                )
         except ValueError as error:
             raise typer.BadParameter(str(error)) from None
+        return None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -191,6 +193,8 @@ class ReadingOptions:
         typer.BadParameter
             For a value that `ReadSettings` rejects.
         """
+        if self == ReadingOptions():
+            return {}  # without importing numpy and the readers
         from lsvision.io.profiles import ReadOptions, ReadSettings
 
         options = ReadOptions(

@@ -6,7 +6,6 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TextIO
 
-from lsvision.cylinder.robot_frame import PLACED_COVARIANCE_ORDER
 from lsvision.ellipse.section_table import SECTION_COLUMNS, section_row
 from lsvision.files.printable import printable_cell, printable_name
 from lsvision.results.quantities import Record, coordinate_columns, finite_or_none
@@ -204,6 +203,8 @@ class CsvFormat:
 
 def _placed_record(twins: "tuple[PlacedCylinder, PlacedCylinder]") -> Record:
     """Return the record of a cylinder in the robot's frame, with both possible directions."""
+    from lsvision.cylinder.robot_frame import PLACED_COVARIANCE_ORDER
+
     first, _ = twins
     return {
         "point_mm": first.point.tolist(),

@@ -1,12 +1,9 @@
 """Numbers of a result in the units of output, each with its uncertainty."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
-
-import numpy as np
-import numpy.typing as npt
 
 from lsvision.results.number_format import decimals_for, format_value
 
@@ -139,9 +136,9 @@ def finite_or_none(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def json_numbers(values: npt.ArrayLike) -> list[float | None]:
+def json_numbers(values: Iterable[float]) -> list[float | None]:
     """Return numbers as a list for JSON: None for infinite values and NaN."""
-    return [finite_or_none(float(value)) for value in np.asarray(values)]
+    return [finite_or_none(float(value)) for value in values]
 
 
 def flat_row(record: Record, quantities: Sequence[Quantity] = ()) -> Record:

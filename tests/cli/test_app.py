@@ -70,14 +70,15 @@ def test_measure_imports_only_what_it_needs():
     assert result.stdout.splitlines()[-1] == "[]"
 
 
-def test_the_process_that_only_hands_out_files_does_not_import_what_measures_them():
+def test_the_process_that_only_hands_out_files_imports_nothing_that_measures_them(tmp_path):
+    outputs = ["--csv", str(tmp_path / "o.csv"), "--json", str(tmp_path / "o.json")]
     code = (
         "import sys; from lsvision.cli.app import app\n"
         "files = ['fixtures/welded_pair.csv', 'fixtures/single.csv']\n"
         "if __name__ == '__main__':\n"
-        "    try: app(['measure', *files, '--jobs', '2'])\n"
+        f"    try: app(['measure', *files, '--jobs', '2', *{outputs}])\n"
         "    except SystemExit:\n"
-        "        print([m for m in ('lsvision.measure', 'lsvision.detection') if m in sys.modules])"
+        f"        print([m for m in (*{HEAVY}, 'lsvision.measure') if m in sys.modules])"
     )
     result = shell(code=code)
     assert result.stdout.count("radius mm") == 2

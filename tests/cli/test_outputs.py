@@ -305,13 +305,13 @@ def test_any_number_of_processes_prints_and_writes_the_same(run, written, pipe, 
     paths[2].write_text("no numbers\n")
     np.save(tmp_path / "in/many.npy", np.stack([pipe, np.full_like(pipe, np.nan)] * 10))
     found = []
-    for jobs in (1, 2):
+    for jobs in (1, 2, 3):
         outputs = tmp_path / f"{jobs}.json", tmp_path / f"{jobs}.csv"
         words = ("--json", outputs[0], "--csv", outputs[1], "--jobs", jobs, "-v")
         result = run("measure", tmp_path / "in", *words)
         assert result.exit_code == FAILED
         found.append([result.stdout, result.stderr, *(path.read_bytes() for path in outputs)])
-    assert found[0] == found[1]
+    assert found[0] == found[1] == found[2]
     assert b'"source": ' in found[0][2]
     alone = run("measure", tmp_path / "in/many.npy", "--jobs", 2)
     assert alone.stdout == run("measure", tmp_path / "in/many.npy").stdout
