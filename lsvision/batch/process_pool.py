@@ -268,7 +268,7 @@ def _terminate(worker: _Worker[Any]) -> None:
 def _run_worker(function: Callable[[Any], Any], connection: "Connection[Any, Any]") -> None:
     """Run received tasks, until the parent process closes the connection or ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent process handles interrupts
-    tasks: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    tasks: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     threading.Thread(target=_receive_tasks, args=(connection, tasks), daemon=True).start()
     import cv2
 
@@ -276,7 +276,7 @@ def _run_worker(function: Callable[[Any], Any], connection: "Connection[Any, Any
     while True:
         task = tasks.get()
         try:
-            value = function(task)
+            value = function(ForkingPickler.loads(task))
         except Exception as exception:  # noqa: BLE001 - raised in the parent process
             exception.add_note("".join(traceback.format_exception(exception)))
             value = _TaskFailure(exception)
@@ -292,10 +292,10 @@ def _pickle_result(value: Any) -> bytes:
         return bytes(ForkingPickler.dumps(_TaskFailure(reason)))
 
 
-def _receive_tasks(connection: "Connection[Any, Any]", tasks: "queue.SimpleQueue[Any]") -> None:
+def _receive_tasks(connection: "Connection[Any, Any]", tasks: "queue.SimpleQueue[bytes]") -> None:
     """Receive tasks while another one runs, so that sending never blocks the parent process."""
     try:
         while True:
-            tasks.put(connection.recv())
+            tasks.put(connection.recv_bytes())
     except (EOFError, OSError):  # the parent process has ended
         os._exit(1)

@@ -47,6 +47,13 @@ def blocks_interrupts(_):
     return signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ())
 
 
+class FailsOnArrival:
+    """A task that can be pickled, but raises an exception when the process receives it."""
+
+    def __reduce__(self):
+        return fails, (0,)
+
+
 def fails(number):
     raise ValueError(f"task {number}")
 

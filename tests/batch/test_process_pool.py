@@ -18,6 +18,7 @@ from lsvision.batch.process_pool import (
     run_tasks,
 )
 from tests.batch.tasks import (
+    FailsOnArrival,
     ends_its_process,
     fails,
     large,
@@ -116,6 +117,11 @@ def test_large_tasks_and_large_results_do_not_block_each_other():
 def test_a_result_that_cannot_be_pickled_is_named():
     with pytest.raises(RuntimeError, match="the result of a task cannot be pickled"):
         list(run_tasks(local_function, range(3), 2, ordered=True))
+
+
+def test_a_task_that_cannot_be_received_is_an_exception_of_the_task():
+    with pytest.raises(ValueError, match="task 0"):
+        list(run_tasks(square, [FailsOnArrival()] * 2, 2, ordered=True))
 
 
 def test_an_exception_of_a_task_says_where_it_was_raised():
