@@ -13,6 +13,7 @@ import numpy as np
 from lsvision.geometry import FloatArray
 from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints
 from lsvision.statistics.correlation import (
+    FIT_PARAMETERS,
     UNCORRELATED,
     Correlation,
     estimate_correlation,
@@ -69,7 +70,7 @@ def estimate_arc_noise(normalised: FloatArray, min_variance_factor: float) -> Ar
         return ArcNoise(factor, 1.0, 1.0, smoothed=False)
     limit = SIGNIFICANT_SIGMAS * scale
     clipped = np.minimum(np.maximum(normalised, -limit), limit)
-    time, smoothed = neighbour_correlation(clipped)
+    time, smoothed = neighbour_correlation(clipped, FIT_PARAMETERS)
     if not smoothed:
         return ArcNoise(factor, time, time, smoothed=False)
     low_frequency_time = estimate_correlation(clipped).autocorrelation_time

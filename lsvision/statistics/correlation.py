@@ -43,9 +43,11 @@ data are far too wide; with a ratio of 1, the interval of phi does not contain t
 ten real spheres, whose sections are circles."""
 MIN_POINTS = 8
 """Number of points below which no correlation is estimated."""
-LAG1_SIGMAS = 3.5
-"""Standard errors by which the correlation of neighbours must exceed zero to show a sensor that
-smooths along the line: exceeded by chance in one of 4000 arcs."""
+FIT_PARAMETERS = 5
+"""Number of parameters of the fit of an ellipse."""
+LAG1_SIGMAS = 3.0
+"""Standard errors by which the correlation of neighbours must exceed that of uncorrelated errors to
+show a sensor that smooths along the line: exceeded by chance in one of 1000 arcs."""
 LAG_SIGMAS = 2.0
 """Standard errors above which the correlation at a lag counts in the autocorrelation time."""
 
@@ -93,7 +95,7 @@ def estimate_correlation(normalised: FloatArray) -> Correlation:
         Below 34 points (`MIN_SPECTRUM_POINTS`) from `neighbour_correlation` alone, with the same
         degrees of freedom if neighbours are correlated.
     """
-    time, neighbours = neighbour_correlation(normalised)
+    time, neighbours = neighbour_correlation(normalised, FIT_PARAMETERS)
     if len(normalised) < MIN_SPECTRUM_POINTS:
         dof = LOW_FREQUENCY_DOF if neighbours else math.inf
         return Correlation(time, dof, neighbours)
@@ -133,13 +135,15 @@ def _cosines(count: int) -> FloatArray:
     return np.cos(np.outer(frequencies, np.arange(0.5, count)) * (math.pi / count))
 
 
-def neighbour_correlation(normalised: FloatArray) -> tuple[float, bool]:
+def neighbour_correlation(normalised: FloatArray, parameters: int) -> tuple[float, bool]:
     """Return the autocorrelation time, and whether neighbours are significantly correlated.
 
     Parameters
     ----------
     normalised : (n,) ndarray
         Residuals over their standard deviations, in order along the line.
+    parameters : int
+        Number of parameters of the fit.
 
     Returns
     -------
@@ -147,22 +151,22 @@ def neighbour_correlation(normalised: FloatArray) -> tuple[float, bool]:
         Number of points per effective point, 1 + 2 sum_k (1 - k / n) rho_k over the first lags
         whose autocorrelation rho_k exceeds 2 / sqrt(n); 1 for uncorrelated errors.
     correlated : bool
-        rho_1 exceeds 3.5 / sqrt(n): the sensor smooths along the line. Never below 8 points.
+        rho_1 exceeds -parameters / n, its mean for uncorrelated errors, by 3 / sqrt(n): the sensor
+        smooths along the line. Never below 8 points.
     """
     n = len(normalised)
     if n < MIN_POINTS:
         return 1.0, False
     centred = normalised - normalised.sum() / n
     scale = math.sqrt(n) / max(float(centred @ centred), TINY)
-    time, correlated = 1.0, False
+    smallest, time = LAG1_SIGMAS - parameters / math.sqrt(n), 1.0
     for lag in range(1, n // 2):
         sigmas = scale * float(centred[lag:] @ centred[:-lag])
-        if lag == 1:
-            correlated = sigmas > LAG1_SIGMAS
-        if sigmas < LAG_SIGMAS:
+        if sigmas < smallest:
             break
         time += 2 * (1 - lag / n) * sigmas / math.sqrt(n)
-    return time, correlated
+        smallest = LAG_SIGMAS
+    return time, time > 1
 
 
 def autocorrelation_time(normalised: FloatArray) -> float:
@@ -172,7 +176,7 @@ def autocorrelation_time(normalised: FloatArray) -> float:
     (7.7 instead of 10.0 for 400 points and 3 parameters), where `debiased_autocorrelation_time`
     gives 9.8. The latter is less precise: there its standard deviation is twice as large.
     """
-    return neighbour_correlation(normalised)[0]
+    return neighbour_correlation(normalised, 0)[0]
 
 
 def debiased_autocorrelation_time(residuals: FloatArray, parameters: int) -> float:
