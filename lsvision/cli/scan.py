@@ -202,10 +202,10 @@ def _measure_all(
 def _measure_shapes(scan_result: "ScanMeasurement") -> "list[TubeShape | None]":
     """Return bow, taper and ovality of each cylinder; None where it has too few sections."""
     from lsvision.scan import measure_shape
-    from lsvision.scan.shape import MIN_SECTIONS
+    from lsvision.scan.shape import MIN_POSITIONS, count_positions
 
     return [
-        measure_shape(tube) if len(tube.sections) >= MIN_SECTIONS else None
+        measure_shape(tube) if count_positions(tube) >= MIN_POSITIONS else None
         for tube in scan_result.cylinders
     ]
 

@@ -10,6 +10,8 @@ from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import BoolArray, FloatArray, IntArray, Points, Pose
 from lsvision.profile import NoiseModel, Profile
 
+MIN_POINTS = 6
+"""Profiles with fewer points are skipped: too few for an ellipse."""
 COPLANAR_MM, COPLANAR_RAD = 1e-6, 1e-9
 """Differences of position and orientation below which two laser planes count as the same."""
 
@@ -83,10 +85,17 @@ class ScanCloud:
         return self.subset(np.flatnonzero(~contained))
 
 
+def has_enough_points(profile: Profile) -> bool:
+    """Return whether a profile has `MIN_POINTS` or more points that are not lost."""
+    return len(profile) - profile.lost >= MIN_POINTS
+
+
 def build_cloud(
     profiles: Sequence[Profile], base_from_sections: Sequence[Pose], sensor: NoiseModel | None
 ) -> ScanCloud:
-    """Return the points of all profiles in the base frame, with their covariances.
+    """Return the points of the profiles in the base frame, with their covariances.
+
+    Profiles without enough points contribute none.
 
     Parameters
     ----------
@@ -102,7 +111,8 @@ def build_cloud(
     section_arrays = []
     for section, (profile, pose) in enumerate(zip(profiles, base_from_sections, strict=True)):
         prepared = prepare_profile(profile, (sensor or profile.noise) if noise_known else None)
-        axes, valid = pose.rotation[:, :2], prepared.valid_indices
+        axes = pose.rotation[:, :2]
+        valid = prepared.valid_indices if has_enough_points(profile) else np.zeros(0, np.int64)
         covariances = axes @ prepared.noisy_points[valid].covariances @ axes.T
         points, columns = pose.apply(prepared.points[valid]), prepared.sensor_columns[valid]
         section_arrays.append((points, covariances, np.full(len(valid), section), columns))

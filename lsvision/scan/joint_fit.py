@@ -325,7 +325,11 @@ def _rejection_reason(joint_fit: JointFit, settings: JointFitSettings) -> str | 
             f"{settings.max_normalised_rms:.1f}"
         )
     if fit.radius_std > settings.max_relative_radius_std * fit.radius:
-        return f"radius {fit.radius:.3g} mm with a standard uncertainty of {fit.radius_std:.2g} mm"
+        limit = settings.max_relative_radius_std * fit.radius
+        return (
+            f"radius {fit.radius:.3g} mm with a standard uncertainty of {fit.radius_std:.2g} mm, "
+            f"limit {limit:.2g} mm"
+        )
     return None
 
 

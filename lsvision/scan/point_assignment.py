@@ -47,7 +47,7 @@ class PointAssignmentSettings:
         of the sensor diverge.
     end_sigmas : float
         Points at the ends of the arcs are trimmed while their mean residual over all arcs
-        exceeds this many standard deviations of the mean: a weld or a plate that touches the
+        exceeds this many predicted standard deviations of the mean: a weld or a plate that touches the
         tube leaves its surface gradually.
     max_trimmed_points : int
         Largest number of points trimmed from either end of each arc; at most half of the shortest
@@ -241,8 +241,8 @@ def _split_into_arcs(
     positions = np.flatnonzero(inliers)
     if len(positions) == 0:
         return []
-    # Rows of the cloud number all points along the profiles, so that a step exceeding 1 in
-    # `rows` counts outliers, also those far from the surface.
+    # Rows number the points of the cloud along the profiles, so that a step exceeding 1 counts
+    # outliers, also those far from the surface, but no points of cylinders fitted before.
     steps = np.diff(rows[positions])
     breaks = (steps > settings.max_outlier_run + 1) | (np.diff(sections[positions]) > 0)
     return [

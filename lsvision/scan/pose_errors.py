@@ -57,6 +57,24 @@ class PoseErrors:
         return self.pose_std == 0 and self.feed_std == 0 and self.calibration is None
 
 
+def require_feed(base_from_sections: Sequence[Pose], errors: PoseErrors) -> None:
+    """Raise an error if the direction of the feed is uncertain, and there is none.
+
+    Raises
+    ------
+    ValueError
+        If ``feed_std`` is above 0, and the first and the last of several sections have the same
+        origin, as of a sensor that moves there and back.
+    """
+    if errors.feed_std > 0 and len(base_from_sections) > 1:
+        feed, _ = feed_direction(base_from_sections)
+        if not feed.any():
+            raise ValueError(
+                f"feed_std {errors.feed_std:g} rad without a feed: the first and the last section "
+                "have the same origin; end the scan at another position, or state pose_std"
+            )
+
+
 def propagate_pose_errors(fit: CylinderFit, cloud: ScanCloud, errors: PoseErrors) -> FloatArray:
     """Return the covariance of a joint fit including the errors of the poses.
 
@@ -222,8 +240,6 @@ def _remaining_variance_factor(
     here and in the response of the fit. All Jacobians are divided by the points' standard
     deviations; each pose error has a prior standard deviation of 1.
     """
-    if common_jacobian.shape[1] + section_jacobian.shape[1] == 0:
-        return fit.variance_factor
     jacobian = np.hstack([cylinder_jacobian, common_jacobian])
     whitened, residuals, absorbed_dof = jacobian.copy(), fit.normalised.copy(), 0.0
     for section in np.unique(cloud.point_sections):

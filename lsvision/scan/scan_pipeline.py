@@ -19,13 +19,19 @@ from lsvision.geometry.pose import as_poses
 from lsvision.geometry.settings_repr import ShowsChanges
 from lsvision.measure import Measurement, Settings, measure_profiles
 from lsvision.profile import NoiseModel, Profile, as_profile, require_several
-from lsvision.scan.cloud import ScanCloud, build_cloud, require_noncoplanar_sections
+from lsvision.scan.cloud import (
+    ScanCloud,
+    build_cloud,
+    has_enough_points,
+    require_noncoplanar_sections,
+)
 from lsvision.scan.joint_fit import JointFit, JointFitSettings, fit_tracks
 from lsvision.scan.pose_errors import (
     PoseErrors,
     common_error_jacobian,
     feed_direction,
     propagate_pose_errors,
+    require_feed,
     section_error_jacobian,
 )
 from lsvision.scan.scan_result import ScanMeasurement, ScannedCylinder
@@ -36,8 +42,6 @@ from lsvision.statistics.numerical_failures import report_numerical_failure, req
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-MIN_POINTS = 6
-"""Profiles with fewer points are skipped: too few for an ellipse."""
 MIN_FEED_COSINE = 1e-6
 """Smallest cosine between feed and axis at which the feed gives the direction its sign."""
 
@@ -122,7 +126,8 @@ def measure_scan(  # noqa: PLR0913 - the options of `measure_cylinders`, the pos
     ------
     ValueError
         If the numbers of poses and profiles differ, or are zero, a matrix is not a rigid motion, a
-        pose is farther than 1e9 mm, or a standard uncertainty is out of its range.
+        pose is farther than 1e9 mm, a standard uncertainty is out of its range, or `feed_std` is
+        given and the last section has the origin of the first.
     TypeError
         If an element of `profiles` is not a profile, or one of `base_from_sections` not a pose.
     DegenerateGeometry
@@ -183,16 +188,16 @@ def measure_sections(
 
     Parameters are those of `measure_profiles`.
     """
-    has_points = [len(profile) - profile.lost >= MIN_POINTS for profile in profiles]
+    measurable = [has_enough_points(profile) for profile in profiles]
     measured = measure_profiles(
-        list(compress(profiles, has_points)),
+        list(compress(profiles, measurable)),
         radius=radius,
         known_radius=known_radius,
         sensor=sensor,
         settings=settings or Settings(),
     )
     remaining = iter(measured)
-    return [next(remaining) if valid else Measurement((), ()) for valid in has_points]
+    return [next(remaining) if valid else Measurement((), ()) for valid in measurable]
 
 
 def fit_sections_jointly(  # noqa: PLR0913 - the measurements and the options of `measure_scan`
@@ -223,6 +228,7 @@ def fit_sections_jointly(  # noqa: PLR0913 - the measurements and the options of
     """
     settings = settings or ScanSettings()
     poses = validate_poses(profiles, base_from_sections)
+    require_feed(poses, pose_errors)
     observations = [
         transform_arc_to_base(section, arc, poses[section])
         for section, measurement in enumerate(measurements)

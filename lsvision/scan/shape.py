@@ -24,8 +24,12 @@ BOW, TAPER, OVALITY = slice(5, 7), slice(7, 8), slice(8, 10)
 """Indices of the deviations among the parameters; the radius is parameter 4."""
 DERIVATIVE_STEP_RADII = 1e-5
 """Step of the central differences by the parameters. Units: radii."""
-MIN_SECTIONS = 3
-"""Smallest number of sections: two centres always lie on a straight line."""
+MIN_POSITIONS = 3
+"""Smallest number of positions of sections along the axis: two centres always lie on a straight
+line."""
+MIN_SPACING = 0.05
+"""Distance along the axis below which two sections count as one position, as a fraction of the
+distance between the first and the last: at 0.02 some fits of the bow do not converge."""
 GAUSS_NEWTON_ITERATIONS = 6
 """Gauss-Newton steps for the circle of a section; from 1 mm away four are enough."""
 FACETS = 96
@@ -38,7 +42,7 @@ def measure_shape(tube: ScannedCylinder) -> TubeShape:
     Parameters
     ----------
     tube : ScannedCylinder
-        Measured in three sections or more.
+        Measured in sections at three or more positions along it.
 
     Returns
     -------
@@ -48,7 +52,7 @@ def measure_shape(tube: ScannedCylinder) -> TubeShape:
     Raises
     ------
     DegenerateGeometry
-        If the tube was measured in fewer than three sections.
+        If the tube was measured at fewer than three positions; see `count_positions`.
 
     Notes
     -----
@@ -66,10 +70,11 @@ def measure_shape(tube: ScannedCylinder) -> TubeShape:
     >>> shape.bow.size < 5 * shape.bow.size_std
     True
     """
-    if len(tube.sections) < MIN_SECTIONS:
+    positions = count_positions(tube)
+    if positions < MIN_POSITIONS:
         raise DegenerateGeometry(
-            f"the shape of a tube needs {MIN_SECTIONS} sections of it, got "
-            f"{len(tube.sections)}: scan more of it"
+            f"the shape of a tube needs sections at {MIN_POSITIONS} different positions along it, "
+            f"got {positions}: scan more of it"
         )
     axis_points = _transform_to_axis_frame(tube)
     estimate, information, residuals = _fit_deviations(axis_points)
@@ -93,6 +98,22 @@ def measure_shape(tube: ScannedCylinder) -> TubeShape:
         radius=float(estimate[4]),
         half_length=axis_points.half_length,
     )
+
+
+def count_positions(tube: ScannedCylinder) -> int:
+    """Return the number of positions along the axis at which sections were measured.
+
+    Sections closer together than `MIN_SPACING`, such as profiles of a sensor that stands still,
+    count once.
+    """
+    along = (tube.points - tube.point) @ tube.direction
+    means = sorted(along[tube.point_sections == section].mean() for section in tube.sections)
+    spacing = MIN_SPACING * (means[-1] - means[0])
+    count, last = 1, means[0]
+    for mean in means[1:]:
+        if mean - last > spacing:
+            count, last = count + 1, mean
+    return count
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -24,6 +24,12 @@ def test_uncertainties_that_are_none_are_rejected(errors):
         measure_scan([PIPE, PIPE], [Pose(), Pose.along((0, 0, 1), 5.0)], **errors)
 
 
+def test_an_uncertain_feed_needs_a_feed():
+    poses = [Pose.along((0, 0, 1), z) for z in (0.0, 5.0, 0.0)]
+    with pytest.raises(ValueError, match=r"feed_std 0.01 rad without a feed"):
+        measure_scan([PIPE] * 3, poses, feed_std=0.01)
+
+
 @pytest.mark.parametrize("scale", [1e-12, 1e-100, 1e-300])
 def test_points_at_one_place_are_no_cylinder(scale):
     rng = np.random.default_rng(0)

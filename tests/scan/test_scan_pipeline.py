@@ -192,6 +192,14 @@ def test_invalid_poses_raise_errors(
         measure_scan(profiles, poses)
 
 
+def test_a_profile_with_few_points_does_not_count_as_a_section(pipe: Tube) -> None:
+    poses = feed(2, 5.0)
+    profiles = profiles_of(Scene((pipe,)), poses)
+    few = Profile(profiles[1].points[~np.isnan(profiles[1].points[:, 0])][20:25])
+    (found,) = measure_scan([profiles[0], few], poses).cylinders
+    assert found.ambiguous
+
+
 def test_an_arc_in_one_section_only_is_rejected_with_the_reason(pipe: Tube) -> None:
     profiles = profiles_of(Scene((pipe, ground(500.0, (0.0, -500.0)))), feed(3, 5.0))
     flat = profiles_of(Scene((ground(500.0, (0.0, -500.0)),)), feed(3, 5.0))

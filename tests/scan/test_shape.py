@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from lsvision.errors import DegenerateGeometry
+from lsvision.geometry import Pose
 from lsvision.scan import TubeShape, measure_scan, measure_shape
 from lsvision.simulate import SCENE_SENSOR, BentTube, Prism, Scene, Tube
 from tests.scan.scans import feed, profiles_of
@@ -65,8 +66,16 @@ def test_p_values_of_straight_round_tubes_are_uniform(pipe: Tube) -> None:
 def test_two_sections_raise_an_error(fixture_scan) -> None:
     profiles, poses, _ = fixture_scan("scan_bent_pipe")
     scan = measure_scan(profiles[:2], poses[:2], sensor=SCENE_SENSOR)
-    with pytest.raises(DegenerateGeometry, match="needs 3 sections of it, got 2"):
+    with pytest.raises(DegenerateGeometry, match="at 3 different positions along it, got 2"):
         measure_shape(scan.cylinders[0])
+
+
+def test_two_sections_at_one_position_count_once() -> None:
+    poses = [Pose.along((0.0, 0.0, 1.0), z) for z in (0.0, 10.0, 10.0)]
+    scene = Scene((Tube.of(19.0, 0.0, 0.0, (0.0, -400.0)),))
+    (found,) = measure_scan(profiles_of(scene, poses), poses).cylinders
+    with pytest.raises(DegenerateGeometry, match="at 3 different positions along it, got 2"):
+        measure_shape(found)
 
 
 def test_the_bend_of_the_fixture_is_measured(fixture_scan) -> None:
