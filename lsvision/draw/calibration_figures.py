@@ -1,5 +1,6 @@
 """Pictures of calibrations: the target in the sensor's view, poses in space, and residuals."""
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 SPACE = (0.54, 0.02, 0.45, 0.82)
 """Left, bottom, width and height of the 3D drawing, as fractions of the figure."""
 MAX_BAR_LABELS = 24
-"""Largest number of bars that all have a name below them."""
+"""Largest number of names below the bars; of more groups only every second, third, ... is named."""
 
 
 def draw_coverage(calibration: CameraCalibration) -> "Figure":
@@ -83,7 +84,7 @@ def draw_bars(
         centres = positions + (number + 0.5) * width - group_width / 2
         axes.bar(centres, values, width, color=colours, alpha=1.0 if number == 0 else 0.45,
                  label=name)  # fmt: skip
-    step = 1 + len(names) // MAX_BAR_LABELS
+    step = math.ceil(len(names) / MAX_BAR_LABELS)
     axes.set_xticks(positions[::step], names[::step], rotation=45, ha="right", fontsize=8,
                     parse_math=False)  # fmt: skip
     axes.set_ylabel(axis_label)
@@ -187,7 +188,10 @@ def _draw_view(
         axes.invert_yaxis()
         low, high, label = float(third.min()), float(third.max()), "z / mm, along the view"
     else:
-        axes.set(xlabel="X / mm", ylabel="Y / mm", title="Target's centre in the section")
+        point = (
+            "Target's centre" if isinstance(calibration.target, Sphere) else "Point of the plane"
+        )
+        axes.set(xlabel="X / mm", ylabel="Y / mm", title=f"{point} in the section")
         high = float(np.abs(third).max()) + 1e-9  # above 0 for a target in the laser plane, too
         low, label = -high, "Z / mm, beside the laser plane"
     dots = axes.scatter(*targets_in_view[:, :2].T, c=third, cmap="coolwarm", vmin=low,
@@ -230,9 +234,11 @@ def _target_point(calibration: HandEye, flanges: Sequence[Pose]) -> FloatArray:
 def _plane_corners(plane: Plane, points: FloatArray) -> FloatArray:
     """Return the (4, 3) corners of a rectangle in a plane that contains the projections of points.
 
-    The points are (n, 3); two sides of the rectangle are perpendicular to the x axis. Units: mm.
+    The points are (n, 3); two sides of the rectangle are perpendicular to the x axis, or to the y
+    axis if the plane's normal is nearly along x. Units: mm.
     """
-    first_axis = np.cross(plane.normal, (1.0, 0.0, 0.0))
+    side_normal = (1.0, 0.0, 0.0) if abs(plane.normal[0]) < 0.99 else (0.0, 1.0, 0.0)
+    first_axis = np.cross(plane.normal, side_normal)
     first_axis = first_axis / np.linalg.norm(first_axis)
     second_axis = np.cross(first_axis, plane.normal)
     coordinates = np.column_stack([points @ first_axis, points @ second_axis])

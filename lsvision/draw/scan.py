@@ -32,7 +32,7 @@ FACETS = 40
 Vertical = Literal["y", "z"]
 """Axis of the base frame that is drawn upwards."""
 MIN_FACING = -0.3
-"""Smallest cosine between the mean outward normal of the measured sides and the direction to the
+"""Smallest horizontal component of the mean outward normal of the measured sides towards the
 viewer; below it the cylinders would be seen from behind, and the view is turned."""
 PANEL_LEFT, PANEL_TOP, LINE_HEIGHT = 0.715, 0.86, 0.024
 """Left and top of the panel and height of its lines, as fractions of the figure."""
@@ -126,13 +126,13 @@ def _azimuth_deg(tubes: Sequence[ScannedCylinder], vertical: Vertical) -> float:
     x, y, z = measured_side
     first, second = (z, x) if vertical == "y" else (x, y)
 
-    def cosine_of_view(azimuth_deg: float) -> float:
+    def towards_viewer(azimuth_deg: float) -> float:
         angle = math.radians(azimuth_deg)
         return float(first * math.cos(angle) + second * math.sin(angle))
 
-    if cosine_of_view(AZIMUTH_DEG) >= MIN_FACING:
+    if towards_viewer(AZIMUTH_DEG) >= MIN_FACING:
         return AZIMUTH_DEG
-    return max((AZIMUTH_DEG + turn for turn in (90.0, 180.0, 270.0)), key=cosine_of_view)
+    return max((AZIMUTH_DEG + turn for turn in (90.0, 180.0, 270.0)), key=towards_viewer)
 
 
 def _points_near_cylinders(points: Points, scan: ScanMeasurement) -> Points:

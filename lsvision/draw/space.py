@@ -10,8 +10,8 @@ if TYPE_CHECKING:
     from matplotlib.transforms import Bbox
     from mpl_toolkits.mplot3d import Axes3D
 
-MAX_TICKS = 6
-"""Number of ticks on the longest axis; shorter ones get fewer."""
+MAX_TICK_INTERVALS = 6
+"""Largest number of intervals between ticks on the longest axis; shorter axes get fewer."""
 FIT_ITERATIONS = 3
 """Number of scaling steps; one is not enough, because labels keep their size."""
 
@@ -19,8 +19,6 @@ FIT_ITERATIONS = 3
 def scale_axes(
     axes: "Axes3D",
     names: Sequence[str] = ("X / mm", "Y / mm", "Z / mm"),
-    *,
-    max_ticks: int = MAX_TICKS,
 ) -> None:
     """Give all axes the same scale, a name, and ticks in proportion to their length.
 
@@ -30,8 +28,6 @@ def scale_axes(
         Axes with their complete content.
     names : (3,) sequence of str
         Labels of the axes, with units.
-    max_ticks : int
-        Largest number of ticks, on the longest axis.
     """
     from matplotlib.ticker import MaxNLocator
 
@@ -41,7 +37,7 @@ def scale_axes(
     for letter, name, fraction in zip("xyz", names, fractions, strict=True):
         getattr(axes, f"set_{letter}label")(name, labelpad=13, fontsize=11)
         axis = getattr(axes, f"{letter}axis")
-        axis.set_major_locator(MaxNLocator(max(2, round(max_ticks * fraction))))
+        axis.set_major_locator(MaxNLocator(max(2, round(MAX_TICK_INTERVALS * fraction))))
         axis.set_tick_params(pad=8, labelsize=10)  # space between a minus sign and its tick
 
 

@@ -8,7 +8,6 @@ DEFAULT_DECIMALS = 4
 MAX_DECIMALS = 6
 """Largest number of decimals of a number with std."""
 
-
 _HYPHEN_MINUS = re.compile(r"(?<![\w.)])-(?=\.?\d)")
 """Hyphen before a number, but not after another number, a word or a bracket."""
 
@@ -63,4 +62,5 @@ def decimals_for(std: float) -> int:
     """
     if not (math.isfinite(std) and std > 0):
         return DEFAULT_DECIMALS
-    return min(max(1 - math.floor(math.log10(std)), 0), MAX_DECIMALS)
+    exponent = int(f"{std:.1e}".partition("e")[2])  # after rounding: 0.0996 is 0.10
+    return min(max(1 - exponent, 0), MAX_DECIMALS)

@@ -17,6 +17,8 @@ MARGIN_FRACTION = 0.04
 MIN_ASPECT, MIN_SIZE_MM = 1e-3, 1e-9
 """Smallest ratio of the shorter to the longer side of the drawing, and smallest size: points on an
 axis-parallel line, or in one place, have a side of length 0."""
+MIN_SIDE_PX = 20
+"""Smallest width and height of a picture, in which dots are visible. Units: px."""
 OUTLINE_POINTS = 73
 """Points of a drawn ellipse, one for every 5 deg."""
 
@@ -52,7 +54,7 @@ def draw_svg(points: Points, cylinders: Sequence[tuple[Points, Ellipse]], descri
     low, high = drawn.min(axis=0), drawn.max(axis=0)
     size = np.maximum(high - low, MIN_SIZE_MM + MIN_ASPECT * float((high - low).max()))
     scale = min(WIDTH_PX / size[0], MAX_HEIGHT_PX / size[1]) * (1 - 2 * MARGIN_FRACTION)
-    width, height = (size * scale / (1 - 2 * MARGIN_FRACTION)).round()
+    width, height = (size * scale / (1 - 2 * MARGIN_FRACTION)).round().clip(MIN_SIDE_PX)
     middle = (low + high) / 2
 
     def to_pixels(coordinates: FloatArray) -> FloatArray:

@@ -47,8 +47,8 @@ class PointAssignmentSettings:
         of the sensor diverge.
     end_sigmas : float
         Points at the ends of the arcs are trimmed while their mean residual over all arcs
-        exceeds this many predicted standard deviations of the mean: a weld or a plate that touches the
-        tube leaves its surface gradually.
+        exceeds this many predicted standard deviations of the mean: a weld or a plate that
+        touches the tube leaves its surface gradually.
     max_trimmed_points : int
         Largest number of points trimmed from either end of each arc; at most half of the shortest
         arc.

@@ -8,9 +8,9 @@ import pytest
 
 from lsvision.calibration.hand_eye import calibrate_hand_eye_board
 from lsvision.calibration.hand_eye_parts import RejectedPose
-from lsvision.draw.calibration_figures import draw_bars, draw_poses
+from lsvision.draw.calibration_figures import _plane_corners, draw_bars, draw_poses
 from lsvision.draw.calibration_report import ReportContent, hand_eye_page
-from lsvision.geometry import Pose
+from lsvision.geometry import Plane, Pose
 from lsvision.results.palette import OUTLIER
 from lsvision.simulate.hand_eye import rotation_from_vector
 from tests.draw.borders import has_white_border
@@ -72,10 +72,18 @@ def test_bars_mark_the_bad_ones_and_only_these():
     assert [bar.get_height() for bar in axes.patches] == [0.1, 0.5, 0.2]
 
 
-def test_names_of_many_bars_are_thinned():
-    names = [str(number) for number in range(100)]
-    figure = draw_bars(names, [("rms", [1.0] * 100)], [], "px")
-    assert len(figure.axes[0].get_xticks()) <= 25
+@pytest.mark.parametrize(("count", "named"), [(24, 24), (25, 13), (100, 20)])
+def test_names_of_many_bars_are_thinned(count, named):
+    names = [str(number) for number in range(count)]
+    figure = draw_bars(names, [("rms", [1.0] * count)], [], "px")
+    assert len(figure.axes[0].get_xticks()) == named
+
+
+def test_a_laser_plane_perpendicular_to_x_has_corners():
+    points = np.array([[3.0, 1.0, 5.0], [-2.0, 0.0, 9.0], [1.0, 4.0, 6.0]])
+    corners = _plane_corners(Plane((1.0, 0.0, 0.0), 50.0), points)
+    np.testing.assert_allclose(corners[:, 0], 50.0)
+    np.testing.assert_allclose(np.ptp(corners[:, 1:], axis=0), [4.0, 4.0])
 
 
 def test_view_shows_the_board_where_the_camera_saw_it(solved):

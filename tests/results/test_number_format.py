@@ -16,6 +16,8 @@ from lsvision.results.number_format import decimals_for, format_value
         (19.0, 0.0, "19.0000 ± 0"),
         (19.0, math.inf, "19.0000 ± unknown"),
         (19.0, math.nan, "19.0000 ± unknown"),
+        (19.02341, 0.0996, "19.02 ± 0.10"),
+        (359.4, 9.96, "359 ± 10"),
         (19.0, 1e-12, "19.000000 ± 0.000000"),
     ],
 )

@@ -26,6 +26,7 @@ from lsvision.inspection.gauge_study import study_gauge
 from lsvision.inspection.repeat_study import study_repeats
 from lsvision.io.result_files import ResultFiles
 from lsvision.io.results import measurement_record
+from lsvision.results.picture import draw_svg
 from lsvision.results.result import Result
 from lsvision.scan import ScanRejection
 from tests.scripts import output_of_python
@@ -244,6 +245,12 @@ def test_the_picture_shows_the_profile_and_each_cylinder_upright():
     dots = [path for path in svg if path.get("stroke-linecap") == "round"]
     assert len(dots) == 3
     assert dots[0].get("d").count("M") == len(MEASURED.profile) - MEASURED.profile.lost
+
+
+@pytest.mark.parametrize("points", [[[0.0, 5.0], [99.0, 5.0]], [[5.0, 0.0], [5.0, 99.0]]])
+def test_the_picture_of_a_straight_line_has_a_width_and_a_height(points):
+    svg = ET.fromstring(draw_svg(np.array(points), [], "a line"))
+    assert min(int(svg.get("width")), int(svg.get("height"))) >= 10
 
 
 def test_words_in_html_are_escaped():
