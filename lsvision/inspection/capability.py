@@ -91,10 +91,12 @@ def estimate_capability(
 
     measured = np.asarray(values, dtype=np.float64)
     count = len(measured)
-    std = float(measured.std(ddof=1)) if count > 1 else 0.0
+    # From the first value, so that equal values have no spread by rounding errors of their mean.
+    offsets = measured - measured[:1]
+    std = float(offsets.std(ddof=1)) if count > 1 else 0.0
     if not std > 0:
         raise ValueError(f"expected two values or more that differ, got {count} without spread")
-    mean, (lower, upper) = float(measured.mean()), limits
+    mean, (lower, upper) = float(measured[0] + offsets.mean()), limits
     cp = (upper - lower) / (PROCESS_SIGMAS * std) if math.isfinite(upper - lower) else math.nan
     cpk = min(upper - mean, mean - lower) / (PROCESS_SIGMAS / 2 * std)
     tail = (1 - level) / 2

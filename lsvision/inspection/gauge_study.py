@@ -168,6 +168,14 @@ class GaugeStudy(Result):
             "note": NOT_CLAIMED,
         }
 
+    def _rows(self) -> list[Record]:
+        """Return a row of the data frame for each component, with two columns for its interval."""
+        rows = []
+        for name, component in self.to_dict()["components"].items():
+            low, high = component.pop("std_interval")
+            rows.append({"component": name} | component | {"std_low": low, "std_high": high})
+        return rows
+
     def _summary(self) -> str:
         gauge = 100 * self.fraction_of_total("gauge")
         return f"gauge {gauge:.1f} % of total, ndc {self.distinct_categories}"

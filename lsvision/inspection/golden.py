@@ -88,6 +88,12 @@ def find_blocking_reason(job: Job, log: Sequence[Record], now: datetime.datetime
     last = log[-1]
     if not last["passed"]:
         return f"golden part failed at {last['time']}: {last['reason']}"
+    reference = last["reference_radius_mm"]
+    if reference != job.golden.radius_mm:
+        return (
+            f"golden part of radius {reference:g} mm measured, expected "
+            f"{job.golden.radius_mm:g} mm: lsvision inspect JOB --golden FILE"
+        )
     hours = (now - datetime.datetime.fromisoformat(last["time"])).total_seconds() / 3600
     if hours > job.golden.every_hours:
         return (

@@ -91,6 +91,7 @@ def describe_mistakes(error: ValidationError, text: str, model: type[BaseModel])
     details = error.errors()
     if len(details) > 1:  # invalid parts are not counted, so that "too short" may be wrong
         details = [detail for detail in details if detail["type"] != "too_short"]
+    details = [detail for detail in details if _is_of_right_variant(detail)]
     for detail in details:
         cause = detail.get("ctx", {}).get("error")
         if isinstance(cause, MistakesError):
@@ -148,6 +149,14 @@ def _split_key(dotted: str) -> Location:
     return tuple(name.strip().strip("\"'") for name in dotted.split("."))
 
 
+def _is_of_right_variant(detail: Any) -> bool:
+    """Return False for the error that a list is no number, or a number no list, in their union."""
+    if detail["loc"] == _without_variants(detail["loc"]):
+        return True
+    is_list = isinstance(detail["input"], list | tuple)
+    return bool(detail["type"] != ("float_type" if is_list else "tuple_type"))
+
+
 def _without_variants(location: Location) -> Location:
     """Return a location without the names that pydantic gives to variants of a union."""
     return tuple(key for key in location if not (isinstance(key, str) and _VARIANT.match(key)))
@@ -157,6 +166,8 @@ def _describe_mistake(location: Location, detail: Any, model: type[BaseModel]) -
     """Return what was expected, what was found, and the remedy, with the keys of the job file."""
     key = next((name for name in reversed(location) if isinstance(name, str)), "the job")
     kind, got = detail["type"], _format_value(detail["input"])
+    if kind == "missing" and isinstance(location[-1], int):
+        return f"{_format_location(location[:-1])}: value {location[-1] + 1} is missing: add it"
     if kind == "missing":
         return f"{_format_location(location)} is missing: add it"
     if kind == "too_short":
@@ -165,8 +176,26 @@ def _describe_mistake(location: Location, detail: Any, model: type[BaseModel]) -
         return _unknown_key(key, location, known_keys(location, model))
     if kind == "value_error":
         return f"{_format_location(location)}: {detail['ctx']['error']}"
-    expected = detail["msg"].removeprefix("Input should be ").removeprefix("a valid ")
-    return f"{_format_location(location)}: expected {expected}, got {got}"
+    return (
+        f"{_format_location(location)}: expected {_describe_expected(location, detail)}, got {got}"
+    )
+
+
+def _describe_expected(location: Location, detail: Any) -> str:
+    """Return what was expected, in the words of TOML."""
+    kind, limits = detail["type"], detail.get("ctx", {})
+    if kind == "tuple_type":
+        return "a list" if len(location) > 1 else f"tables [[{location[0]}]]"
+    if kind in ("model_type", "dict_type"):
+        return "a table"
+    if kind == "too_long":
+        return f"{limits['max_length']} values"
+    if kind == "string_too_short":
+        return f"a text of at least {limits['min_length']} character"
+    if kind == "string_too_long":
+        return f"a text of at most {limits['max_length']} characters"
+    message: str = detail["msg"]
+    return message.removeprefix("Input should be ").removeprefix("a valid ")
 
 
 def _format_location(location: Location) -> str:
@@ -191,7 +220,7 @@ def _unknown_key(key: str, location: Location, known: list[str]) -> str:
 
 
 def known_keys(location: Location, model: type[BaseModel]) -> list[str]:
-    """Return the keys that are allowed in the table around a location; none outside all tables."""
+    """Return the keys that are allowed in the table around a location; none if it is no table."""
     for key in location[:-1]:
         if isinstance(key, str):
             field = next(

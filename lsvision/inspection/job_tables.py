@@ -20,7 +20,8 @@ from lsvision.inspection.limits import (
 
 Window = tuple[Number, Number]
 """Range (low, high) of a coordinate in which a part lies. Units: mm."""
-Name = Annotated[str, Field(min_length=1, max_length=80)]
+MAX_NAME_LENGTH = 80
+Name = Annotated[str, Field(min_length=1, max_length=MAX_NAME_LENGTH)]
 Count = Annotated[int, Field(strict=True, ge=1)]
 NonNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0)]
 KnownRadius = Positive | tuple[Positive, NonNegative]
@@ -66,9 +67,10 @@ class Rig(JobTable):
 class Scan(JobTable):
     """Motion between the sections of a scan, and its standard uncertainties.
 
-    `feed` is the direction of the motion in the section frame, of any length, and `step_mm` the
-    distance of neighbouring sections; without both, ``poses`` of ``[rig]`` are used. `pose_std_mm`
-    is the error of each section's position, `feed_std_deg` that of the direction of the feed.
+    `feed` is the direction of the motion in the section frame, of any length above 0, and `step_mm`
+    the distance of neighbouring sections along it, negative against it; without both, ``poses`` of
+    ``[rig]`` are used. `pose_std_mm` is the error of each section's position, `feed_std_deg` that
+    of the direction of the feed.
     Without this table each profile is judged by itself.
     """
 
@@ -76,6 +78,16 @@ class Scan(JobTable):
     step_mm: Number | None = None
     pose_std_mm: NonNegative = 0.0
     feed_std_deg: NonNegative = 0.0
+
+    @model_validator(mode="after")
+    def _check(self) -> Scan:
+        if (self.feed is None) != (self.step_mm is None):
+            raise ValueError("expected feed with step_mm, got one alone: add the other")
+        if self.feed is not None and not math.hypot(*self.feed) > 0:
+            raise ValueError("expected a non-zero feed, got 0, 0, 0")
+        if self.step_mm == 0:
+            raise ValueError("expected step_mm other than 0, got 0")
+        return self
 
 
 class Measure(JobTable):

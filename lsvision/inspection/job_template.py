@@ -10,8 +10,12 @@ from collections.abc import Sequence
 
 from lsvision.ellipse.section import CylinderSection
 from lsvision.inspection.job import Job
+from lsvision.inspection.job_tables import MAX_NAME_LENGTH
 from lsvision.inspection.relate import relate
 from lsvision.results.number_format import format_value
+
+MAX_GAP_STEP = 1e-3
+"""Largest step to which the largest permissible gap is rounded. Units: mm."""
 
 HEAD = """\
 # A job for lsvision: lsvision job check FILE lists its mistakes, lsvision inspect FILE
@@ -27,17 +31,17 @@ radius_mm = [{low:g}, {high:g}]  # where cylinders are searched
 PART = """
 [[part]]
 name = "part {number}"
-x_mm = [{left:g}, {right:g}]  # which cylinder: by position; or order = {number}
-radius_mm = {{ nominal = {radius:g}, upper = {tolerance:g}, lower = -{tolerance:g} }}
+x_mm = [{left:.12g}, {right:.12g}]  # which cylinder: by position; or order = {number}
+radius_mm = {{ nominal = {radius:.12g}, upper = {tolerance:.12g}, lower = -{tolerance:.12g} }}
 # measured: {text}
-# known_radius_mm = [{radius:g}, 0.05]  # a known radius and its sigma reduce the uncertainty of phi
+# known_radius_mm = [{radius:.12g}, 0.05]  # a known radius and its sigma make phi more precise
 # phi_deg = {{ max = 5 }}  # measured {phi:.1f}
 # centre_x_mm = {{ nominal = {x:.1f}, upper = 1, lower = -1 }}
 """
 RELATION = """
 [[relation]]
 between = ["part {first}", "part {second}"]
-gap_mm = {{ max = {gap:g} }}  # measured {text}
+gap_mm = {{ max = {gap:.12g} }}  # measured {text}
 """
 TAIL = """
 [decision]
@@ -58,7 +62,7 @@ def build_job_text(name: str, cylinders: Sequence[CylinderSection], tolerance: f
     Parameters
     ----------
     name : str
-        Name of the job.
+        Name of the job; its first 80 characters are written.
     cylinders : sequence of CylinderSection
         Measured cylinders from left to right, at least one.
     tolerance : float
@@ -69,13 +73,12 @@ def build_job_text(name: str, cylinders: Sequence[CylinderSection], tolerance: f
     str
         TOML; nominal radii are rounded to the power of ten at or below a tenth of the tolerance,
         windows in x extend to the middle between neighbours, gaps between neighbours may exceed the
-        measured ones by the tolerance.
+        measured ones by the tolerance (rounded to 1 um or to the same power of ten).
     """
     radii = [cylinder.radius for cylinder in cylinders]
-    # A string in JSON is also one in TOML.
     tables = [
         HEAD.format(
-            name=json.dumps(name),
+            name=_toml_string(name[:MAX_NAME_LENGTH]),
             low=_rounded_multiple(0.6, min(radii)),
             high=_rounded_multiple(1.5, max(radii)),
         )
@@ -89,11 +92,23 @@ def build_job_text(name: str, cylinders: Sequence[CylinderSection], tolerance: f
     return "".join([*tables, TAIL])
 
 
+def _toml_string(text: str) -> str:
+    """Return a text as a string of TOML, with ``?`` for bytes of a file name that are no text."""
+    valid = text.encode(errors="replace").decode()
+    # A string in JSON is also one in TOML, except for escaped pairs of surrogates and raw deletes.
+    return json.dumps(valid, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _nominal_step(tolerance: float) -> float:
+    """Return the power of ten at or below a tenth of the tolerance."""
+    return 10.0 ** math.floor(math.log10(tolerance / 10))
+
+
 def _part_text(
     number: int, cylinder: CylinderSection, window: tuple[float, float], tolerance: float
 ) -> str:
     """Return the table of a part, numbered from 1, that lies in a window of x (mm)."""
-    step = 10 ** math.floor(math.log10(tolerance / 10))
+    step = _nominal_step(tolerance)
     return PART.format(
         number=number,
         left=window[0],
@@ -111,10 +126,11 @@ def _relation_text(
 ) -> str:
     """Return the table of the relation between part `number` and the next one."""
     relation = relate(first, second)
+    step = min(_nominal_step(tolerance), MAX_GAP_STEP)
     return RELATION.format(
         first=number,
         second=number + 1,
-        gap=round(max(relation.gap, 0.0) + tolerance, 3),
+        gap=round(round((max(relation.gap, 0.0) + tolerance) / step) * step, 9),
         text=format_value(relation.gap, relation.gap_std),
     )
 

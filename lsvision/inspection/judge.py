@@ -80,7 +80,8 @@ def judge(
         If the arguments are not a measurement and a job.
     ValueError
         If the job limits a quantity that a measurement of this kind does not have: for flush in a
-        scan `up` is needed; known radii of parts are for profiles only.
+        scan `up` is needed; known radii of parts are for profiles only, windows in z for scans
+        only.
     FitFailed
         If the fit with a part's known radius overflows or is not an ellipse.
 
@@ -104,6 +105,8 @@ def judge(
             f"and a Job (Job.load reads one), got {type(measurement).__name__} and "
             f"{type(job).__name__}"
         )
+    if isinstance(measurement, Measurement):
+        _reject_windows_in_z(job)
     matching = match_parts(job.parts, measurement.cylinders)
     cylinders = {
         name: _apply_known_radius(measurement.cylinders[index], job.part(name))
@@ -129,6 +132,15 @@ def judge(
         undecided_passes=job.decision.undecided == "ok",
     )
     return _block(verdict, blocked) if blocked else verdict
+
+
+def _reject_windows_in_z(job: Job) -> None:
+    """Raise an error if a part of a profile is identified by z, which a profile does not have."""
+    for part in job.parts:
+        if part.z_mm is not None:
+            raise ValueError(
+                f"z_mm of part {part.name!r} is for scans: leave it out, or add [scan] to the job"
+            )
 
 
 def _provenance(job: Job, calibration: Mapping[str, Mapping[str, str | None]]) -> Provenance:

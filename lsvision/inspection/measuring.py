@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from lsvision.geometry import Pose
 from lsvision.inspection.job import Job
@@ -31,9 +31,11 @@ def noise_model_from_job(job: Job) -> NoiseModel | None:
 def measure_profiles_of_job(profiles: Sequence[Profile], job: Job) -> list[Measurement]:
     """Measure profiles with the settings of ``[measure]``; see `measure_profiles`."""
     known = job.measure.known_phi_deg
-    phi: Any = None
-    if known is not None:
-        phi = tuple(map(math.radians, known)) if isinstance(known, tuple) else math.radians(known)
+    phi: float | tuple[float, float] | None = None
+    if isinstance(known, tuple):
+        phi = math.radians(known[0]), math.radians(known[1])
+    elif known is not None:
+        phi = math.radians(known)
     return measure_profiles(
         profiles,
         radius=job.measure.radius_mm,

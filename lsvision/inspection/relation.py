@@ -10,7 +10,14 @@ from lsvision.geometry import FloatArray
 from lsvision.geometry.equality import ComparedByValue
 from lsvision.inspection.uncertain import Uncertain
 from lsvision.results.number_format import format_std
-from lsvision.results.quantities import LEVEL, Estimate, Quantity, Record, json_numbers
+from lsvision.results.quantities import (
+    LEVEL,
+    Estimate,
+    Quantity,
+    Record,
+    flat_row,
+    json_numbers,
+)
 from lsvision.results.result import Result
 
 RELATION_QUANTITIES = {
@@ -200,6 +207,10 @@ class Relation(Result):
         for name in self.quantities:
             record |= self.estimate(name).record
         return record if self.seam is None else record | self.seam.to_record()
+
+    def _rows(self) -> list[Record]:
+        """Return the row of the data frame, with two columns for each interval."""
+        return [flat_row(self.to_dict(), tuple(RELATION_QUANTITIES.values()))]
 
     def _summary(self) -> str:
         estimates = [self.estimate(name) for name in self.quantities]

@@ -101,6 +101,13 @@ class RepeatStudy(Result):
             "note": NOT_CLAIMED,
         }
 
+    def _rows(self) -> list[Record]:
+        """Return the row of the data frame, with two columns for each interval."""
+        record = self.to_dict()
+        for name in ("bias", "std"):
+            record[f"{name}_low"], record[f"{name}_high"] = record.pop(f"{name}_interval")
+        return [record]
+
     def _summary(self) -> str:
         return f"bias {self.bias:.4g}, repeatability {self.std:.4g}, {self.count} values"
 
@@ -121,7 +128,7 @@ class RepeatStudy(Result):
         ]
         if math.isfinite(self.predicted_std):
             lines.append(f"standard uncertainty of the measurements {self.predicted_std:.4g}")
-        if self.tolerance is not None:
+        if math.isfinite(self.cg):
             lines.append(
                 f"Cg {self.cg:.2f}, Cgk {self.cgk:.2f} of the tolerance {self.tolerance:g}"
             )
@@ -168,9 +175,10 @@ def study_repeats(
     count = len(measured)
     if count < 2:
         raise TooFewPoints("a study of repeats", count, 2, "measure the part more often")
-    # Subtract the reference first: a large mean would cost digits of the standard deviation.
-    offsets = measured - reference
-    bias, std = float(offsets.mean()), float(offsets.std(ddof=1))
+    # Subtract the first value: a large mean would cost digits of the standard deviation, and equal
+    # values would have a spread by rounding errors of their mean.
+    offsets = measured - measured[0]
+    bias, std = float(measured[0] - reference + offsets.mean()), float(offsets.std(ddof=1))
     tail, dof = (1 - level) / 2, count - 1
     mean_std = std / math.sqrt(count)
     half_width = float(t.isf(tail, dof)) * mean_std

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.ellipse.section import CylinderSection
-from lsvision.geometry import FloatArray
+from lsvision.geometry import FloatArray, tangent_frame
 from lsvision.inspection.relation import Relation
 from lsvision.inspection.uncertain import Length, Scalar
 
@@ -39,12 +39,13 @@ def relate_sections(first: CylinderSection, second: CylinderSection) -> Relation
         flush, the height of the second's crest over the first's along Y; angle of the axes.
     """
     offset = np.subtract(second.centre, first.centre)
+    dof = _smaller_dof(first, second)
     covariance, other_covariance = (
         section.fit.parameter_covariance[:2, :2] for section in (first, second)
     )
     return Relation(
         {
-            "distance": Length(offset, covariance + other_covariance),
+            "distance": Length(offset, covariance + other_covariance, dof),
             "angle": AngleOfSections(first, second),
             "gap": _separation(first, second, _direction_of_gap(first, second)),
             "flush": _crest_height(first, second),
@@ -68,13 +69,30 @@ class AngleOfSections:
     @property
     def value(self) -> float:
         """The smallest angle between candidates of both axes. Units: rad."""
-        cosines = np.abs(self.first.axis_candidates[0] @ self.second.axis_candidates.T)
-        return math.acos(min(float(cosines.max()), 1.0))
+        u, v = self._nearest_candidates
+        return 2 * math.asin(min(float(np.linalg.norm(v - u)) / 2, 1.0))
 
     @property
     def std(self) -> float:
-        """Standard uncertainty, as if the signs were known. Units: rad."""
-        return math.hypot(self.first.phi_std, self.second.phi_std)
+        """Standard uncertainty of the angle between these candidates. Units: rad.
+
+        The largest one over all directions if the angle is 0.
+        """
+        u, v = self._nearest_candidates
+        frame = tangent_frame((u + v) / np.linalg.norm(u + v))[:2]
+        covariance = _direction_covariance(self.first, u) + _direction_covariance(self.second, v)
+        difference = Length(frame @ (v - u), frame @ covariance @ frame.T)
+        # The difference of the unit vectors is 2 sin(angle / 2).
+        return difference.std / math.cos(self.value / 2)
+
+    @property
+    def _nearest_candidates(self) -> tuple[FloatArray, FloatArray]:
+        """Unit vectors along both axes, (3,) each: the candidates with the smallest angle."""
+        u = self.first.axis_candidates[0]
+        candidates = self.second.axis_candidates
+        cosines = candidates @ u
+        nearest = int(np.abs(cosines).argmax())
+        return u, math.copysign(1.0, cosines[nearest]) * candidates[nearest]
 
     def interval(self, level: float) -> tuple[float, float]:
         """Return the smallest and largest angle that the intervals of both tilts allow.
@@ -87,6 +105,22 @@ class AngleOfSections:
         (low_1, high_1), (low_2, high_2) = pairs
         min_angle = max(0.0, low_1 - high_2, low_2 - high_1)
         return min_angle, min(high_1 + high_2, math.pi / 2)
+
+
+def _direction_covariance(section: CylinderSection, direction: FloatArray) -> FloatArray:
+    """Return the (3, 3) covariance of a unit vector along one of the candidates of the axis.
+
+    phi and theta are taken as independent.
+    """
+    stds = np.array([section.phi_std, math.sin(section.phi) * section.theta_std])
+    tilts = tangent_frame(direction)[:2].T * stds
+    covariance: FloatArray = tilts @ tilts.T
+    return covariance
+
+
+def _smaller_dof(first: CylinderSection, second: CylinderSection) -> float:
+    """Return the smaller number of degrees of freedom: Student's t is then not too narrow."""
+    return min(first.fit.degrees_of_freedom, second.fit.degrees_of_freedom)
 
 
 def _support(section: CylinderSection, direction: FloatArray) -> tuple[float, FloatArray]:
@@ -115,7 +149,8 @@ def _separation(first: CylinderSection, second: CylinderSection, direction: Floa
     )
     offset = float(np.subtract(second.centre, first.centre) @ direction)
     gradients = np.concatenate([-direction, -gradient_1]), np.concatenate([direction, -gradient_2])
-    return Scalar(offset - support_1 - support_2, _propagate_std(gradients, (first, second)))
+    std = _propagate_std(gradients, (first, second))
+    return Scalar(offset - support_1 - support_2, std, _smaller_dof(first, second))
 
 
 def _crest_height(first: CylinderSection, second: CylinderSection) -> Scalar:
@@ -123,7 +158,8 @@ def _crest_height(first: CylinderSection, second: CylinderSection) -> Scalar:
     (support_1, gradient_1), (support_2, gradient_2) = _support(first, UP), _support(second, UP)
     gradients = np.concatenate([-UP, -gradient_1]), np.concatenate([UP, gradient_2])
     height = second.centre[1] + support_2 - first.centre[1] - support_1
-    return Scalar(height, _propagate_std(gradients, (first, second)))
+    std = _propagate_std(gradients, (first, second))
+    return Scalar(height, std, _smaller_dof(first, second))
 
 
 def _propagate_std(

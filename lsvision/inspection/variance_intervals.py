@@ -115,7 +115,9 @@ def sums_of_squares(values: np.ndarray) -> tuple[float, float, float, float]:
         Sums of squares, in the square of the measured unit.
     """
     parts, operators, trials = values.shape
-    centred = values - values.mean()
+    # From the first value, so that equal values have no spread by rounding errors of their mean.
+    offsets = values - values.flat[0]
+    centred = offsets - offsets.mean()
     by_part, by_operator = centred.mean(axis=(1, 2)), centred.mean(axis=(0, 2))
     cells = centred.mean(axis=2)
     parts_sum = operators * trials * float(by_part @ by_part)

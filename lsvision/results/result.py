@@ -79,7 +79,8 @@ class Result(ComparedByValue, ABC):
         -------
         pandas.DataFrame
             Columns with the names of the keys of `to_dict` and of the columns of ``--csv``; an
-            interval has two columns, ``*_low_95_*`` and ``*_high_95_*``.
+            interval has two columns, ``*_low_95_*`` and ``*_high_95_*``; in a study ``*_low`` and
+            ``*_high``, at its level.
 
         Raises
         ------

@@ -78,11 +78,31 @@ def test_percent_of_tolerance_is_six_sigmas_over_it():
     assert "pooled with repeatability" in text
 
 
-def test_a_study_of_equal_values_has_no_fractions_of_the_total():
-    study = study_gauge(np.ones((3, 2, 2)), tolerance=1.0)
+@pytest.mark.parametrize("value", [1.0, 0.1])  # the mean of three times 0.1 is not 0.1
+def test_a_study_of_equal_values_has_no_fractions_of_the_total(value):
+    study = study_gauge(np.full((3, 3, 3), value), tolerance=1.0)
     assert math.isnan(study.fraction_of_total("gauge"))
     assert study.to_dict()["components"]["gauge"]["percent_of_total"] is None
     assert "ndc" in str(study)
+
+
+def test_equal_values_have_no_spread():
+    with pytest.raises(ValueError, match="got 3 without spread"):
+        estimate_capability([0.1] * 3, (0.0, 1.0))
+    study = study_repeats([0.1] * 3, 0.05, tolerance=1.0)
+    assert (study.mean, study.std) == (0.1, 0.0)
+    assert "nan" not in str(study)
+
+
+def test_the_frame_of_a_study_has_the_ends_of_its_intervals():
+    study = study_repeats([1.0, 1.2, 1.1], 1.0)
+    (row,) = study.to_dataframe().to_dict("records")
+    assert (row["bias_low"], row["bias_high"]) == study.bias_interval
+    assert (row["std_low"], row["std_high"]) == study.std_interval
+    gauge = study_gauge(np.arange(8.0).reshape(2, 2, 2))
+    frame = gauge.to_dataframe()
+    assert list(frame["component"]) == [component.name for component in gauge.components]
+    assert list(frame["std_high"]) == [component.interval[1] for component in gauge.components]
 
 
 def test_a_study_of_another_shape_is_rejected():

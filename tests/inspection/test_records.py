@@ -41,9 +41,12 @@ every_hours = 8
 """
 
 
-def job(revision=1, upper=0.2, tolerance=0.5):
-    text = JOB.format(revision=revision, upper=upper, tolerance=tolerance)
-    return lsv.Job.from_text(text)
+def job_text(revision=1, upper=0.2, tolerance=0.5):
+    return JOB.format(revision=revision, upper=upper, tolerance=tolerance)
+
+
+def job(**values):
+    return lsv.Job.from_text(job_text(**values))
 
 
 @pytest.fixture(scope="module")
@@ -106,6 +109,10 @@ def test_the_golden_part_blocks_until_it_was_measured_rightly(scan):
     assert find_blocking_reason(job(), [passed], NOW + datetime.timedelta(hours=7)) == ""
     late = find_blocking_reason(job(), [passed], NOW + datetime.timedelta(hours=9))
     assert late == "golden part overdue: measured 9.0 h ago, expected every 8 h"
+    other = lsv.Job.from_text(job_text().replace("radius_mm = 19\n", "radius_mm = 20\n"))
+    assert find_blocking_reason(other, [passed], NOW).startswith(
+        "golden part of radius 19 mm measured, expected 20 mm"
+    )
 
 
 def test_a_golden_part_that_is_not_proved_right_has_failed(scan):
@@ -159,6 +166,29 @@ def test_a_job_from_a_profile_is_passed_by_it():
     assert made.name == 'a "pair"'
     verdict = lsv.judge(found, made)
     assert [item.decision for item in verdict.parts] == ["OK", "OK"], str(verdict)
+
+
+@pytest.mark.parametrize(
+    ("name", "written"),
+    [("\N{NUT AND BOLT}", "\N{NUT AND BOLT}"), ("a\x7f\n", "a\x7f\n"), ("a\udcff", "a?"),
+     ("b" * 99, "b" * 80)],
+    ids=["beyond 16 bit", "control", "no text", "long"],
+)  # fmt: skip
+def test_any_name_of_a_file_becomes_the_name_of_a_job(name, written):
+    section = lsv.simulate.random_section("welded_pair", 520, noise_mm=0.02)
+    found = measure_cylinders(section.profile).cylinders
+    assert lsv.Job.from_text(build_job_text(name, found, 5.0)).name == written
+
+
+def test_a_job_of_small_tolerances_has_all_digits():
+    section = lsv.simulate.random_section("welded_pair", 520, noise_mm=0.02)
+    found = measure_cylinders(section.profile).cylinders
+    made = lsv.Job.from_text(build_job_text("pair", found, 2e-4))
+    for part, cylinder in zip(made.parts, found, strict=True):
+        assert abs(part.radius_mm.nominal - cylinder.radius) <= 1e-5
+        assert part.radius_mm.upper == 2e-4
+    gap = lsv.relate(*found).gap
+    assert made.relations[0].gap_mm.max == pytest.approx(max(gap, 0.0) + 2e-4, abs=1e-5)
 
 
 def test_what_would_decide_is_what_a_scan_then_reaches(scan):

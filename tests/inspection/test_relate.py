@@ -42,6 +42,33 @@ def measured_pair(section):
     return [by_label[1], by_label[2]] if len(by_label) == 2 else None
 
 
+@pytest.mark.parametrize("theta_deg", [(30.0, 60.0), (20.0, 100.0)])
+def test_the_angle_of_a_section_deviates_as_its_std_states(theta_deg):
+    tubes = tuple(
+        Tube.of(19.0, math.radians(theta), math.radians(30), (x, -400.0))
+        for theta, x in zip(theta_deg, (-40.0, 40.0), strict=True)
+    )
+    angle = math.acos(abs(tubes[0].cylinder.direction @ tubes[1].cylinder.direction))
+    rng = np.random.default_rng(3)
+    sections = [
+        simulate_section(
+            Scene(tubes), replace(SCENE_SENSOR, range_std=0.02), SectionSettings(), rng=rng
+        )
+        for _ in range(24)
+    ]
+    relations = [lsv.relate(*measured_pair(section)) for section in sections]
+    normalised = [(relation.angle - angle) / relation.angle_std for relation in relations]
+    assert 0.6 < np.sqrt(np.mean(np.square(normalised))) < 1.4  # 24 values: 1 +- 0.14
+
+
+def test_a_section_with_few_degrees_of_freedom_has_wider_intervals():
+    section = random_section("welded_pair", 520, noise_mm=0.05)
+    profile = lsv.Profile(section.profile.points[::3])  # without a noise model
+    relation = lsv.relate(*measure_cylinders(profile).cylinders)
+    low, high = relation.interval("gap")
+    assert (high - low) / 2 > 1.97 * relation.gap_std
+
+
 def test_without_noise_a_section_gives_the_true_numbers():
     tubes = (
         Tube.of(19.0, 0.4, 0.5, (-25.0, -400.0)),

@@ -126,7 +126,8 @@ WITHOUT_UNIT = {
     "item_decision", "quantity", "value", "std", "low", "high", "level", "min", "max",
     "margin_sigmas", "quantity_decision", "cylinder", "interaction_pooled", "distinct_categories",
     "note", "count", "mean", "reference", "bias", "p_value", "predicted_std", "tolerance", "cg",
-    "cgk",
+    "cgk", "bias_low", "bias_high", "std_low", "std_high", "component", "variance",
+    "percent_of_total", "percent_of_tolerance",
 }  # fmt: skip
 every_result = pytest.mark.parametrize("result", RESULTS.values(), ids=RESULTS)
 
@@ -188,6 +189,12 @@ def test_a_result_is_equal_to_its_like_alone(result):
     assert result == other
     assert hash(result) == hash(other)
     assert all(result != each for each in RESULTS.values() if each is not result)
+
+
+def test_the_frame_of_a_relation_has_the_ends_of_its_intervals():
+    relation = RESULTS["Relation"]
+    (row,) = relation.to_dataframe().to_dict("records")
+    assert (row["gap_low_95_mm"], row["gap_high_95_mm"]) == relation.interval("gap")
 
 
 def test_the_table_of_a_measurement_is_that_of_the_command():
