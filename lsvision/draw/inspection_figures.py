@@ -27,6 +27,8 @@ MARKERS = {Decision.OK: "o", Decision.NG: "X", Decision.UNDECIDED: "D"}
 """Marker shapes, so that verdicts differ in a black-and-white print too."""
 MAX_BINS = 30
 """Largest number of bins of the histogram."""
+RADII_PER_UNIT = {"radius_mm": 1.0, "diameter_mm": 0.5}
+"""Factors from the limits that are drawn to radii, by key."""
 LEGEND_COLUMNS = 3
 """Columns of the legend of a judged profile: its picture is as wide as half a page."""
 
@@ -81,7 +83,7 @@ def _draw_trend(axes: Axes, series: Series) -> None:
 
 
 def draw_judged_profile(measurement: Measurement, verdict: Verdict) -> Figure | None:
-    """Return a figure of a profile with its ellipses, and with the limits of radii as dashed ones.
+    """Return a figure of a profile with its ellipses, and the limits of their sizes as dashed ones.
 
     Parameters
     ----------
@@ -105,9 +107,9 @@ def draw_judged_profile(measurement: Measurement, verdict: Verdict) -> Figure | 
             continue
         ellipse = measurement.cylinders[item.cylinder].ellipse
         for quantity in item.quantities:
-            if quantity.key == "radius_mm":
+            if quantity.key in RADII_PER_UNIT:
                 for limit in filter(math.isfinite, quantity.limits):
-                    _draw_limit(axes, ellipse, limit)
+                    _draw_limit(axes, ellipse, RADII_PER_UNIT[quantity.key] * limit)
         x, y = ellipse.centre
         axes.annotate(
             f"{item.name}: {item.decision}", (x, y), xytext=(0, -16), textcoords="offset points",

@@ -13,7 +13,7 @@ from lsvision.inspection.capability import NOT_CLAIMED, Capability
 from lsvision.inspection.decision import Decision
 from lsvision.inspection.inspected import JudgedMeasurement, Series, collect_series, count_verdicts
 from lsvision.inspection.job import Job
-from lsvision.inspection.verdict import item_cells
+from lsvision.inspection.verdict import explain_verdict, item_cells
 from lsvision.measure import Measurement
 from lsvision.results.html import html_environment
 from lsvision.results.palette import DECISIONS
@@ -123,7 +123,7 @@ def _part_values(judged: JudgedMeasurement) -> dict[str, Any]:
         "name": name,
         "decision": str(verdict.decision),
         "cells": item_cells(verdict.items),
-        "notes": verdict._notes()[1:],  # the first one is the decision
+        "notes": explain_verdict(verdict),
         "remedies": [str(remedy) for remedy in judged.remedies],
         "picture": "" if figure is None else svg_element(figure),
     }

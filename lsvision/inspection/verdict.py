@@ -219,23 +219,28 @@ class Verdict(Result):
         return item_cells(self.items)
 
     def _notes(self) -> list[str]:
-        """Return the lines below the table: decision, reasons of all that is not OK, notes."""
-        reasons = [
-            f"{item.name}: {item.reason}"
-            for item in self.items
-            if item.reason not in ("", self.blocked)
-        ]
-        not_ok = [
-            f"{item.name}, {quantity.estimate.quantity.heading}: {quantity.reason}"
-            for item in self.items
-            for quantity in item.quantities
-            if quantity.decision != Decision.OK
-        ]
-        blocked = [self.blocked] if self.blocked else []
-        return [f"{self.decision}", *blocked, *reasons, *not_ok, *self.notes]
+        """Return the lines below the table: decision and its explanation."""
+        return [f"{self.decision}", *explain_verdict(self)]
 
     def _rows(self) -> list[Record]:
         return verdict_rows(self)
+
+
+def explain_verdict(verdict: Verdict) -> list[str]:
+    """Return lines with the reasons of all that is not OK, and the notes."""
+    reasons = [
+        f"{item.name}: {item.reason}"
+        for item in verdict.items
+        if item.reason not in ("", verdict.blocked)
+    ]
+    not_ok = [
+        f"{item.name}, {quantity.estimate.quantity.heading}: {quantity.reason}"
+        for item in verdict.items
+        for quantity in item.quantities
+        if quantity.decision != Decision.OK
+    ]
+    blocked = [verdict.blocked] if verdict.blocked else []
+    return [*blocked, *reasons, *not_ok, *verdict.notes]
 
 
 def item_cells(items: Sequence[ItemVerdict]) -> list[tuple[str, ...]]:

@@ -56,6 +56,15 @@ def test_limits_of_the_radius_are_in_the_legend_once_in_their_colour():
     np.testing.assert_allclose(drawn, [14 * aspect, 16 * aspect], rtol=1e-3)
 
 
+def test_limits_of_the_diameter_are_drawn_like_those_of_the_radius():
+    of_radius, of_diameter = (
+        [line.get_xydata() for line in draw_judged_profile(*judged(text)).axes[0].lines]
+        for text in (LIMITED, LIMITED.replace("radius_mm = { max = 20", "diameter_mm = { max = 40"))
+    )
+    for expected, drawn in zip(of_radius, of_diameter, strict=True):
+        np.testing.assert_allclose(drawn, expected)
+
+
 def test_every_line_of_the_plot_is_named():
     (axes,) = draw_judged_profile(*judged(LIMITED)).axes
     named = [(handle.get_color(), handle.get_linestyle(), handle.get_marker())
