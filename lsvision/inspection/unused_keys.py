@@ -30,7 +30,7 @@ def describe_unused_keys(job: Job) -> str | None:
             "named on the command line",
         ),
         (
-            [] if job.scan else _given_keys(job, "rig", KEYS_OF_POSES),
+            [] if job.scan else [*_given_keys(job, "rig", KEYS_OF_POSES), *_given_up(job)],
             "of a scan: add [scan]",
         ),
         (
@@ -43,9 +43,27 @@ def describe_unused_keys(job: Job) -> str | None:
             else [],
             "of range_std_mm: add it",
         ),
+        (
+            _extra_stds_without_limits(job),
+            "of quantities that nothing limits",
+        ),
     ]
     texts = [f"{', '.join(names)} ({reason})" for names, reason in unused if names]
     return f"not used: {'; '.join(texts)}" if texts else None
+
+
+def _given_up(job: Job) -> list[str]:
+    """Return the key ``up``, with its table, if a relation states it."""
+    return ["up of [[relation]]"] if any(limits.up is not None for limits in job.relations) else []
+
+
+def _extra_stds_without_limits(job: Job) -> list[str]:
+    """Return the keys of ``extra_std`` whose quantities no part, relation or golden part limits."""
+    limited = {key for part in job.parts for key in part.limits}
+    limited.update(key for relation in job.relations for key in relation.limits)
+    if job.golden is not None or "diameter_mm" in limited:
+        limited.add("radius_mm")
+    return [f"extra_std of {key}" for key in job.decision.extra_std if key not in limited]
 
 
 def _given_keys(job: Job, table: str, keys: tuple[str, ...]) -> list[str]:

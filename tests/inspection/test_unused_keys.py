@@ -26,6 +26,7 @@ def note_on(tables):
         ('[rig]\nflange_from_section = "h.json"\n', ["flange_from_section of [rig]", "[scan]"]),
         (f"{SCAN}[measure]\nknown_phi_deg = 0\n", ["known_phi_deg of [measure]", "scan"]),
         ("[measure]\nreference_range_mm = 9\n", ["reference_range_mm of [measure]", "range_std"]),
+        ("[decision]\nextra_std = { phi_deg = 1 }\n", ["extra_std of phi_deg", "nothing limits"]),
     ],
 )
 def test_a_table_or_key_that_nothing_uses_is_named_with_the_reason(tables, words):
@@ -42,10 +43,20 @@ def test_a_table_or_key_that_nothing_uses_is_named_with_the_reason(tables, words
         "[measure]\nrange_std_mm = 0.05\nreference_range_mm = 300\n",
         f"[rig]\n{POSES}{SCAN}",
         '[rig]\nlight_section = "rig.json"\nlaser = "red"\n',
+        "[decision]\nextra_std = { radius_mm = 0.1 }\n",
     ],
 )
 def test_a_job_whose_keys_are_all_used_gives_no_note(tables):
     assert note_on(tables) is None
+
+
+def test_a_direction_for_flush_is_of_a_scan():
+    relation = (
+        '[[part]]\nname = "b"\norder = 2\nradius_mm = { max = 9 }\n'
+        '[[relation]]\nbetween = ["tube", "b"]\nup = [0, 1, 0]\nflush_mm = { max = 1 }\n'
+    )
+    assert note_on(relation) == "not used: up of [[relation]] (of a scan: add [scan])"
+    assert note_on(SCAN + relation) is None
 
 
 def test_both_reasons_are_in_one_line():
