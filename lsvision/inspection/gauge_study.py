@@ -11,7 +11,11 @@ import numpy as np
 from lsvision.errors import TooFewPoints
 from lsvision.geometry import FloatArray
 from lsvision.inspection.capability import NOT_CLAIMED
-from lsvision.inspection.variance_intervals import mean_square_interval, sums_of_squares
+from lsvision.inspection.variance_intervals import (
+    mean_square_interval,
+    require_finite_values,
+    sums_of_squares,
+)
 from lsvision.results.quantities import Record, finite_or_none
 from lsvision.results.result import Result
 
@@ -235,8 +239,8 @@ def study_gauge(
     ------
     ValueError
         If the values have another number of dimensions.
-    TooFewPoints
-        With fewer than two parts, operators or trials.
+    TooFewPoints, LsvisionError
+        With fewer than two parts, operators or trials; if a value is not finite.
 
     References
     ----------
@@ -249,6 +253,7 @@ def study_gauge(
     for factor, count in zip(("parts", "operators", "trials"), table.shape, strict=True):
         if count < 2:
             raise TooFewPoints(f"a gauge study by {factor}", count, 2, f"measure more {factor}")
+    require_finite_values(table)
     rows = _analyse_variance(table)
     pooled = rows[2].p > POOLING_ALPHA
     components = _estimate_components(rows, table.shape, pooled=pooled, level=level)

@@ -9,6 +9,7 @@ from pathlib import Path
 from lsvision.errors import LsvisionError
 from lsvision.inspection.decision import Decision, decide, widen_interval
 from lsvision.inspection.job import Job
+from lsvision.inspection.job_tables import Golden
 from lsvision.inspection.relate import MeasuredCylinder
 from lsvision.results.quantities import Record
 
@@ -85,19 +86,25 @@ def find_blocking_reason(job: Job, log: Sequence[Record], now: datetime.datetime
         return ""
     if not log:
         return "golden part never measured: lsvision inspect JOB --golden FILE"
-    last = log[-1]
+    return _blocking_reason_of_check(log[-1], job.golden, now)
+
+
+def _blocking_reason_of_check(last: Record, golden: Golden, now: datetime.datetime) -> str:
+    """Return the reason why the last check does not permit decisions; empty if it does."""
     if not last["passed"]:
         return f"golden part failed at {last['time']}: {last['reason']}"
     reference = last["reference_radius_mm"]
-    if reference != job.golden.radius_mm:
+    if reference != golden.radius_mm:
         return (
             f"golden part of radius {reference:g} mm measured, expected "
-            f"{job.golden.radius_mm:g} mm: lsvision inspect JOB --golden FILE"
+            f"{golden.radius_mm:g} mm: lsvision inspect JOB --golden FILE"
         )
     hours = (now - datetime.datetime.fromisoformat(last["time"])).total_seconds() / 3600
-    if hours > job.golden.every_hours:
+    if hours < 0:
+        return f"golden part measured at {last['time']}, after the present time: set the clock"
+    if hours > golden.every_hours:
         return (
             f"golden part overdue: measured {hours:.1f} h ago, expected every "
-            f"{job.golden.every_hours:g} h"
+            f"{golden.every_hours:g} h"
         )
     return ""

@@ -11,6 +11,7 @@ import numpy as np
 from lsvision.errors import TooFewPoints
 from lsvision.geometry.arrays import rms
 from lsvision.inspection.capability import NOT_CLAIMED
+from lsvision.inspection.variance_intervals import require_finite_values
 from lsvision.results.number_format import format_value
 from lsvision.results.quantities import Record, finite_or_none
 from lsvision.results.result import Result
@@ -160,8 +161,8 @@ def study_repeats(
 
     Raises
     ------
-    TooFewPoints
-        With fewer than two values.
+    TooFewPoints, LsvisionError
+        With fewer than two values; if a value is not finite.
 
     Examples
     --------
@@ -175,6 +176,7 @@ def study_repeats(
     count = len(measured)
     if count < 2:
         raise TooFewPoints("a study of repeats", count, 2, "measure the part more often")
+    require_finite_values(measured)
     # Subtract the first value: a large mean would cost digits of the standard deviation, and equal
     # values would have a spread by rounding errors of their mean.
     offsets = measured - measured[0]

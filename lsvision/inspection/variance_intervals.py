@@ -14,6 +14,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from lsvision.errors import LsvisionError
+from lsvision.geometry import FloatArray
+
 
 def mean_square_interval(
     coefficients: Sequence[float],
@@ -101,7 +104,17 @@ def _h(dof: float, tail: float) -> float:
     return dof / float(chi2.ppf(tail, dof)) - 1
 
 
-def sums_of_squares(values: np.ndarray) -> tuple[float, float, float, float]:
+def require_finite_values(values: FloatArray) -> None:
+    """Raise an LsvisionError if a measured value of a study is not finite."""
+    invalid = int(np.count_nonzero(~np.isfinite(values)))
+    if invalid:
+        raise LsvisionError(
+            f"expected finite values, got {invalid} of {values.size} that are not: measure them "
+            "again"
+        )
+
+
+def sums_of_squares(values: FloatArray) -> tuple[float, float, float, float]:
     """Return the sums of squares of parts, operators, interaction and repeatability.
 
     Parameters

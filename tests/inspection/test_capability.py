@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from lsvision.errors import TooFewPoints
+from lsvision.errors import LsvisionError, TooFewPoints
 from lsvision.inspection.capability import binomial_interval, estimate_capability
 from lsvision.inspection.gauge_study import study_gauge
 from lsvision.inspection.repeat_study import study_repeats
@@ -92,6 +92,15 @@ def test_equal_values_have_no_spread():
     study = study_repeats([0.1] * 3, 0.05, tolerance=1.0)
     assert (study.mean, study.std) == (0.1, 0.0)
     assert "nan" not in str(study)
+
+
+def test_a_value_that_is_not_finite_is_rejected():
+    with pytest.raises(LsvisionError, match="got 1 of 3 that are not: measure them again"):
+        study_repeats([1.0, math.nan, 1.1], 1.0)
+    values = np.ones((2, 2, 2))
+    values[0, 0, 0] = math.inf
+    with pytest.raises(LsvisionError, match="got 1 of 8 that are not"):
+        study_gauge(values)
 
 
 def test_the_frame_of_a_study_has_the_ends_of_its_intervals():

@@ -109,6 +109,8 @@ def test_the_golden_part_blocks_until_it_was_measured_rightly(scan):
     assert find_blocking_reason(job(), [passed], NOW + datetime.timedelta(hours=7)) == ""
     late = find_blocking_reason(job(), [passed], NOW + datetime.timedelta(hours=9))
     assert late == "golden part overdue: measured 9.0 h ago, expected every 8 h"
+    early = find_blocking_reason(job(), [passed], NOW - datetime.timedelta(hours=1))
+    assert early.endswith("after the present time: set the clock")
     other = lsv.Job.from_text(job_text().replace("radius_mm = 19\n", "radius_mm = 20\n"))
     assert find_blocking_reason(other, [passed], NOW).startswith(
         "golden part of radius 19 mm measured, expected 20 mm"
