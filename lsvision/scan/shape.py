@@ -107,8 +107,9 @@ def count_positions(tube: ScannedCylinder) -> int:
     count once.
     """
     along = (tube.points - tube.point) @ tube.direction
-    means = sorted(along[tube.point_sections == section].mean() for section in tube.sections)
-    spacing = MIN_SPACING * (means[-1] - means[0])
+    _, index = np.unique(tube.point_sections, return_inverse=True)
+    means = np.sort(np.bincount(index, along) / np.bincount(index))
+    spacing = MIN_SPACING * float(means[-1] - means[0])
     count, last = 1, means[0]
     for mean in means[1:]:
         if mean - last > spacing:
