@@ -157,10 +157,12 @@ class Part(JobTable):
                 raise ValueError(f"{axis}_mm reversed: expected [min, max], got {[*window]}")
         if self.windows and self.order is not None:
             raise ValueError("expected a position (x_mm, y_mm, z_mm) or an order, got both")
-        if not self.windows and self.order is None and self.expected_radius is None:
+        radius = self.expected_radius
+        if not self.windows and self.order is None and (radius is None or radius <= 0):
+            got = "nothing" if radius is None else f"a radius of {radius:g} mm"
             raise ValueError(
-                "expected a way to identify the cylinder, got nothing: add x_mm = [min, max], "
-                "order = 1, or a radius_mm with a nominal"
+                f"expected a way to identify the cylinder, got {got}: add x_mm = [min, max], "
+                "order = 1, or a radius_mm with a nominal above 0"
             )
         references = {"direction_deg": "nominal_direction", "position_mm": "nominal_point_mm"}
         for key, reference in references.items():

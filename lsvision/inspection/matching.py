@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -101,13 +102,15 @@ def _match_by_position_or_order(part: Part, cylinders: Sequence[MeasuredCylinder
         index for index, position in enumerate(positions) if lies_in_windows(part, position)
     ]
 
-    def squared_distance(index: int) -> float:
-        return sum(
-            (coordinate - (low + high) / 2) ** 2
-            for coordinate, (low, high) in _coordinates_and_windows(part, positions[index])
+    def distance_from_middle(index: int) -> float:
+        return math.hypot(
+            *(
+                coordinate - (low / 2 + high / 2)
+                for coordinate, (low, high) in _coordinates_and_windows(part, positions[index])
+            )
         )
 
-    return min(candidates, key=squared_distance, default=None)
+    return min(candidates, key=distance_from_middle, default=None)
 
 
 def _match_by_radius(

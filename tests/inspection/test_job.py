@@ -173,8 +173,10 @@ def test_a_part_that_nothing_distinguishes_from_others_is_rejected():
     text = 'name = "a"\n[[part]]\nname = "b"\nphi_deg = { max = 2 }\n'
     assert mistakes_of(text) == [
         "line 2: part 1: expected a way to identify the cylinder, got nothing: add x_mm = [min, "
-        "max], order = 1, or a radius_mm with a nominal"
+        "max], order = 1, or a radius_mm with a nominal above 0"
     ]
+    text = 'name = "a"\n[[part]]\nname = "b"\nradius_mm = { min = -1, max = 1 }\n'
+    assert "identify the cylinder, got a radius of 0 mm: add" in mistakes_of(text)[0]
 
 
 def test_a_deviation_may_be_of_one_sign_as_in_a_fit():

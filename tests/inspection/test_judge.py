@@ -225,6 +225,11 @@ def test_what_a_profile_does_not_have_is_rejected(pair):
         lsv.judge(pair, job(("left", "order = 1\nbow_mm = { max = 1 }")))
 
 
+def test_a_window_may_be_as_wide_as_numbers_go(pair):
+    verdict = lsv.judge(pair, job(("right", f"x_mm = [0, 1.7e308]\n{limits(14)}")))
+    assert verdict.decision == "OK"
+
+
 def test_a_window_in_z_is_rejected_for_a_profile(pair):
     with pytest.raises(ValueError, match="z_mm of part 'left' is for scans: leave it out"):
         lsv.judge(pair, job(("left", f"z_mm = [0, 9]\n{limits(20)}")))
