@@ -119,7 +119,8 @@ def angle_between(fit: CylinderFit, direction: FloatArray) -> Length:
         Tilt from the axis to the direction along both rows of ``fit.tangent_basis``; its length is
         the angle, at most 90 deg. Units: rad.
     """
-    unit = direction / np.linalg.norm(direction)
+    unit = direction / np.abs(direction).max()  # so that its norm does not overflow
+    unit = unit / np.linalg.norm(unit)
     unit = unit if unit @ fit.direction >= 0 else -unit
     perpendicular = unit - (unit @ fit.direction) * fit.direction
     sine = float(np.linalg.norm(perpendicular))

@@ -29,7 +29,7 @@ from lsvision.inspection.verdict import (
 )
 from lsvision.measure import Measurement
 from lsvision.results.quantities import Estimate
-from lsvision.scan.scan_result import ScanMeasurement, ScanRejection
+from lsvision.scan.scan_result import ScanMeasurement, ScannedCylinder, ScanRejection
 
 HALF_TURN_DEG = 180.0
 """Period of theta: opposite directions are the same axis. Units: deg."""
@@ -233,6 +233,10 @@ def _judge_relation(
         return ItemVerdict(name, decided=Decision.UNDECIDED, reason=reason)
     first, second = (cylinders[part] for part in limits.between)
     relation = relate(first, second, up=limits.up)
+    # Of the twins of a tube in one section `relate` takes the first.
+    determined = not any(
+        isinstance(cylinder, ScannedCylinder) and cylinder.ambiguous for cylinder in (first, second)
+    )
     quantities = []
     for key, ends in limits.limits.items():
         quantity = quantity_from_key(key).name
@@ -241,7 +245,7 @@ def _judge_relation(
                 f"flush_mm of {name!r} needs a direction in a scan: add up = [x, y, z] to the "
                 "relation"
             )
-        estimate = relation.estimate(quantity, job.decision.level)
+        estimate = replace(relation.estimate(quantity, job.decision.level), determined=determined)
         quantities.append(_judge_estimate(estimate, key, ends.ends, job))
     return ItemVerdict(name, tuple(quantities))
 

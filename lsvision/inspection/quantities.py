@@ -19,6 +19,9 @@ from lsvision.scan.scan_result import ScannedCylinder
 from lsvision.scan.shape import measure_shape
 from lsvision.scan.shape_result import TubeShape
 
+KEYS_OF_AXIS = ("direction_deg", "position_mm", "point_x_mm", "point_y_mm", "point_z_mm")
+"""Quantities of a scan that differ between the two twins of a tube in one section."""
+
 
 def measure_quantity(cylinder: MeasuredCylinder, part: Part, key: str, level: float) -> Estimate:
     """Return a quantity of a cylinder with its interval, in the unit of its key.
@@ -38,8 +41,9 @@ def measure_quantity(cylinder: MeasuredCylinder, part: Part, key: str, level: fl
     Returns
     -------
     Estimate
-        Not determined: theta whose interval contains every direction, and bow, taper and ovality of
-        a tube in fewer than three sections, which are NaN.
+        Not determined: theta whose interval contains every direction; bow, taper and ovality of a
+        tube in fewer than three sections, which are NaN; direction and position of a tube in one
+        section, whose twin fits equally well.
 
     Raises
     ------
@@ -58,8 +62,9 @@ def measure_quantity(cylinder: MeasuredCylinder, part: Part, key: str, level: fl
         number = _measure_in_scan(cylinder, part, key)
     except DegenerateGeometry:  # a form deviation of too few sections
         return Estimate(quantity, math.nan, math.nan, (math.nan, math.nan), determined=False)
-    ends = quantity.in_unit(number.interval(level))
-    return Estimate(quantity, number.value * quantity.scale, number.std * quantity.scale, ends)
+    value, std = number.value * quantity.scale, number.std * quantity.scale
+    determined = not (cylinder.ambiguous and key in KEYS_OF_AXIS)
+    return Estimate(quantity, value, std, quantity.in_unit(number.interval(level)), determined)
 
 
 def _measure_in_section(section: CylinderSection, part: Part, key: str, level: float) -> Estimate:

@@ -261,9 +261,9 @@ class ScanMeasurement(Result):
     def reason(self) -> str:
         """Reason why there is no cylinder; empty if there is one.
 
-        It is the reason of the longest rejected track, or else of the first section without a
-        cylinder. If several sections show arcs, but no two of them form a track, the poses are
-        probably wrong, and the reason lists what to check.
+        It is the reason of the longest rejected track, or else of the first section. If several
+        sections show arcs, but no two of them form a track, the poses are probably wrong, and the
+        reason lists what to check.
 
         Examples
         --------
@@ -282,8 +282,8 @@ class ScanMeasurement(Result):
                 "check that the poses (their order, unit and convention, the hand-eye file), or "
                 "feed and step, belong to these profiles"
             )
-        empty = [section for section in self.measurements if not section.cylinders]
-        return empty[0].reason if empty else "no arcs of two sections match"
+        # Without cylinders and rejections no section has a cylinder.
+        return self.measurements[0].reason if self.measurements else "no profile was measured"
 
     def to_dict(self) -> Record:
         """Return cylinders and rejections as plain numbers and text, ready for JSON.

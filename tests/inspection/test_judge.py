@@ -300,6 +300,35 @@ def test_the_form_of_a_tube_in_two_sections_is_undecided():
     assert "not determinable" in str(verdict)
 
 
+def test_the_direction_of_a_tube_in_one_section_is_undecided():
+    tubes = [Tube.of(19.0, 0.5, 0.35, (x, -400.0)) for x in (-40.0, 40.0)]
+    section = simulate_section(
+        Scene(tuple(tubes)), SCENE_SENSOR, SETTINGS, rng=np.random.default_rng(3)
+    )
+    measured = lsv.measure_scan([section.profile], [lsv.Pose()])
+    direction = [float(value) for value in tubes[0].cylinder.direction]
+    lines = f"nominal_direction = {direction}\ndirection_deg = {{ max = 5 }}\n{limits(19)}"
+    more = '[[relation]]\nbetween = ["a", "b"]\nangle_deg = { max = 60 }\n'
+    verdict = lsv.judge(
+        measured, job(("a", f"order = 1\n{lines}"), ("b", f"order = 2\n{lines}"), more=more)
+    )
+    for item in verdict.parts:
+        assert {q.key: str(q.decision) for q in item.quantities} == {
+            "radius_mm": "OK", "direction_deg": "undecided",
+        }  # fmt: skip
+    assert verdict.relations[0].decision == "undecided"
+
+
+@pytest.mark.parametrize("scale", [1e300, 1e-300])
+def test_a_nominal_direction_has_any_length(scan, scale):
+    verdicts = [
+        lsv.judge(scan, job(("a", f"order = 1\nnominal_direction = [0, 0, {length!r}]\n"
+                                  "direction_deg = { max = 5 }")))
+        for length in (1.0, scale)
+    ]  # fmt: skip
+    assert verdicts[0].parts == verdicts[1].parts
+
+
 @pytest.mark.parametrize(
     ("lines", "message"),
     [
