@@ -19,7 +19,7 @@ from lsvision.laser_line.candidates import LineCandidates, find_line_candidates
 from lsvision.laser_line.image_array import Image
 from lsvision.laser_line.jpeg_blocks import JpegBlocks, find_jpeg_blocks
 from lsvision.laser_line.line_image import Direction, LineImage
-from lsvision.laser_line.noise import PixelNoise, estimate_pixel_noise
+from lsvision.laser_line.noise import ROUNDING_VARIANCE, PixelNoise, estimate_pixel_noise
 from lsvision.laser_line.path_search import LinePath, PathSettings, shortest_line_path
 from lsvision.laser_line.settings import LineSettings
 from lsvision.laser_line.stripe_windows import Stripes, Windows, cut_windows
@@ -223,12 +223,14 @@ def choose_pixel_noise(image: LineImage, windows: Windows, settings: LineSetting
         Settings of `extract_laser_line`.
     """
     read_noise, gain = settings.read_noise, settings.gain
+    rounding_variance = ROUNDING_VARIANCE * image.value_step**2
     if read_noise is not None and gain is not None:
-        return PixelNoise(read_noise**2, gain)
-    estimated = estimate_pixel_noise(image.signal, windows)
+        return PixelNoise(read_noise**2, gain, rounding_variance)
+    estimated = estimate_pixel_noise(image.signal, windows, rounding_variance)
     return PixelNoise(
         estimated.read_variance if read_noise is None else read_noise**2,
         estimated.gain if gain is None else gain,
+        rounding_variance,
     )
 
 
@@ -331,6 +333,6 @@ def _second_line_fraction(
     strong = candidates.scores > MIN_RIVAL_SCORE_RATIO * median(candidates.scores[path.indices])
     others = candidates.select(apart & strong)
     # So few candidates do not outweigh the cost of a segment.
-    if len(others) < settings.path.restart_cost:
+    if len(others) * settings.path.empty_column_cost < settings.path.restart_cost:
         return 0.0
     return len(shortest_line_path(others, settings.path).indices) / width

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -14,11 +14,12 @@ from lsvision.geometry import BoolArray, FloatArray, IntArray, Points, as_readon
 from lsvision.geometry.equality import ComparedByValue
 from lsvision.laser_line.coarse_colours import select_sharper_line
 from lsvision.laser_line.detection import DetectedLine, find_direction, find_line
-from lsvision.laser_line.image_array import Image, as_image
+from lsvision.laser_line.image_array import MIN_SIZE_PX, Image, as_image
 from lsvision.laser_line.jpeg_blocks import BLOCK
 from lsvision.laser_line.line_image import (
     Direction,
     LineImage,
+    as_laser_off,
     find_full_scale,
     prepare_line_image,
 )
@@ -97,8 +98,14 @@ class LaserLine(ComparedByValue):
                 self, name, as_readonly_array(getattr(self, name), (len(self.pixels),), name)
             )
         saturated = np.array(self.saturated, dtype=bool)
+        if saturated.shape != (len(self.pixels),):
+            raise ValueError(
+                f"expected saturated of shape ({len(self.pixels)},), got {saturated.shape}"
+            )
         saturated.setflags(write=False)
         object.__setattr__(self, "saturated", saturated)
+        if self.direction not in get_args(Direction):
+            raise ValueError(f"expected direction 'columns' or 'rows', got {self.direction!r}")
 
     def __len__(self) -> int:
         return len(self.pixels)
@@ -139,9 +146,11 @@ def extract_laser_line(
     Raises
     ------
     NoLaserLine
-        If there is no line, the whole image is overexposed, or the line runs along the border.
+        If there is no line, the whole image is overexposed, the line runs along the border, or the
+        method locates it in no column.
     TypeError, ValueError
-        If `image` is not an image, or its colours and ``settings.channel`` disagree.
+        If `image` is not an image, its colours and ``settings.channel`` disagree, or `laser_off`
+        differs from it in shape or type.
 
     Notes
     -----
@@ -183,11 +192,11 @@ def _extract_from_mosaic(
     image: npt.ArrayLike, settings: LineSettings, pattern: Bayer, laser_off: npt.ArrayLike | None
 ) -> LaserLine:
     """Extract the line from the pixels of the laser's colour; for green from both their grids."""
-    array = as_image(image)
+    array = as_image(image, min_size=2 * MIN_SIZE_PX)
     planes = colour_planes(array, pattern, settings.channel)
+    dark = as_laser_off(laser_off, array)
     dark_planes: list[Image] | list[None] = [None] * len(planes)
-    if laser_off is not None:
-        dark = as_image(laser_off, "laser_off")
+    if dark is not None:
         dark_planes = [plane for _, _, plane in colour_planes(dark, pattern, settings.channel)]
     settings = replace(
         settings,
@@ -314,7 +323,7 @@ def _check_border(image: LineImage, detected: DetectedLine) -> None:
         margin = CUT_FLANK_SIGMAS * detected.sigma
         raise NoLaserLine(
             f"the line runs within {margin:.0f} px of the image's border "
-            f"in {near.mean():.0%} of its columns, where half of it is cut off: move the camera, "
+            f"in {near.mean():.0%} of its columns, where a flank is cut off: move the camera, "
             "the laser or the region of interest until the whole line is in view"
         )
 
@@ -324,6 +333,12 @@ def _build_line(
 ) -> LaserLine:
     """Build the line of all columns from its stripes; u and v as in `image`."""
     good = stripes.found & ~_near_border(image, detected)
+    if not good.any():
+        raise NoLaserLine(
+            f"the method {settings.method!r} locates the line in none of its {len(good)} columns "
+            f"with a filter of sigma {detected.sigma:g} px",
+            "choose a larger sigma or another method",
+        )
     columns = detected.windows.columns[good]
     rows, noise_std, lag = stripes.pixels[good, 1], stripes.std[good], None
     if settings.method == "steger":

@@ -13,7 +13,7 @@ MAX_LEVEL = 1e30
 """Largest number of a float image, which is kept in single precision."""
 
 
-def as_image(image: npt.ArrayLike, name: str = "image") -> Image:
+def as_image(image: npt.ArrayLike, name: str = "image", min_size: int = MIN_SIZE_PX) -> Image:
     """Return an image as uint8, uint16 or float32, grey or with three colours.
 
     Parameters
@@ -22,6 +22,8 @@ def as_image(image: npt.ArrayLike, name: str = "image") -> Image:
         uint8, uint16 or float.
     name : str
         Name of the argument in the message.
+    min_size : int
+        Smallest height and width. Units: px.
 
     Returns
     -------
@@ -33,7 +35,7 @@ def as_image(image: npt.ArrayLike, name: str = "image") -> Image:
     TypeError
         If it is not an array (such as the name of a file), or its numbers are of another type.
     ValueError
-        If the shape is another, a side is shorter than `MIN_SIZE_PX`, or a float image holds NaN,
+        If the shape is another, a side is shorter than `min_size`, or a float image holds NaN,
         infinity or a number beyond `MAX_LEVEL`.
 
     Examples
@@ -54,6 +56,7 @@ way, got (480, 640, 4): leave transparency out, image[..., :3]
             f"expected {name} as an array, got {file!r}: lsvision.read_image({file!r}) reads it"
         )
     array = np.asarray(image)
+    array = array.astype(array.dtype.newbyteorder("="), copy=False)  # as of big-endian files
     if array.dtype not in (np.uint8, np.uint16) and array.dtype.kind != "f":
         hint = ""
         if array.dtype.kind in "iu":
@@ -63,9 +66,9 @@ way, got (480, 640, 4): leave transparency out, image[..., :3]
     if array.ndim == 3 and array.shape[2] == 1:
         array = array[:, :, 0]
     colours = array.ndim == 3 and array.shape[2] == 3
-    if not (array.ndim == 2 or colours) or min(array.shape[:2], default=0) < MIN_SIZE_PX:
+    if not (array.ndim == 2 or colours) or min(array.shape[:2], default=0) < min_size:
         raise ValueError(
-            f"expected {name} of shape (height, width) or (height, width, 3), {MIN_SIZE_PX} px or "
+            f"expected {name} of shape (height, width) or (height, width, 3), {min_size} px or "
             f"more each way, got {array.shape}{_hint(array.shape)}"
         )
     if array.dtype.kind != "f":

@@ -1,5 +1,6 @@
 """Correction of the shift of a laser line by blur along it."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -48,6 +49,11 @@ def correct_line_blur(
         is largest at the ends of the line and at other edges of its light. Runs of fewer than
         11 points are not corrected.
 
+    Raises
+    ------
+    ValueError
+        If the blur is negative or not finite.
+
     Notes
     -----
     A Gaussian blur of covariance C changes light M and row v of column u to
@@ -67,9 +73,12 @@ def correct_line_blur(
     >>> bool(np.abs(correct_line_blur(line, 0.7).pixels - line.pixels).max() < 1e-3)
     True
     """
-    if blur == 0:
-        return line
+    if blur is not None and not 0 <= blur < math.inf:
+        raise ValueError(f"expected blur >= 0 px, got {blur}")
     across = 1 if line.direction == "columns" else 0
+    runs = _continuous_runs(line.pixels[:, across])
+    if blur == 0 or not runs:
+        return line
     sheet = np.array([0.0, 1.0])  # along and across the line's columns
     if sheet_direction is not None:
         sheet = np.asarray(sheet_direction, dtype=np.float64)[[1 - across, across]]
@@ -81,7 +90,7 @@ def correct_line_blur(
     )
     blur = None if blur is None else blur / pitch
     pixels, corrected_std = line.pixels.copy(), line.std.copy()
-    for run in _continuous_runs(line.pixels[:, across]):
+    for run in runs:
         width = widths[run]
         shape = compute_line_shape(rows[run], line.intensity[run] * width, std[run] / width)
         width_std = np.where(line.saturated[run], np.inf, std[run])

@@ -59,6 +59,14 @@ class LineImage:
     full_scale: float
     colours: tuple[Image, ...] = ()
 
+    @property
+    def value_step(self) -> float:
+        """Smallest difference of two pixel values: 1, or less for a float image. Units: DN.
+
+        A float image with a full scale below 255, such as 1, is taken to be one of 8 bit.
+        """
+        return min(1.0, self.full_scale / 255) if self.raw_channel.dtype.kind == "f" else 1.0
+
     def transposed(self) -> "LineImage":
         """Return the image with rows and columns exchanged."""
         signal = cv2.transpose(self.signal)
@@ -118,20 +126,34 @@ def prepare_line_image(
     scale = find_full_scale(array, full_scale)
     signal, raw_channel = _split_channels(array, channel)
     coloured = raw_channel is not signal
-    if laser_off is None:
+    dark = as_laser_off(laser_off, array)
+    if dark is None:
         return LineImage(signal, raw_channel, raw_channel, scale, (array,) if coloured else ())
-    dark = as_image(laser_off, "laser_off")
-    if dark.shape != array.shape or dark.dtype != array.dtype:
-        raise ValueError(
-            f"expected a laser_off frame like the image, {array.shape} {array.dtype}, got "
-            f"{dark.shape} {dark.dtype}"
-        )
     dark_signal, dark_channel = _split_channels(dark, channel)
     difference = _subtract(signal, dark_signal)
     if not coloured:
         return LineImage(difference, difference, raw_channel, scale)
     channel_difference = _subtract(raw_channel, dark_channel)
     return LineImage(difference, channel_difference, raw_channel, scale, (array, dark))
+
+
+def as_laser_off(laser_off: npt.ArrayLike | None, image: Image) -> Image | None:
+    """Return a laser-off frame as an image like the one with the laser; None for None.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is not an image, or differs from the one with the laser in shape or type.
+    """
+    if laser_off is None:
+        return None
+    dark = as_image(laser_off, "laser_off")
+    if dark.shape != image.shape or dark.dtype != image.dtype:
+        raise ValueError(
+            f"expected a laser_off frame like the image, {image.shape} {image.dtype}, got "
+            f"{dark.shape} {dark.dtype}"
+        )
+    return dark
 
 
 def find_full_scale(array: Image, given: float | None) -> float:

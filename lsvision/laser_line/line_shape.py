@@ -51,7 +51,7 @@ class LineShape:
         """Return whether neither an edge nor an end is within a distance in columns (n,)."""
         near = np.convolve(self.edge, np.ones(2 * distance + 1), mode="same")
         far: BoolArray = near < 0.5
-        far[:distance] = far[-distance:] = False
+        far[:distance] = far[len(far) - distance :] = False
         return far
 
 

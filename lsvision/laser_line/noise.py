@@ -45,8 +45,8 @@ BINS = 12
 """Bins of pixel values in the photon transfer curve."""
 MAX_SAMPLE_COLUMNS, MAX_SAMPLE_PIXELS = 250, 9
 """Columns, and pixels in each window, to which the photon transfer curve is subsampled."""
-QUANTISATION_VARIANCE = 1 / 12
-"""Variance of rounding to whole numbers: the smallest variance of a pixel. Units: DN^2."""
+ROUNDING_VARIANCE = 1 / 12
+"""Variance of rounding to whole numbers. Units: DN^2."""
 MIN_SAMPLES = 40
 """Smallest number of differences from which a scatter is estimated."""
 MIN_BLOCK_SAMPLES = 16
@@ -64,18 +64,23 @@ class PixelNoise:
         Variance of a dark pixel. Units: DN^2.
     gain : float
         Conversion gain. Units: DN per electron.
+    rounding_variance : float
+        Smallest variance of a pixel, that of its rounding. Units: DN^2.
     """
 
     read_variance: float
     gain: float
+    rounding_variance: float = ROUNDING_VARIANCE
 
     def variances(self, values: FloatArray) -> FloatArray:
         """Return the variance (DN^2) of pixels by their values (DN), at least that of rounding."""
         variances: FloatArray = self.read_variance + self.gain * np.maximum(values, 0.0)
-        return np.maximum(variances, QUANTISATION_VARIANCE)
+        return np.maximum(variances, self.rounding_variance)
 
 
-def estimate_pixel_noise(signal: Image, windows: Windows) -> PixelNoise:
+def estimate_pixel_noise(
+    signal: Image, windows: Windows, rounding_variance: float = ROUNDING_VARIANCE
+) -> PixelNoise:
     """Estimate read noise and gain of an image from the pixels around its laser line.
 
     Parameters
@@ -84,6 +89,8 @@ def estimate_pixel_noise(signal: Image, windows: Windows) -> PixelNoise:
         Signal of the laser. Units: DN.
     windows : Windows
         Windows around the line.
+    rounding_variance : float
+        Smallest variance of a pixel. Units: DN^2.
 
     Returns
     -------
@@ -106,15 +113,13 @@ def estimate_pixel_noise(signal: Image, windows: Windows) -> PixelNoise:
     # Bins of equal size: the few brightest pixels that do not fill a bin are omitted.
     order = np.argsort(level, kind="stable")[: len(level) // BINS * BINS].reshape(BINS, -1)
     means = level[order].mean(axis=1)
-    variances = np.maximum(
-        (MAD_TO_STD * np.median(scatter[order], axis=1)) ** 2, QUANTISATION_VARIANCE
-    )
+    variances = np.maximum((MAD_TO_STD * np.median(scatter[order], axis=1)) ** 2, rounding_variance)
     # Relative residuals: the error of a bin's variance is proportional to it.
     design = np.column_stack([np.ones_like(means), np.maximum(means, 0.0)]) / variances[:, None]
     from scipy.optimize import nnls
 
     (read_variance, gain), _ = nnls(design, np.ones(len(means)))
-    return PixelNoise(float(read_variance), float(gain))
+    return PixelNoise(float(read_variance), float(gain), rounding_variance)
 
 
 def excess_variance(
@@ -213,10 +218,11 @@ def errors_are_correlated(columns: IntArray, rows: FloatArray) -> bool:
     -------
     bool
         True where columns were computed from their neighbours (a mosaic, the colours of a JPEG
-        file), and in speckle; False in read and shot noise.
+        file), and in speckle; False in read and shot noise, but for chance on lines of fewer than
+        about 200 columns, and False if the line is too short to tell.
     """
     scatters = _scatters(columns, rows)
-    return min(scatters) < MAX_CORRELATED_RATIO * max(scatters)
+    return min(scatters, default=0.0) < MAX_CORRELATED_RATIO * max(scatters, default=0.0)
 
 
 def roughness(columns: IntArray, rows: FloatArray) -> float:
@@ -231,15 +237,16 @@ def roughness(columns: IntArray, rows: FloatArray) -> float:
     rows : (n,) ndarray
         Sub-pixel rows. Units: px.
     """
-    return max(_scatters(columns, rows))
+    return max(_scatters(columns, rows), default=0.0)
 
 
 def _scatters(columns: IntArray, rows: FloatArray) -> list[float]:
-    """Return the scatter of a line at each of `COMPARED_LAGS`. Units: px."""
+    """Return the scatter of a line at each of `COMPARED_LAGS` that it is long enough for, in px."""
     line = np.full(int(columns.max()) + 1, np.nan)
     line[columns] = rows
     scale = np.ones_like(line)
-    return [_scatter(line, scale, THIRD_DIFFERENCE, lag) for lag in COMPARED_LAGS]
+    differences = [_differences(line, scale, THIRD_DIFFERENCE, lag) for lag in COMPARED_LAGS]
+    return [mad_std(of_lag) for of_lag in differences if len(of_lag) >= MIN_SAMPLES]
 
 
 def line_slopes(columns: IntArray, rows: FloatArray) -> FloatArray:
@@ -273,16 +280,22 @@ def _scatter(
     lag: int,
     min_samples: int = MIN_SAMPLES,
 ) -> float:
-    """Return the robust std of a line along its normal, from differences of its points. Units: px.
+    """Return the robust std of a line along its normal, 0 from too few differences. Units: px.
+
+    Parameters are those of `_differences`.
+    """
+    differences = _differences(line, scale, weights, lag)
+    return mad_std(differences) if len(differences) >= min_samples else 0.0
+
+
+def _differences(line: FloatArray, scale: FloatArray, weights: FloatArray, lag: int) -> FloatArray:
+    """Return the differences (k,) of a line's points along its normal that are not NaN. Units: px.
 
     `line` holds the row in each column and `scale` its factor sqrt(1 + slope^2), NaN where lost;
     `weights` are those of a difference of unit variance, `lag` columns apart.
     """
     order = len(weights) - 1
-    count = len(line) - lag * order
-    if count <= 0:
-        return 0.0
-    differences = sum(weight * line[lag * k :][:count] for k, weight in enumerate(weights))
-    scatter = differences / scale[lag * order // 2 :][:count]
-    scatter = scatter[np.isfinite(scatter)]
-    return mad_std(scatter) if len(scatter) >= min_samples else 0.0
+    count = max(len(line) - lag * order, 0)
+    along_v = sum(weight * line[lag * k :][:count] for k, weight in enumerate(weights))
+    differences: FloatArray = along_v / scale[lag * order // 2 :][:count]
+    return differences[np.isfinite(differences)]

@@ -6,7 +6,8 @@ costs less the higher its score, an empty column costs nearly 1, a step between 
 square, and a new segment elsewhere costs a constant.
 """
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,9 +39,16 @@ class PathSettings:
     max_missing_columns : int
         Largest number of consecutive empty columns within a segment.
     restart_cost : float
-        Cost of a new segment, in empty columns: shorter segments are not used.
+        Cost of a new segment, which is not used unless it has more than
+        restart_cost / empty_column_cost columns.
     empty_column_cost : float
         Cost of an empty column, and of a candidate whose score is zero.
+
+    Raises
+    ------
+    ValueError
+        If a number is negative or not finite, or `candidates`, `max_score_ratio` or
+        `empty_column_cost` is zero.
     """
 
     candidates: int = 12
@@ -50,6 +58,15 @@ class PathSettings:
     max_missing_columns: int = 3
     restart_cost: float = 30.0
     empty_column_cost: float = 0.95
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not 0 <= value < math.inf:
+                raise ValueError(f"expected {field.name} >= 0, got {value}")
+        for name in ("candidates", "max_score_ratio", "empty_column_cost"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"expected a positive {name}, got {getattr(self, name)}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +78,8 @@ class LinePath:
     indices : (k,) ndarray of int
         Indices of the candidates, ordered by column.
     cost_reduction : float
-        Cost of an image without a line minus that of the path; about the number of columns.
+        Cost of an image without a line minus that of the path; about the number of columns in
+        which the line is.
     """
 
     indices: IntArray

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from lsvision.laser_line.extraction import LineSettings, extract_laser_line
+from lsvision.laser_line.path_search import PathSettings
 from lsvision.simulate.image_effects import ImageSensor, StrayLight
 from tests.laser_line.line_scenes import CLUTTER, SMALL_RIG, pipe_on_floor, plank, rendered
 from tests.tolerances import ROUNDING
@@ -247,3 +248,14 @@ def test_the_narrowest_filters_overflow_nowhere():
     image = rendered(plank(), sheet_sigma=0.02).image
     line = extract_laser_line(image, LineSettings(sigma=0.01))
     assert np.isfinite(line.std).sum() + line.lost == len(line)
+
+
+@pytest.mark.parametrize(("empty_column_cost", "fraction"), [(0.95, 0.0), (2.0, 25 / 300)])
+def test_a_short_second_line_counts_where_it_outweighs_a_segment(empty_column_cost, fraction):
+    """25 columns save 24 by default, and 50 at the higher cost; a segment costs 30."""
+    rows = np.arange(200)[:, None]
+    image = 10 + 200 * np.exp(-0.5 * ((rows - 60.2) / 1.5) ** 2) * np.ones(300)
+    image[:, 100:125] += 200 * np.exp(-0.5 * ((rows - 140.2) / 1.5) ** 2)
+    path = PathSettings(empty_column_cost=empty_column_cost)
+    line = extract_laser_line(image.round().astype(np.uint8), LineSettings(path=path))
+    assert line.second_line_fraction == pytest.approx(fraction)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lsvision.errors import NoLaserLine
-from lsvision.laser_line.extraction import LineSettings, extract_laser_line
+from lsvision.laser_line.extraction import LaserLine, LineSettings, extract_laser_line
 from lsvision.simulate.image_effects import StrayLight
 from tests.laser_line.line_scenes import SMALL_RIG, nothing, plank, rendered
 
@@ -120,3 +120,46 @@ def test_a_line_of_another_colour_is_not_found():
 def test_an_image_too_thin_for_the_filter_is_reported():
     with pytest.raises(NoLaserLine, match="17 px across the laser line and needs 24 px"):
         extract_laser_line(np.full((17, 800), 10, np.uint8))
+
+
+@pytest.mark.parametrize("size", [20, 31])
+def test_the_smallest_size_of_a_mosaic_is_that_of_its_image(size):
+    """Its planes have half the size."""
+    image = np.zeros((size, 200), np.uint8)
+    with pytest.raises(ValueError, match=rf"32 px or more each way, got \({size}, 200\)"):
+        extract_laser_line(image, LineSettings(bayer="RGGB", channel="red"))
+
+
+def test_a_laser_off_image_of_a_mosaic_is_reported_with_its_own_size():
+    with pytest.raises(ValueError, match=r"like the image, \(200, 300\) .* got \(100, 300\)"):
+        extract_laser_line(GREY, LineSettings(bayer="RGGB", channel="red"), laser_off=GREY[:100])
+
+
+@pytest.mark.parametrize("bayer", [None, "RGGB"])
+def test_a_method_that_locates_the_line_nowhere_is_an_error(bayer):
+    """A window of 5 pixels has too few for a Gaussian; the filter of a mosaic has half of sigma."""
+    rows = np.arange(200)[:, None]
+    wave = 100 + 3 * np.sin(np.arange(300) / 50)
+    size = 0.6 if bayer is None else 1.2
+    image = (10 + 200 * np.exp(-0.5 * ((rows - wave) / size) ** 2)).round().astype(np.uint8)
+    channel = "grey" if bayer is None else "red"
+    settings = LineSettings(method="gaussian", sigma=0.9 * size, bayer=bayer, channel=channel)
+    with pytest.raises(
+        NoLaserLine, match=r"'gaussian' locates the line in none of .* larger sigma"
+    ):
+        extract_laser_line(image, settings)
+
+
+def test_big_endian_images_are_images():
+    """As pixels of a PGM or TIFF file come."""
+    image = rendered(plank(), rig=SMALL_RIG).image.astype(np.uint16)
+    line = extract_laser_line(image.astype(">u2"))
+    assert line == extract_laser_line(image)
+
+
+def test_a_line_with_flags_of_another_length_is_rejected():
+    numbers = np.zeros(5)
+    with pytest.raises(ValueError, match=r"expected saturated of shape \(5,\), got \(3,\)"):
+        LaserLine(np.zeros((5, 2)), numbers, numbers, numbers, np.zeros(3), "columns", 0.0, 2.0)
+    with pytest.raises(ValueError, match="expected direction 'columns' or 'rows', got 'row'"):
+        LaserLine(np.zeros((5, 2)), numbers, numbers, numbers, numbers, "row", 0.0, 2.0)

@@ -156,3 +156,21 @@ def test_a_thick_sheet_seen_along_a_steep_flank_leaves_the_radius_right(stated):
         assert abs(cylinder.radius - 23.0) < 3 * cylinder.radius_std
         errors.append(cylinder.radius - 23.0)
     assert abs(np.mean(errors)) < 0.1
+
+
+def test_a_line_without_a_run_of_points_stays_as_it_is():
+    line = extract_laser_line(blurred_line().round().astype(np.uint8))
+    lost = replace(line, pixels=np.full_like(line.pixels, np.nan))
+    assert correct_line_blur(lost, BLUR) is lost
+
+
+@pytest.mark.parametrize("blur", [-0.8, np.nan, np.inf])
+def test_a_blur_below_zero_is_rejected(blur):
+    line = extract_laser_line(blurred_line().round().astype(np.uint8))
+    with pytest.raises(ValueError, match="expected blur >= 0 px, got"):
+        correct_line_blur(line, blur)
+
+
+def test_points_far_from_edges_by_no_column_are_all_but_the_edges():
+    shape = compute_line_shape(FLANK, BRIGHTNESS, np.full(len(U), 0.01))
+    assert (shape.far_from_edges(0) == ~shape.edge).all()

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
-from lsvision.laser_line.extraction import extract_laser_line
-from lsvision.laser_line.noise import excess_variance, line_slopes
+from lsvision.laser_line.extraction import LineSettings, extract_laser_line
+from lsvision.laser_line.noise import errors_are_correlated, excess_variance, line_slopes
 from lsvision.simulate.scene import Scene
 from lsvision.simulate.solids import Tube
 from tests.laser_line.line_scenes import STAND_OFF, rendered
@@ -77,3 +77,22 @@ def test_the_std_on_a_pipe_is_valid_from_crown_to_flank(looks):
     # Level to 40 deg, and the flanks to 65 deg; beyond, blur draws the line.
     for columns in (slice(560, 720), slice(476, 520), slice(760, 804)):
         assert 0.7 < np.nanmean(nees[:, columns]) < 1.4
+
+
+def test_the_errors_of_a_short_line_are_not_called_correlated(rng):
+    """45 columns are too few for the differences of points 6 columns apart."""
+    correlated = [errors_are_correlated(COLUMNS[:45], rng.normal(size=45)) for _ in range(50)]
+    assert sum(correlated) < 25  # by chance; all of them where the missing scatter counted as 0
+    assert not errors_are_correlated(COLUMNS[:20], rng.normal(size=20))
+
+
+def test_the_noise_of_a_float_image_does_not_depend_on_its_full_scale(rng):
+    """Rounding to whole numbers is no error of an image whose largest value is 1."""
+    rows = np.arange(120)[:, None]
+    image = 10 + 100 * np.exp(-0.5 * ((rows - 60.25) / 1.5) ** 2) + rng.normal(0, 2, (120, 320))
+    stds = [
+        extract_laser_line(image / 255 * scale, LineSettings(full_scale=scale)).std
+        for scale in (1.0, 255.0, 65535.0)
+    ]
+    np.testing.assert_allclose(stds[0], stds[1], rtol=1e-3)
+    np.testing.assert_allclose(stds[2], stds[1], rtol=1e-3)

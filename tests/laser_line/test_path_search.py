@@ -85,3 +85,21 @@ def test_a_candidate_that_leads_nowhere_does_not_stand_for_the_edge_over_it():
     candidates = LineCandidates(np.arange(60), rows, np.full(60, 20.0), THRESHOLD, (HEIGHT, 60))
     path = shortest_line_path(candidates, PathSettings(restart_cost=3.0, slope_cost=0.02))
     np.testing.assert_array_equal(path.indices, np.delete(np.arange(60), 30))
+
+
+INVALID = {
+    "candidates": {"candidates": 0},
+    "max_score_ratio": {"max_score_ratio": 0.0},
+    "slope_cost": {"slope_cost": -1.0},
+    "max_missing_columns": {"max_missing_columns": -1},
+    "restart_cost": {"restart_cost": float("nan")},
+    "empty_column_cost": {"empty_column_cost": 0.0},
+}
+
+
+@pytest.mark.parametrize("arguments", INVALID.values(), ids=INVALID)
+def test_costs_out_of_range_are_rejected(arguments):
+    """A negative cost makes the path arbitrary."""
+    (name,) = arguments
+    with pytest.raises(ValueError, match=f"expected (a positive )?{name}"):
+        PathSettings(**arguments)
