@@ -5,6 +5,7 @@ use none of this code, so that they can be compared with it.
 """
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,6 +21,9 @@ from lsvision.geometry import (
 from lsvision.geometry.arrays import require_coordinates
 from lsvision.planning.predictions import ScanPrediction, SectionPrediction
 from lsvision.planning.sensor_view import cylinder_normals
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 SINGULARITY_TOLERANCE = 1e-13
 """Smallest eigenvalue of a regular information matrix, after scaling its diagonal to 1."""
@@ -220,7 +224,7 @@ def scan_bound(
     variances: FloatArray,
     *,
     known_radius_std: float | None = None,
-    shared_errors: FloatArray | None = None,
+    shared_errors: "FloatArray | csr_array[np.float64] | None" = None,
 ) -> ScanPrediction:
     """Return the Cramer-Rao bound of a cylinder from points anywhere on its surface.
 
@@ -235,7 +239,7 @@ def scan_bound(
         Variance of each point's error along the surface normal, n' Sigma n. Units: mm^2.
     known_radius_std : float, optional
         Standard deviation of a prior on the radius; 0 = exactly known. Units: mm.
-    shared_errors : (n, k) ndarray, optional
+    shared_errors : (n, k) ndarray or sparse array, optional
         Displacement of each point along the outward normal by one standard deviation of each of
         k errors that points share, such as errors of a pose. Their effect on a fit that takes
         the poses as exact is added; the result is then no longer a bound. Units: mm.
@@ -267,13 +271,28 @@ def scan_bound(
     prior = None if known_radius_std is None else (4, known_radius_std)
     covariance = invert_information(fisher_information(jacobian, variances), prior)
     if shared_errors is not None:
-        errors = as_readonly_array(shared_errors, (len(points), "k"), "shared_errors")
-        if not np.isfinite(errors).all():
-            raise ValueError("expected finite shared_errors in mm")
         # Linear response of the weighted least-squares fit to each shared error.
-        response: FloatArray = covariance @ ((jacobian / variances[:, None]).T @ errors)
+        weighted = covariance @ (jacobian / variances[:, None]).T
+        response = _multiply_errors(weighted, shared_errors)
         covariance = covariance + response @ response.T
     return _predict_scan(cylinder, covariance, len(points))
+
+
+def _multiply_errors(
+    matrix: FloatArray, errors: "FloatArray | csr_array[np.float64]"
+) -> FloatArray:
+    """Return the product of a matrix (5, n) and checked errors (n, k), dense or sparse.
+
+    Errors of many poses are sparse: as a dense array, those of 2048 sections take gigabytes.
+    """
+    from scipy.sparse import csr_array, issparse
+
+    if not issparse(errors):
+        errors = csr_array(as_readonly_array(errors, (matrix.shape[1], "k"), "shared_errors"))
+    if not np.isfinite(errors.data).all():
+        raise ValueError("expected finite shared_errors in mm")
+    product: FloatArray = matrix @ errors
+    return product
 
 
 def _predict_scan(cylinder: Cylinder, covariance: FloatArray, points: int) -> ScanPrediction:

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,6 +11,9 @@ from lsvision.geometry import Cylinder, FloatArray, IntArray, Points, Pose, tang
 from lsvision.planning.bounds import scan_bound, section_bound
 from lsvision.planning.predictions import ScanPrediction, SectionPrediction
 from lsvision.planning.sensor_view import Feed, SensorView, cylinder_normals, visible_points
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 MAX_SECTIONS = 2048
 """Largest number of sections in a proposal of `sections_needed`."""
@@ -161,17 +165,24 @@ def _visible_section(
 
 def _pose_error_jacobian(
     normals: FloatArray, point_sections: IntArray, feed: Feed
-) -> FloatArray | None:
-    """Return the `shared_errors` of `scan_bound` by the errors of the poses; None without any."""
-    columns = []
-    if feed.pose_std > 0:
-        in_section = point_sections[:, None] == np.arange(feed.sections)
-        columns += [feed.pose_std * normals[:, [axis]] * in_section for axis in range(3)]
-    if feed.feed_std > 0:
-        positions = feed.shifts @ feed.unit
-        lateral = tangent_frame(feed.unit)[:2]
-        columns.append(feed.feed_std * positions[point_sections][:, None] * (normals @ lateral.T))
-    return np.column_stack(columns) if columns else None
+) -> "csr_array[np.float64] | None":
+    """Return the `shared_errors` (n, 3 sections + 2) of `scan_bound` by the errors of the poses.
+
+    None if the poses have no errors.
+    """
+    if feed.pose_std == feed.feed_std == 0:
+        return None
+    from scipy.sparse import csr_array, hstack
+
+    count = len(normals)
+    row_starts, columns = np.arange(0, 3 * count + 1, 3), 3 * point_sections[:, None] + np.arange(3)
+    by_position = csr_array(
+        ((feed.pose_std * normals).ravel(), columns.ravel(), row_starts),
+        shape=(count, 3 * feed.sections),
+    )
+    positions, lateral = feed.shifts @ feed.unit, tangent_frame(feed.unit)[:2]
+    by_direction = feed.feed_std * positions[point_sections][:, None] * (normals @ lateral.T)
+    return hstack([by_position, csr_array(by_direction)], format="csr")
 
 
 def _require_points(count: int) -> None:
@@ -251,7 +262,9 @@ def sections_needed(  # noqa: PLR0913 - the parameters of `plan_scan`, and the t
     ------
     DegenerateGeometry
         If 2048 sections do not reach the target, or two do not determine the cylinder.
-    TooFewPoints, ValueError
+    TooFewPoints
+        If fewer than five points are visible in two sections together.
+    ValueError
         As in `plan_scan`.
 
     Examples
@@ -271,7 +284,7 @@ def sections_needed(  # noqa: PLR0913 - the parameters of `plan_scan`, and the t
 
     try:
         prediction = plan(1)
-    except DegenerateGeometry:  # such as the direction at phi = 0: more sections determine it
+    except (DegenerateGeometry, TooFewPoints):  # as of the direction at phi = 0, or few points
         prediction = plan(2)
     insufficient, sufficient = prediction.sections - 1, prediction.sections
     while not target.met_by(prediction):

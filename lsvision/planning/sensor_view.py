@@ -106,8 +106,8 @@ class Feed:
     feed_std: float = 0.0
 
     def __post_init__(self) -> None:
-        if not self.sections >= 1:
-            raise ValueError(f"expected sections >= 1, got {self.sections}")
+        if not (isinstance(self.sections, int | np.integer) and self.sections >= 1):
+            raise ValueError(f"expected a whole number of sections >= 1, got {self.sections}")
         if not (math.isfinite(self.spacing) and self.spacing > 0):
             raise ValueError(f"expected a positive spacing in mm, got {self.spacing}")
         length = math.hypot(*self.direction)
@@ -149,7 +149,7 @@ def visible_points(cylinder: Cylinder, view: SensorView) -> Points:
     Returns
     -------
     (n, 2) ndarray
-        Visible points, section frame, by ascending x. Units: mm.
+        Visible points, section frame, in the order of the rays. Units: mm.
     """
     rays, sensor = view.rays, view.sensor
     ranges = _first_hits(cylinder.section(), np.asarray(sensor.origin), rays)

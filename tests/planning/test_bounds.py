@@ -5,8 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.sparse import csr_array
 
-from lsvision.geometry import Cylinder, Ellipse, Pose
+from lsvision.geometry import Cylinder, Ellipse, Pose, tangent_frame
 from lsvision.planning import scan_bound, section_bound
 from lsvision.planning.sensor_view import cylinder_normals
 from tests.planning.views import (
@@ -125,3 +126,17 @@ def test_values_that_are_not_finite_are_named(lost):
     {"points": points, "shared_errors": shared_errors}[lost][3] = np.nan
     with pytest.raises(ValueError, match="expected finite"):
         scan_bound(pipe, points, np.full(60, 0.01), shared_errors=shared_errors)
+
+
+def test_shared_errors_may_be_sparse(rng):
+    pipe = Cylinder([0.0, -400.0, 0.0], [0.0, 0.3, 1.0], 19.0)
+    e1, e2 = tangent_frame(pipe.direction)[:2]
+    angles, axial = rng.uniform(0.5, 2.6, 60), rng.uniform(-20, 20, 60)
+    normals = np.outer(np.cos(angles), e1) + np.outer(np.sin(angles), e2)
+    points = pipe.point + 19.0 * normals + np.outer(axial, pipe.direction)
+    errors = rng.normal(size=(60, 4)) * (rng.random((60, 4)) < 0.3)
+    dense, sparse = (
+        scan_bound(pipe, points, np.full(60, 0.01), shared_errors=e)
+        for e in (errors, csr_array(errors))
+    )
+    np.testing.assert_allclose(sparse.covariance, dense.covariance, rtol=1e-12)

@@ -1,6 +1,7 @@
 """Planned uncertainties: scaling laws, pose errors, limits, and errors of the calls."""
 
 import math
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -251,3 +252,23 @@ INVALID_CALLS = [
 def test_invalid_calls_raise_errors(call, error, message):
     with pytest.raises(error, match=message):
         call()
+
+
+def test_errors_of_many_poses_take_little_memory():
+    """As a dense array, those of 256 sections would take 180 MB."""
+    feed = Feed(sections=256, spacing=0.1, pose_std=0.02, feed_std=1e-4)
+    tracemalloc.start()
+    try:
+        plan_scan(19.0, *rad(20, 20), feed=feed)
+        assert tracemalloc.get_traced_memory()[1] < 40e6
+    finally:
+        tracemalloc.stop()
+
+
+def test_the_sections_needed_by_so_coarse_a_pitch_that_one_has_too_few_points():
+    view = SensorView(pitch=12.0)
+    with pytest.raises(TooFewPoints):
+        plan_scan(19.0, *rad(20, 20), view=view, feed=Feed(sections=1))
+    scan = sections_needed(19.0, *rad(20, 20), view=view, target=AccuracyTarget(radius_std=0.1))
+    assert scan.sections > 1
+    assert scan.radius_std <= 0.1
