@@ -13,7 +13,8 @@ from lsvision.geometry import FloatArray, Points
 from lsvision.profile import NoiseModel
 
 MIN_RANGE_FRACTION = 1e-3
-"""Smallest ratio of range to reference range; nearer points get the covariance at this range."""
+"""Smallest ratio of range to reference range at which the standard deviation is computed, so that
+no covariance is zero."""
 MAX_RANGE_MM = 1e12
 """Largest coordinate relative to the origin, against overflow at invalid points. Units: mm."""
 LATERAL_STD_RATIO = 0.05
@@ -47,7 +48,8 @@ class ProfileSensor:
     Raises
     ------
     ValueError
-        If a length is not positive, `quantum` is negative, or `max_range` not above `min_range`.
+        If a number is not finite, a length or `columns` not positive, `quantum` negative, or
+        `max_range` not above `min_range`.
 
     Examples
     --------
@@ -72,10 +74,16 @@ class ProfileSensor:
             value = getattr(self, name)
             if not (isinstance(value, int | float | np.number) and 0 < value < math.inf):
                 raise ValueError(f"expected a positive {name} in mm, got {value!r}")
-        if not self.max_range > self.min_range:
-            raise ValueError(f"expected max_range > min_range, got {self.max_range} mm")
-        if not self.quantum >= 0:
+        if not self.min_range < self.max_range < math.inf:
+            raise ValueError(
+                f"expected min_range < max_range, got {self.min_range} and {self.max_range} mm"
+            )
+        if not 0 <= self.quantum < math.inf:
             raise ValueError(f"expected quantum >= 0 mm, got {self.quantum}")
+        if not (isinstance(self.columns, int | np.integer) and self.columns >= 1):
+            raise ValueError(f"expected a whole number of columns >= 1, got {self.columns}")
+        if not (len(self.origin) == 2 and np.isfinite(self.origin).all()):
+            raise ValueError(f"expected an origin (x, y) in mm, got {self.origin}")
 
     def covariances(self, points: Points) -> FloatArray:
         """Return the covariance of each point: along its ray, with a std that grows as range^2.

@@ -98,9 +98,14 @@ def test_presets_have_the_pitch_and_ranges_of_the_data_sheet():
         ({"reference_range": -400.0}, "positive reference_range in mm, got -400"),
         ({"min_range": 0.0}, "positive min_range"),
         ({"width_at_max_range": math.inf}, "positive width_at_max_range"),
-        ({"max_range": 100.0}, "expected max_range > min_range, got 100"),
+        ({"max_range": 100.0}, "expected min_range < max_range, got 200.0 and 100.0 mm"),
+        ({"max_range": math.inf}, "expected min_range < max_range, got 200.0 and inf mm"),
         ({"quantum": -0.1}, "expected quantum >= 0 mm, got -0.1"),
         ({"quantum": math.nan}, "expected quantum >= 0 mm, got nan"),
+        ({"quantum": math.inf}, "expected quantum >= 0 mm, got inf"),
+        ({"columns": 0}, "expected a whole number of columns >= 1, got 0"),
+        ({"columns": 3.5}, "expected a whole number of columns >= 1, got 3.5"),
+        ({"origin": (math.nan, 0.0)}, "expected an origin .x, y. in mm, got"),
     ],
 )
 def test_invalid_values_are_rejected(changes, message):
