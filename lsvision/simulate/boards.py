@@ -18,8 +18,8 @@ MAX_DRAWS = 1000
 """Largest number of random poses until the line crosses a board: the default scene needs one to
 five."""
 MAX_OFFSET_FRACTION = 0.24
-"""Largest distance of a board's centre from the middle of the image, as a fraction of its width and
-height: then some corners reach the borders."""
+"""Largest distance of a board's centre from the principal point, as a fraction of the image's width
+and height: then some corners reach the borders."""
 LINE_ITERATIONS = 50
 """Fixed-point iterations of the laser line on a bent board."""
 

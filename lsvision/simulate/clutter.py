@@ -84,8 +84,9 @@ def rounded_box(
     ValueError
         If the corner radius exceeds 5 mm, half the width or the height.
     """
-    if not 0 < corner <= min(MAX_CORNER_RADIUS, width / 2, height):
-        raise ValueError(f"expected a corner in (0, {MAX_CORNER_RADIUS:g}] mm, got {corner}")
+    largest = min(MAX_CORNER_RADIUS, width / 2, height)
+    if not 0 < corner <= largest:
+        raise ValueError(f"expected a corner in (0, {largest:g}] mm, got {corner}")
     angle = np.linspace(0.0, math.pi / 2, 25)
     x, y = width / 2 - corner + corner * np.sin(angle), corner * (np.cos(angle) - 1)
     right = np.vstack([np.column_stack([x, y]), [[width / 2, -height]]])

@@ -102,7 +102,8 @@ def plane_profile(plane: Plane, view: SectionView, rng: np.random.Generator) -> 
     """
     x = view.x
     nx, ny, _ = plane.normal
-    if abs(ny) < math.cos(view.max_slope) * math.hypot(nx, ny):
+    # A plane parallel to the section has neither nx nor ny.
+    if ny == 0 or abs(ny) < math.cos(view.max_slope) * math.hypot(nx, ny):
         return _noisy_profile(x, np.zeros_like(x), np.zeros(len(x), dtype=bool), view, rng)
     y = (plane.distance - nx * x) / ny
     return _noisy_profile(x, y, np.ones(len(x), dtype=bool), view, rng)
@@ -130,7 +131,7 @@ def _correlate(noise: FloatArray, view: SectionView) -> FloatArray:
     half_width = math.ceil(4 * view.correlation)
     kernel = np.exp(-0.5 * (np.arange(-half_width, half_width + 1) / view.correlation) ** 2)
     kernel /= np.sqrt((kernel**2).sum())
-    periodic = np.concatenate([noise[-half_width:], noise, noise[:half_width]])
+    periodic = np.pad(noise, half_width, mode="wrap")
     correlated: FloatArray = np.convolve(periodic, kernel, "valid")
     return correlated
 

@@ -32,7 +32,8 @@ class StrayLight:
     blobs : int
         Number of Gaussian bright blobs with a standard deviation of 2 to 15 px.
     brightness : tuple of float
-        Range of the peaks of streaks and blobs. Units: DN.
+        Range of the peaks of streaks and blobs; the lens blur then lowers those of streaks.
+        Units: DN.
     """
 
     ambient: float = 10.0

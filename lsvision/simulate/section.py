@@ -224,11 +224,15 @@ def _in_range(hits: Hits, rays: Rays, sensor: ProfileSensor) -> BoolArray:
 def _visible_from(
     camera: tuple[float, float, float], exact: Points, scene: Scene, pose: Pose
 ) -> BoolArray:
-    """Return the mask of points (n, 3) of the section that are not hidden from the camera."""
-    origins = np.broadcast_to(camera, exact.shape)
-    rays = Rays(origins, np.nan_to_num(exact - origins))
+    """Return the mask of points (n, 3) of the section that are not hidden from the camera.
+
+    False for lost points.
+    """
+    visible = np.isfinite(exact[:, 0])
+    directions = exact[visible] - np.asarray(camera)
+    rays = Rays(np.broadcast_to(camera, directions.shape), directions)
     hits, _ = scene.first_hits(rays.transformed(pose))
-    visible: BoolArray = hits.distances >= 1 - SAME_SURFACE_TOLERANCE
+    visible[visible] = hits.distances >= 1 - SAME_SURFACE_TOLERANCE
     return visible
 
 

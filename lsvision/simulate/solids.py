@@ -10,7 +10,15 @@ from typing import Self
 
 import numpy as np
 
-from lsvision.geometry import Cylinder, FloatArray, IntArray, Points, Pose, as_readonly_array
+from lsvision.geometry import (
+    Cylinder,
+    FloatArray,
+    IntArray,
+    Points,
+    Pose,
+    as_readonly_array,
+    tangent_frame,
+)
 from lsvision.geometry.arrays import as_unit_vector
 
 NO_HIT = math.inf
@@ -32,7 +40,7 @@ class Rays:
     origins : (n, 3) array_like
         Start of each ray. Units: mm.
     directions : (n, 3) array_like
-        Direction of each ray, of any length; distances along a ray are multiples of it.
+        Direction of each ray, not much shorter than 1; distances along a ray are multiples of it.
     """
 
     origins: Points
@@ -271,8 +279,10 @@ class BentTube:
         height = relative @ self.bend_normal
         in_plane = relative - height[:, None] * self.bend_normal
         distance = np.linalg.norm(in_plane, axis=1)
-        divisor = np.where(distance > 0, distance, 1.0)
-        from_axis = relative - in_plane * (self.bend_radius / divisor)[:, None]
+        central = distance == 0
+        # From the axis of the bend all points of the circle are equally near: any one will do.
+        in_plane[central], distance[central] = tangent_frame(self.bend_normal)[0], 1.0
+        from_axis = relative - in_plane * (self.bend_radius / distance)[:, None]
         length = np.linalg.norm(from_axis, axis=1)
         normals = from_axis / np.where(length > 0, length, 1.0)[:, None]
         return length - self.radius, normals

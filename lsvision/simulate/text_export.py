@@ -8,8 +8,8 @@ for byte on every platform.
 
 import dataclasses
 import json
-import math
 from collections.abc import Sequence
+from decimal import Decimal
 from typing import Any
 
 import numpy as np
@@ -50,9 +50,7 @@ def profile_text(section: SimulatedSection, title: str) -> str:
     'x [mm],z [mm]'
     """
     sensor = section.sensor
-    decimals = (
-        RAW_DECIMALS if sensor.quantum == 0 else max(0, -math.floor(math.log10(sensor.quantum)))
-    )
+    decimals = _decimals(sensor.quantum) if sensor.quantum > 0 else RAW_DECIMALS
     lines = [
         f"# {title}",
         f"# sensor: {sensor.name}, noise {_round(sensor.range_std)} mm along the ray at "
@@ -62,6 +60,12 @@ def profile_text(section: SimulatedSection, title: str) -> str:
     ]
     lines += [f"{x:.{decimals}f},{y:.{decimals}f}" for x, y in section.profile.points]
     return "\n".join(lines) + "\n"
+
+
+def _decimals(quantum: float) -> int:
+    """Return the number of decimals with which multiples of a number are exact."""
+    exponent = Decimal(str(quantum)).normalize().as_tuple().exponent
+    return max(0, -int(exponent))
 
 
 def truth_text(section: SimulatedSection, source: dict[str, Any]) -> str:

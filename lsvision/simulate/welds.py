@@ -113,6 +113,11 @@ def weld_bead(
         the tubes in an edge.
     along : tuple of float
         Direction of extrusion.
+
+    Raises
+    ------
+    ValueError
+        If the leg is not positive, or longer than half the circumference of a section.
     """
     contact = np.asarray(contact_point(first, second))
     feet = [_foot(ellipse, contact, leg) for ellipse in (first, second)]
@@ -167,6 +172,10 @@ def _foot(ellipse: Ellipse, contact: FloatArray, leg: float) -> tuple[FloatArray
     # Of both ways round the ellipse, the one that rises at first.
     path = max(paths, key=lambda points: float(points[100, 1]))
     length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
+    if not 0 < leg <= length[-1]:
+        raise ValueError(
+            f"expected a leg in (0, {length[-1]:.4g}] mm, up to half the circumference, got {leg}"
+        )
     index = int(np.searchsorted(length, leg))
     tangent = path[index] - path[index - 1]
     return path[index], tangent / np.linalg.norm(tangent)

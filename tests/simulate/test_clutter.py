@@ -93,3 +93,8 @@ def test_bumps_are_summed():
 def test_a_corner_with_the_radius_of_a_tube_raises_an_error(corner):
     with pytest.raises(ValueError, match="expected a corner"):
         clutter.rounded_box(60.0, 60.0, corner, (0.0, 0.0))
+
+
+def test_the_largest_corner_of_a_small_box_is_reported():
+    with pytest.raises(ValueError, match=r"corner in \(0, 3\] mm, got 4"):
+        clutter.rounded_box(6.0, 20.0, 4.0, (0.0, 0.0))

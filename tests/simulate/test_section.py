@@ -9,7 +9,15 @@ import pytest
 from lsvision.geometry import Cylinder, Pose
 from lsvision.profile import PointNoise
 from lsvision.sensors.profile_sensor import ProfileSensor
-from lsvision.simulate import Prism, Scene, SectionSettings, Tube, simulate_scan, simulate_section
+from lsvision.simulate import (
+    BentTube,
+    Prism,
+    Scene,
+    SectionSettings,
+    Tube,
+    simulate_scan,
+    simulate_section,
+)
 from lsvision.simulate.scene import longest_run
 
 MACHINE = 1e-9  # mm
@@ -255,3 +263,16 @@ def test_the_seed_determines_the_bytes():
 def test_invalid_settings_raise_errors(changes, message):
     with pytest.raises(ValueError, match=message):
         SectionSettings(**changes)
+
+
+def test_a_camera_beside_a_bent_tube_sees_its_near_side():
+    """Columns without a point have no ray to the camera."""
+    tube = BentTube(25.0, (0.0, -1420.0, 0.0), (1.0, 0.0, 0.0), 1000.0)
+    everything, seen = (
+        np.isfinite(look(Scene((tube,)), only(camera=camera)).profile.points[:, 0])
+        for camera in (None, (400.0, -420.0, 0.0))
+    )
+    points = look(Scene((tube,))).profile.points
+    assert seen.any()
+    assert (everything & ~seen).any()
+    assert points[seen, 0].min() > points[everything & ~seen, 0].min()

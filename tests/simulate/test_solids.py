@@ -190,3 +190,12 @@ def test_a_section_that_misses_the_axis_has_no_local_cylinder():
 def test_invalid_solids_raise_errors(make, message):
     with pytest.raises(ValueError, match=message):
         make()
+
+
+@pytest.mark.parametrize("height", [0.0, 3.0])
+def test_a_ray_from_the_axis_of_a_bend_meets_the_bent_tube(height):
+    """All points of the bend's circle are equally near there."""
+    tube = BentTube(10.0, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 400.0)
+    hits = tube.first_hits(Rays([[0.0, 0.0, height]], [DOWN]))
+    assert hits.distances[0] == pytest.approx(400.0 - math.sqrt(100.0 - height**2), abs=BISECTED)
+    np.testing.assert_allclose(hits.normals[0, 1] * 10.0, math.sqrt(100.0 - height**2), atol=1e-5)

@@ -57,3 +57,16 @@ def test_an_unknown_kind_of_tube_raises_an_error():
     section = random_section("single", 1)
     with pytest.raises(TypeError, match="expected a Tube or a BentTube, got Pillar"):
         scan_truth_text(Scene((Pillar(),)), [Pose()], [section], {})
+
+
+@pytest.mark.parametrize(("quantum", "decimals"), [(2.0, 0), (0.25, 2), (0.025, 3), (0.1, 1)])
+def test_multiples_of_any_quantum_are_written_exactly(quantum, decimals):
+    sensor = dataclasses.replace(SCENE_SENSOR, quantum=quantum)
+    tube = Tube.of(radius=20.0, theta=0.5, phi=0.3, centre=(0.0, -400.0))
+    rng = np.random.default_rng(1)
+    section = simulate_section(Scene((tube,)), sensor, SectionSettings(), rng=rng)
+    lines = profile_text(section, "tube").splitlines()[4:]
+    back = np.loadtxt(lines, delimiter=",")
+    np.testing.assert_allclose(back, section.profile.points, rtol=0, atol=1e-9)
+    texts = [line for line in lines if "nan" not in line]
+    assert {len(text.split(",")[0].partition(".")[2]) for text in texts} == {decimals}

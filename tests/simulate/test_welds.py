@@ -84,3 +84,11 @@ def test_a_fillet_is_concave_and_a_bulged_bead_convex():
         if bulge:
             width = surface[-1, 0] - surface[0, 0]
             assert middle == pytest.approx(bulge * width, rel=1e-9)
+
+
+@pytest.mark.parametrize("leg", [0.0, -1.0, 70.0])
+def test_a_bead_longer_than_half_a_tube_is_rejected(leg):
+    first = Ellipse((0.0, 0.0), 20.0, 20.0, 0.0)
+    second = moved(first, touching_centre(first, first, 0.0))
+    with pytest.raises(ValueError, match=r"leg in \(0, 62\.83\] mm"):
+        weld_bead(first, second, leg=leg, bulge=0.0)
