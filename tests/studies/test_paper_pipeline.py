@@ -5,6 +5,7 @@ import pytest
 
 from lsvision.errors import FitFailed
 from lsvision.studies.chen_liu_2016.paper_pipeline import (
+    PaperSettings,
     homogenise_profile_paper,
     measure_cylinders_paper,
     smooth_profile_paper,
@@ -48,3 +49,40 @@ def test_a_profile_in_the_order_of_decreasing_x_has_the_same_cylinders():
     for one, other in zip(rising, falling, strict=True):
         assert other.radius == pytest.approx(one.radius, abs=MACHINE)
         np.testing.assert_array_equal(np.sort(len(points) - 1 - other.indices), one.indices)
+
+
+INVALID = {
+    "sensor_error_mm": -1.0,
+    "window_fraction": 0.0,
+    "smoothing_fraction": float("inf"),
+    "step_mm": 0.0,
+    "end_part_fraction": 0.5,
+}
+
+
+@pytest.mark.parametrize("name", INVALID)
+def test_settings_out_of_range_are_rejected(name):
+    with pytest.raises(ValueError, match=f"expected .*{name}"):
+        PaperSettings(**{name: INVALID[name]})
+
+
+def test_end_parts_of_a_short_arc_leave_a_middle_part():
+    settings = PaperSettings(end_part_fraction=0.49)
+    assert [settings.end_points(count) for count in (3, 6, 100)] == [1, 2, 49]
+    points = upper_arc(pipe(0.0), degrees=120)
+    measurement = measure_cylinders_paper(points, radius=19.0, settings=settings)
+    assert measurement.cylinders or measurement.rejections
+
+
+def test_smoothing_over_x_keeps_a_flank_whose_points_have_the_same_x():
+    x = np.concatenate([np.zeros(8), np.arange(1.0, 9.0)])
+    y = np.concatenate([np.arange(-8.0, 0.0), np.zeros(8)])
+    smooth = smooth_profile_paper(np.column_stack([x, y]), 0.2)
+    np.testing.assert_array_equal(smooth[:, 0], x)
+    np.testing.assert_allclose(smooth[12:, 1], 0.0, atol=MACHINE)
+
+
+def test_a_profile_without_an_ellipse_says_why(rng):
+    points = np.column_stack([np.arange(100.0), rng.uniform(-500, -300, 100)])
+    measurement = measure_cylinders_paper(points, radius=19.0)
+    assert measurement.reason == "no 10 neighbouring points of 100 lie within 0.9 mm of an ellipse"

@@ -1,4 +1,7 @@
-"""The report as JSON: all numbers of the page, in keys that end in their unit."""
+"""The report as JSON: all numbers of the page, in keys that end in their unit.
+
+Numbers of `Achievability` are in the unit in which its quantity ends.
+"""
 
 import dataclasses
 import json
@@ -60,7 +63,7 @@ def _repeatability(repeatability: Repeatability) -> dict[str, Any]:
     return {
         "measurements": len(repeatability.ellipses),
         "missed": repeatability.missed,
-        "std": dict(zip(order, repeatability.stds_mm, strict=True)),
+        "std": _plain(dict(zip(order, repeatability.stds_mm, strict=True))),
         "bound": dict(zip(order, repeatability.bound_stds_mm, strict=True)),
         "box_mm": repeatability.box_mm,
         "expected_box_mm": repeatability.expected_box_mm,

@@ -8,7 +8,7 @@ pipeline has no test against planes, so it reports huge ellipses on them.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import numpy.typing as npt
@@ -52,6 +52,11 @@ class PaperSettings:
         Window of smoothing as a fraction of the arc's points; section 3.3.1: 30 %.
     step_mm : float
         Spacing of homogenised points along x; section 3.3.2. Units: mm.
+
+    Raises
+    ------
+    ValueError
+        If a number is not positive and finite, or an end part is half of an arc or more.
     """
 
     sensor_error_mm: float = 0.9
@@ -60,13 +65,24 @@ class PaperSettings:
     smoothing_fraction: float = 0.3
     step_mm: float = 0.5
 
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not 0 < value < math.inf:
+                raise ValueError(f"expected a positive {field.name}, got {value}")
+        if not self.end_part_fraction < 0.5:
+            raise ValueError(f"expected end_part_fraction < 0.5, got {self.end_part_fraction}")
+
     def window_points(self, count: int) -> int:
         """Return the number of points in a window of rough identification, of `count` points."""
         return max(MIN_WINDOW_POINTS, round(self.window_fraction * count))
 
     def end_points(self, count: int) -> int:
-        """Return the number of points in each end part of an arc of `count` points."""
-        return max(1, round(self.end_part_fraction * count))
+        """Return the number of points in each end part of an arc of `count` >= 3 points.
+
+        At least one point is left in the middle.
+        """
+        return min(max(1, round(self.end_part_fraction * count)), (count - 1) // 2)
 
 
 def measure_cylinders_paper(
@@ -113,7 +129,15 @@ def measure_cylinders_paper(
         valid_indices, points = valid_indices[::-1], points[::-1]
     cylinders: list[CylinderSection] = []
     rejections: list[Rejection] = []
-    for start, stop in _identify_spans(points, initial_radius, settings):
+    spans = _identify_spans(points, initial_radius, settings)
+    if len(points) and not spans:
+        reason = (
+            f"no {settings.window_points(len(points))} neighbouring points of {len(points)} lie "
+            f"within {settings.sensor_error_mm:g} mm of an ellipse"
+        )
+        everything = Arc(int(valid_indices.min()), int(valid_indices.max()) + 1)
+        rejections.append(Rejection(everything, reason))
+    for start, stop in spans:
         indices = valid_indices[start:stop]
         arc = Arc(int(indices.min()), int(indices.max()) + 1)
         try:
@@ -160,6 +184,8 @@ def largest_window_residual(window: Points, radius: float) -> float:
 def smooth_profile_paper(points: Points, window_fraction: float = 0.3) -> Points:
     """Return an arc with y(x) smoothed by local quadratics (section 3.3.1).
 
+    In a window of one or two different x, such as a vertical flank, it is a mean or a line.
+
     Parameters
     ----------
     points : (n, 2) ndarray
@@ -187,7 +213,8 @@ def smooth_profile_paper(points: Points, window_fraction: float = 0.3) -> Points
     for i in range(count):
         first = min(max(0, i - window // 2), count - window)
         x, y = points[first : first + window].T
-        smooth[i, 1] = np.polynomial.Polynomial.fit(x, y, 2)(points[i, 0])
+        degree = min(2, len(np.unique(x)) - 1)
+        smooth[i, 1] = np.polynomial.Polynomial.fit(x, y, degree)(points[i, 0])
     return smooth
 
 
