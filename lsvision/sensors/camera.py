@@ -37,7 +37,7 @@ class Camera(ComparedByValue):
     ------
     ValueError
         If the matrix does not have this form, the number of coefficients is not one of those
-        above, or the size is not positive.
+        above, or the size is not two positive whole numbers.
 
     Examples
     --------
@@ -62,7 +62,7 @@ class Camera(ComparedByValue):
                 f"coefficients in OpenCV's order, got {len(distortion)}: {distortion}"
             )
         width, height = (int(length) for length in self.size)
-        if not (width > 0 and height > 0):
+        if not (width > 0 and height > 0) or (width, height) != tuple(self.size):
             raise ValueError(f"expected a size (width, height) in px, got {self.size}")
         padded = np.pad(distortion, (0, COEFFICIENTS - len(distortion)))
         object.__setattr__(self, "matrix", matrix)
@@ -87,7 +87,7 @@ class Camera(ComparedByValue):
         -------
         (n, 3) ndarray
             Rays in the camera frame, scaled to z = 1. NaN for lost points, and for pixels for which
-            the distortion model has no inverse.
+            the distortion model has no inverse within its first fold.
         """
         return self.rays_with_jacobian(pixels)[0]
 

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from lsvision.geometry import FloatArray, Points
+from lsvision.geometry import BoolArray, FloatArray, Points
 
 COEFFICIENTS = 14
 """Number of distortion coefficients: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tau_x tau_y in OpenCV's
@@ -20,6 +20,11 @@ NEWTON_TOLERANCE = 1e-13
 """Largest residual of an inverted point in units of the focal length: 1e-9 px at f = 10000 px."""
 MAX_NEWTON_STEP = 0.5
 """Largest change of a coordinate in one step, against divergence. Units: focal lengths."""
+FAR_RADIUS = 1.0
+"""Distance from the optical axis beyond which a point may lie beyond two folds. Units: focal
+lengths."""
+FOLD_SAMPLES = 16
+"""Points between the optical axis and such a point at which the model is checked for folds."""
 MIN_DETERMINANT = 1e-12
 """Smallest modulus of the determinant of a regular Jacobian."""
 
@@ -83,8 +88,8 @@ def undistort(distorted: Points, coefficients: FloatArray) -> tuple[Points, Floa
     Returns
     -------
     normalised : (n, 2) ndarray
-        Undistorted points; NaN beyond a fold of the model, where no point is mapped to the given
-        one. Units: focal lengths.
+        Undistorted points; NaN where no point within the first fold of the model is mapped to the
+        given one. Units: focal lengths.
     jacobian : (n, 2, 2) ndarray
         d distorted / d normalised at `normalised`; NaN where that is.
     """
@@ -99,8 +104,20 @@ def undistort(distorted: Points, coefficients: FloatArray) -> tuple[Points, Floa
         normalised = normalised - np.clip(step, -MAX_NEWTON_STEP, MAX_NEWTON_STEP)
     # Beyond a fold the model mirrors the image: its determinant is negative.
     valid = (largest <= NEWTON_TOLERANCE) & (_determinants(jacobian) > 0)
+    far = np.flatnonzero(valid & (np.hypot(*normalised.T) > FAR_RADIUS))
+    if len(far):
+        valid[far] = ~_beyond_folds(normalised[far], coefficients)
     normalised[~valid], jacobian[~valid] = np.nan, np.nan
     return normalised, jacobian
+
+
+def _beyond_folds(normalised: Points, coefficients: FloatArray) -> BoolArray:
+    """Return whether a fold lies between the optical axis and each of n points (n,)."""
+    fractions = np.arange(1, FOLD_SAMPLES)[:, None, None] / FOLD_SAMPLES
+    between = (fractions * normalised).reshape(-1, 2)
+    determinants = _determinants(distort(between, coefficients)[1])
+    beyond: BoolArray = determinants.reshape(-1, len(normalised)).min(axis=0) <= 0
+    return beyond
 
 
 def invert_2x2(matrices: FloatArray) -> FloatArray:

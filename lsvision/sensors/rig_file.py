@@ -63,10 +63,10 @@ def camera_from_json(values: Mapping[str, Any]) -> Camera:
         If a key is missing, or a value has another type or shape or is beyond the limits of this
         module.
     """
-    width, height = (int(length) for length in values["size"])
-    if not (0 < width <= MAX_SIZE_PX and 0 < height <= MAX_SIZE_PX):
+    camera = Camera(values["matrix"], values["distortion"], tuple(values["size"]))
+    width, height = camera.size
+    if not max(width, height) <= MAX_SIZE_PX:
         raise ValueError(f"expected a size of 1 to {MAX_SIZE_PX} px, got {width} x {height}")
-    camera = Camera(values["matrix"], values["distortion"], (width, height))
     if not (
         np.abs(camera.matrix).max() <= MAX_VALUE
         and np.abs(camera.distortion).max(initial=0.0) <= MAX_VALUE

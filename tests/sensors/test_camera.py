@@ -92,8 +92,16 @@ def test_points_behind_the_camera_have_no_pixel():
         ((MATRIX, [0.1, 0.2], SIZE), "finite distortion coefficients .* got 2"),
         ((MATRIX, [np.nan] * 4, SIZE), "finite distortion coefficients"),
         ((MATRIX, [], (0, 5)), "expected a size"),
+        ((MATRIX, [], (640.9, 480)), r"expected a size .*, got \(640.9, 480\)"),
     ],
 )
 def test_invalid_arguments_are_rejected(arguments, match):
     with pytest.raises(ValueError, match=match):
         Camera(*arguments)
+
+
+def test_pixels_beyond_a_second_fold_have_no_ray():
+    """x (1 - 0.4 x^2 + 0.05 x^4) falls from 0.65 at x = 1.03 and rises again from x = 1.93."""
+    camera = Camera([[100, 0, 0], [0, 100, 0], [0, 0, 1]], [-0.4, 0.05, 0, 0], (400, 400))
+    rays = camera.rays([[64.0, 0.0], [181.0, 0.0], [0.0, 182.0]])
+    assert np.isnan(rays[:, 0]).tolist() == [False, True, True]

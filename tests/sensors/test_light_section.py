@@ -297,6 +297,7 @@ def test_a_rig_goes_to_other_processes_and_is_copied():
 
 DAMAGED = {
     "size": (["camera", "size"], [10**9, 4], "expected a size of 1 to 1048576 px"),
+    "part of a pixel": (["camera", "size"], [640.9, 480], "expected a size .width, height. in px"),
     "focal length": (["camera", "matrix", 0, 0], 1e-300, "expected a focal length of at least"),
     "matrix": (["camera", "matrix", 0, 2], 1e300, "no number above 1e"),
     "lens": (["camera", "distortion", 0], 1e300, "no number above 1e"),
