@@ -180,7 +180,8 @@ def find_line(image: LineImage, settings: LineSettings) -> DetectedLine:
         path = shortest_line_path(candidates, settings.path)
         if len(path.indices) < MIN_POINTS:
             reasons.append(
-                f"{len(path.indices)} columns contain a ridge that continues in the next"
+                f"{len(path.indices)} columns contain a ridge that continues in the next, and "
+                f"{MIN_POINTS} are needed"
             )
             continue
         ridge = candidates.select(path.indices)

@@ -220,8 +220,8 @@ def _to_sensor_pixels(line: LaserLine, row: int, column: int) -> LaserLine:
 
     Such pixels undersample a thin line. The first alias of the sampled stripe shifts the zero
     crossing of the filter of sigma s, for a line of sigma q, by up to 4 pi q^2 exp(-2 pi^2 p^2) to
-    either side, with 1 / p^2 = 1 / q^2 + 1 / s^2: 0.2 px for a line of 0.8 px, 0.02 px for one of
-    1.4 px.
+    either side, with 1 / p^2 = 1 / q^2 + 1 / s^2: 0.13 of these pixels for a line of 0.4, 0.01
+    for one of 0.7.
     """
     q_squared = float(np.nanmedian(line.width)) ** 2
     p_squared = 1 / (1 / q_squared + 1 / line.filter_sigma**2)

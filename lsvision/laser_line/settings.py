@@ -21,7 +21,7 @@ class LineSettings(ShowsChanges):
     method : {"derivative", "gaussian", "steger"}
         Sub-pixel method, see `lsvision.laser_line.subpixel`. "derivative": zero crossing of a
         derivative-of-Gaussian filter down each column; fast and without bias. "gaussian": fit
-        of a Gaussian to each column without its saturated pixels; ten times slower, for
+        of a Gaussian to each column without its saturated pixels; four times slower, for
         overexposed lines. "steger": ridge of the smoothed image, for lines that are steep in
         both directions; its smoothing along the line biases curves inwards (a radius of 25 mm
         by -10 um on the rig of the tests) and correlates the errors of neighbours.

@@ -30,8 +30,8 @@ def plan_section(
     """Predict the standard uncertainties of a tube measured in one section.
 
     The steep flanks carry most information, so that the result depends on the position of the
-    outermost point within a pitch: by up to 17 % for the default view, 29 % at a pitch of 0.6 mm
-    (largest to smallest).
+    outermost point within a pitch: for a tube of 19 mm by up to 18 % in the default view, 29 % at a
+    pitch of 0.6 mm (largest to smallest); for one of 10 mm by twice as much.
 
     Parameters
     ----------

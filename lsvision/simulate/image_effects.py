@@ -210,7 +210,7 @@ class ImageSensor:
     def draw_sensitivity(self, shape: tuple[int, ...], rng: np.random.Generator) -> FloatArray:
         """Draw the relative sensitivity of each pixel, which is fixed for one sensor."""
         sensitivity = 1 + self.prnu * rng.standard_normal(shape, dtype=np.float32)
-        return sensitivity.astype(np.float64)
+        return np.maximum(sensitivity.astype(np.float64), 0.0)
 
 
 def expose(

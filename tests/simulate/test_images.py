@@ -180,3 +180,10 @@ def test_default_settings_render():
     image = simulate_image(plank(), SMALL_RIG, rng=np.random.default_rng(1))
     assert image.image.shape == (320, 640)
     assert image.image.dtype == np.uint8
+
+
+def test_no_pixel_has_a_negative_sensitivity(rng):
+    sensor = ImageSensor(prnu=0.5)
+    sensitivity = sensor.draw_sensitivity((200, 200), rng)
+    assert sensitivity.min() == 0
+    assert expose(np.full((200, 200), 100.0), sensitivity, sensor, rng).min() == 0

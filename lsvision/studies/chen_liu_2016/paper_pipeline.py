@@ -197,7 +197,8 @@ def smooth_profile_paper(points: Points, window_fraction: float = 0.3) -> Points
     -------
     (n, 2) ndarray
         Points with the same x and smoothed y. Biased: the radius of an ellipse fitted to them is
-        too large, also without noise: by 0.4 to 0.8 mm for phi = 10 deg, 0.8 to 1.2 mm for 30 deg.
+        too large, also without noise: for a pipe of 19 mm by 0.4 to 0.8 mm at phi = 10 deg, by 0.8
+        to 1.2 mm at 30 deg.
         Units: mm.
 
     Raises
