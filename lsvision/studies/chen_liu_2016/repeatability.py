@@ -74,6 +74,11 @@ def measure_repeatedly(repeats: int, *, noise_mm: float, seed: int = 0) -> Repea
         Standard deviation along the ray. Units: mm.
     seed : int
         Random seed of the first measurement.
+
+    Raises
+    ------
+    ValueError
+        If fewer than two measurements report exactly one cylinder.
     """
     poses = METHODS["section"].poses
     (first,) = simulate_case(POSITION, seed, poses, noise_mm=noise_mm)
@@ -85,6 +90,10 @@ def measure_repeatedly(repeats: int, *, noise_mm: float, seed: int = 0) -> Repea
         if len(cylinders) != 1:
             continue
         errors.append(_centre_and_axes(cylinders[0].ellipse) - _centre_and_axes(true_ellipse))
+    if len(errors) < 2:
+        raise ValueError(
+            f"expected two or more measurements with one cylinder, got {len(errors)} of {repeats}"
+        )
     on_pipe = first.truth.labels == 1
     covariances = noise_of(first).covariances(first.profile.points)[on_pipe]
     points = first.truth.points[on_pipe]

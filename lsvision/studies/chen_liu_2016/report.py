@@ -39,12 +39,25 @@ class ExperimentSizes:
         Number of measurements of the position of Figure 16.
     ablation_scenes : int
         Number of scenes of each kind in the ablation.
+
+    Raises
+    ------
+    ValueError
+        If `runs` lacks a method or has a negative number, or another number is below 1 (of
+        `repeats`: 2).
     """
 
     runs: Mapping[Method, int]
     timing_scenes: int
     repeats: int
     ablation_scenes: int
+
+    def __post_init__(self) -> None:
+        if set(self.runs) != set(METHODS) or min(self.runs.values()) < 0:
+            raise ValueError(f"expected runs >= 0 of {', '.join(METHODS)}, got {dict(self.runs)}")
+        for name, least in (("timing_scenes", 1), ("repeats", 2), ("ablation_scenes", 1)):
+            if not getattr(self, name) >= least:
+                raise ValueError(f"expected {name} >= {least}, got {getattr(self, name)}")
 
     @classmethod
     def quick(cls) -> Self:
