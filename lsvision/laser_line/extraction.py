@@ -52,6 +52,8 @@ __all__ = ["LaserLine", "LineSettings", "extract_laser_line"]
 class LaserLine(ComparedByValue):
     """A laser line: one point for each of the n columns (or rows) of the image, in order.
 
+    Of the mosaic of a colour sensor, a red or blue laser has a point in every second one only.
+
     Parameters
     ----------
     pixels : (n, 2) ndarray
@@ -69,8 +71,8 @@ class LaserLine(ComparedByValue):
     direction : {"columns", "rows"}
         Whether there is one point for each column or one for each row.
     second_line_fraction : float
-        Fraction of the columns in which a second line, as strong and apart from this one, can
-        be followed: above about 0.2, check that this is the right one.
+        Fraction of the columns in which a second line, at least half as strong and apart from this
+        one, can be followed: above about 0.2, check that this is the right one.
     filter_sigma : float
         Standard deviation of the filter that located it. Units: px.
 

@@ -9,6 +9,7 @@ from lsvision.results.quantities import Record
 from lsvision.results.result import Result
 
 ANGLE_NAMES = ("direction_std", "theta_std", "phi_std")
+"""Attributes that are angles; other numbers that are not counts are lengths."""
 
 
 class _Prediction(Result):

@@ -15,8 +15,8 @@ from lsvision.geometry import FloatArray, Plane, Points, Pose
 MAX_ROTATION = np.radians(15.0)
 """Largest rotation of a board about its normal. Units: rad."""
 MAX_DRAWS = 1000
-"""Largest number of random poses until the line crosses a board: the default scene needs one to
-five."""
+"""Largest number of random poses until the line crosses a board: the default scene needs one
+to eight."""
 MAX_OFFSET_FRACTION = 0.24
 """Largest distance of a board's centre from the principal point, as a fraction of the image's width
 and height: then some corners reach the borders."""

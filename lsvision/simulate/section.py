@@ -287,7 +287,7 @@ def visible_at_incidence(
     """
     cosine = np.clip(-np.einsum("ij,ij->i", hits.normals, rays.directions), -1.0, 1.0)
     below_limit = settings.grazing_limit_deg - np.degrees(np.arccos(cosine))
-    ramp = max(settings.grazing_ramp_deg, 1e-9)
+    ramp = max(settings.grazing_ramp_deg, 1e-9)  # a ramp of 0 is a step
     visible: BoolArray = rng.random(len(cosine)) < below_limit / ramp
     return visible
 

@@ -24,7 +24,10 @@ from lsvision.geometry.arrays import as_unit_vector
 NO_HIT = math.inf
 """Distance of a ray that meets nothing."""
 MIN_AXIS_COSINE = math.sin(1e-6)
-"""Cosine between the axis of a tube and the normal of a section below which it is not cut."""
+"""Cosine between the axis of a tube, or of a prism, and the normal of a section below which the
+section does not cut it."""
+PARALLEL_SINE = 1e-9
+"""Sine of an angle below which two directions, or a direction and a plane, are parallel."""
 MAX_TRACING_STEPS = 400
 """Maximum number of sphere tracing steps; at 85 deg incidence, 26 steps gain one digit."""
 TRACING_TOLERANCE = 1e-7
@@ -161,7 +164,7 @@ def _circle_interval(
     half = np.einsum("ij,ij->i", start, ray)
     outside = np.einsum("ij,ij->i", start, start) - radius**2
     discriminant = half**2 - squared * outside
-    parallel = squared < 1e-18
+    parallel = squared < PARALLEL_SINE**2
     root = np.sqrt(np.maximum(discriminant, 0.0))
     divisor = np.where(parallel, 1.0, squared)
     missed = np.where(parallel, outside > 0, discriminant <= 0)
@@ -177,7 +180,7 @@ def _slab_interval(
     infinite = np.full(len(start), math.inf)
     if span is None:
         return -infinite, infinite
-    parallel = np.abs(ray) < 1e-12
+    parallel = np.abs(ray) < PARALLEL_SINE
     divisor = np.where(parallel, 1.0, ray)
     low, high = (span[0] - start) / divisor, (span[1] - start) / divisor
     outside = (start < span[0]) | (start > span[1])
@@ -232,7 +235,7 @@ class BentTube:
         normal = base_from_section.rotation[:, 2]
         first = normal - (normal @ self.bend_normal) * self.bend_normal
         sine = float(np.linalg.norm(first))
-        if sine < 1e-9:
+        if sine < PARALLEL_SINE:
             return None
         first = first / sine
         second = np.cross(self.bend_normal, first)
@@ -314,7 +317,7 @@ class Prism:
         object.__setattr__(self, "outline", as_readonly_array(self.outline, ("n", 2), "outline"))
         if len(self.outline) < 2 or not np.isfinite(self.outline).all():
             raise ValueError(f"expected at least two finite vertices, got {self.outline.tolist()}")
-        if abs(self.along[2]) < 1e-6 * math.hypot(*self.along):
+        if abs(self.along[2]) < MIN_AXIS_COSINE * math.hypot(*self.along):
             raise ValueError(f"expected an extrusion that crosses z = 0, got {self.along}")
 
     def first_hits(self, rays: Rays) -> Hits:

@@ -2,8 +2,8 @@
 
 The profile has two columns, x along the laser line and z = height towards the sensor (Y of the
 section frame), with one row for each column of the sensor and ``nan`` for lost points. The truth
-is JSON with the unit in each name. All numbers are rounded, so that both texts are identical byte
-for byte on every platform.
+is JSON with the unit in each name. Computed numbers are rounded, so that both texts are identical
+byte for byte on every platform.
 """
 
 import dataclasses

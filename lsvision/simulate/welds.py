@@ -169,7 +169,7 @@ def _foot(ellipse: Ellipse, contact: FloatArray, leg: float) -> tuple[FloatArray
     anomaly = math.atan2(v / ellipse.semi_minor, u / ellipse.semi_major)
     steps = np.linspace(0.0, math.pi, 2000)
     paths = [ellipse.points_at(anomaly + sign * steps) for sign in (1.0, -1.0)]
-    # Of both ways round the ellipse, the one that rises at first.
+    # Of both ways round the ellipse, the one that rises at first: over 9 deg of the anomaly.
     path = max(paths, key=lambda points: float(points[100, 1]))
     length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
     if not 0 < leg <= length[-1]:
@@ -190,7 +190,7 @@ def _fillet_control_point(
     """
     (start, start_tangent), (stop, stop_tangent) = feet
     sides = np.column_stack([start_tangent, -stop_tangent])
-    if abs(np.linalg.det(sides)) < 0.05:
+    if abs(np.linalg.det(sides)) < 0.05:  # 3 deg
         return (start + stop + contact) / 3
     control: FloatArray = start + np.linalg.solve(sides, stop - start)[0] * start_tangent
     return control

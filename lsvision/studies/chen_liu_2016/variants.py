@@ -29,8 +29,8 @@ from lsvision.studies.chen_liu_2016.paper_pipeline import (
 
 FITTING = Settings().fitting
 """Settings of the final fit in every variant: those of `measure_cylinders`."""
-RADIAL_FITTING = replace(FITTING, residual="radial")
-"""Settings of the final fit with the paper's radial residuals."""
+FINAL_RADIAL_FITTING = replace(FITTING, residual="radial")
+"""As `FITTING`, with the paper's radial residuals."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,7 +202,7 @@ def _unweighted(points: Points, initial_guess: Ellipse) -> VariantFit:
 
 def _radial(arc: AblationArc) -> VariantFit:
     """Return the fit by the paper's radial residuals of equal weight, Eq. (4)."""
-    fit = fit_ellipse(as_vectors(arc.inliers.z), arc.initial_guess, settings=RADIAL_FITTING)
+    fit = fit_ellipse(as_vectors(arc.inliers.z), arc.initial_guess, settings=FINAL_RADIAL_FITTING)
     return _with_evaluations(fit, arc.initial_guess)
 
 
@@ -212,7 +212,7 @@ def _fixed_sensor_error(arc: AblationArc) -> VariantFit:
     points: Points = arc.profile.points[indices]
     end_points = settings.end_points(len(indices))
     middle = fit_ellipse(
-        points[end_points:-end_points], arc.arc.ellipse, settings=RADIAL_FITTING
+        points[end_points:-end_points], arc.arc.ellipse, settings=FINAL_RADIAL_FITTING
     ).ellipse
     inliers = np.abs(radial_residuals(points, middle)) < settings.sensor_error_mm
     inliers[end_points:-end_points] = True
@@ -234,7 +234,9 @@ def _homogenised_over_x(arc: AblationArc) -> VariantFit:
 def _smoothing_to_fit_of_paper(arc: AblationArc) -> VariantFit:
     """Return the fit by sections 3.3 and 2.3 as published, for an arc from lsvision's screening."""
     smooth = smooth_profile_paper(_order_by_x(as_vectors(arc.screened.points.z)))
-    fit = fit_ellipse(homogenise_profile_paper(smooth), arc.initial_guess, settings=RADIAL_FITTING)
+    fit = fit_ellipse(
+        homogenise_profile_paper(smooth), arc.initial_guess, settings=FINAL_RADIAL_FITTING
+    )
     return _with_evaluations(fit, arc.initial_guess)
 
 
