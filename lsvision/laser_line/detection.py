@@ -277,10 +277,13 @@ def add_rounding_errors(image: LineImage, line: DetectedLine) -> DetectedLine:
     DetectedLine
         As given where the image never was a JPEG image.
     """
-    blocks = find_jpeg_blocks(image.signal, line.windows)
+    signal, windows, step = image.signal, line.windows, image.value_step
+    if step < 1:  # a float image: steps of quantisation are whole numbers of 8-bit grey levels
+        signal, windows = signal / step, replace(windows, values=windows.values / step)
+    blocks = find_jpeg_blocks(signal, windows)
     if blocks is None:
         return line
-    added = blocks.row_variances(image.signal, line.windows, line.sigma)
+    added = step**2 * blocks.row_variances(signal, windows, line.sigma)
     variances = line.variances + added[:, None]
     found = line.stripes.found
     start = np.where(found, line.stripes.pixels[:, 1], line.windows.centre_rows)

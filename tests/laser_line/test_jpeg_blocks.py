@@ -201,3 +201,11 @@ def test_a_line_of_few_columns_is_extracted():
     image = compressed(image, 80)[:, :40]
     line = extract_laser_line(np.ascontiguousarray(image), LineSettings(direction="columns"))
     assert rms(((line.pixels[:, 1] - truth[:40]) / line.std)[2:-2]) < 1.6
+
+
+def test_a_float_image_that_was_a_jpeg_image_has_the_same_stds(rng):
+    image = compressed(straight_line(rng)[0], 75)
+    of_bytes = extract_laser_line(image)
+    of_floats = extract_laser_line(image / 255, LineSettings(full_scale=1.0))
+    assert blocks_of(image / 255, full_scale=1.0) is not None
+    np.testing.assert_allclose(of_floats.std, of_bytes.std, rtol=1e-3)
