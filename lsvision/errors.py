@@ -34,9 +34,12 @@ class TooFewPoints(LsvisionError):
     """
 
     def __init__(self, what: str, got: int, need: int, hint: str) -> None:
-        points = "1 point" if got == 1 else f"{got} points"
-        super().__init__(f"{what} has {points} and needs {need}: {hint}")
-        self.got, self.need = got, need
+        super().__init__(what, got, need, hint)  # for pickle, which calls the class with them
+        self.what, self.got, self.need, self.hint = what, got, need, hint
+
+    def __str__(self) -> str:
+        points = "1 point" if self.got == 1 else f"{self.got} points"
+        return f"{self.what} has {points} and needs {self.need}: {self.hint}"
 
 
 class UnreadableFile(LsvisionError):
@@ -88,5 +91,8 @@ class InvalidJob(LsvisionError):
     """
 
     def __init__(self, name: str, mistakes: tuple[object, ...]) -> None:
-        super().__init__(f"{name}: {'; '.join(map(str, mistakes))}")
-        self.mistakes = mistakes
+        super().__init__(name, mistakes)  # for pickle, which calls the class with them
+        self.name, self.mistakes = name, mistakes
+
+    def __str__(self) -> str:
+        return f"{self.name}: {'; '.join(map(str, self.mistakes))}"

@@ -3,6 +3,7 @@
 import ast
 import importlib
 import inspect
+import pickle
 import pkgutil
 from functools import cache
 from graphlib import TopologicalSorter
@@ -212,3 +213,17 @@ def test_too_few_points_says_what_got_need_and_the_remedy():
     error = errors.TooFewPoints("an arc", 4, 6, "scan slower")
     assert str(error) == "an arc has 4 points and needs 6: scan slower"
     assert (error.got, error.need) == (4, 6)
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        errors.TooFewPoints("an arc", 4, 6, "scan slower"),
+        errors.NoLaserLine("two lines", "set max_width_px"),
+        errors.InvalidJob("job.toml", ("line 3: unknown key",)),
+    ],
+    ids=lambda error: type(error).__name__,
+)
+def test_errors_survive_the_way_from_another_process(error):
+    copied = pickle.loads(pickle.dumps(error))
+    assert (type(copied), str(copied), vars(copied)) == (type(error), str(error), vars(error))
