@@ -90,7 +90,7 @@ class _GrowingArc:
     normals : (w,) complex ndarray
         Outward unit normals of the ellipse at the points of that window.
     span : (int, int)
-        First and last inlier after the last step.
+        First and last inlier in the last window.
     grown : GrownArc or None
         Result; None as long as the arc has not finished.
     """
@@ -102,7 +102,7 @@ class _GrowingArc:
         self.seed, self.points = seed, profile.noisy_points[free]
         self.max_noise_factor = profile.max_noise_factor(candidate.radius)
         self.inliers: IntArray = in_candidate[free].nonzero()[0]
-        self.start, self.normals = 0, self.points.z
+        self.start, self.normals = 0, self.points.z[:0]  # before the first window
         self.span = -1, -1
         self.grown: GrownArc | None = None
 
@@ -150,43 +150,38 @@ class _SearchedProfile:
         self._profile, self._candidates = profile, list(candidates)
         self._radius_range = radius_range
         self._explained = np.zeros(len(profile.points), dtype=bool)
-        self._free = np.isin(np.arange(len(profile.points)), profile.valid_indices)
+        self._free = np.ones(len(profile.points), dtype=bool)
 
     def next_seeds(self) -> list[Seed]:
         """Return the candidates that overlap neither an earlier arc nor a better candidate."""
         free, taken = self._free.nonzero()[0], np.zeros(len(self._free), dtype=bool)
-        seeds, later = list[Seed](), list[Candidate]()
+        self._candidates = [c for c in self._candidates if not self._is_explained(c)]
+        seeds = list[Seed]()
         for candidate in self._candidates:
-            if self._is_explained(candidate):
-                continue
-            if taken[candidate.indices].any():
-                later.append(candidate)
-            else:
+            if not taken[candidate.indices].any():
                 taken[candidate.indices] = True
                 seeds.append(Seed(self._profile, candidate, free))
-        self._candidates = later
         return seeds
 
-    def add(self, seed: Seed, grown: GrownArc, settings: AcceptanceSettings) -> None:
+    def add(self, seed: Seed, grown: GrownArc | None, settings: AcceptanceSettings) -> None:
         """Add an arc, or its rejection if its shape is not that of a cylinder; mark its points.
 
         An arc that has points in common with a better one, which has grown at the same time, is
         not added; its candidate grows again.
         """
-        if self._is_explained(seed.candidate):
-            return
-        arc, normals = grown
-        if not self._free[arc.indices].all():
-            self._candidates.insert(0, seed.candidate)
-            return
-        span = slice(arc.arc.start, arc.arc.stop)
-        self._explained[span] = True
-        reason = shape_rejection_reason(arc.ellipse, normals, self._radius_range, settings)
-        if reason is None:
-            self.arcs.append(arc)
-            self._free[span] = False
-        else:
-            self.rejections.append(Rejection(arc.arc, reason))
+        if grown is not None and not self._is_explained(seed.candidate):
+            arc, normals = grown
+            if not self._free[arc.indices].all():
+                return
+            span = slice(arc.arc.start, arc.arc.stop)
+            self._explained[span] = True
+            reason = shape_rejection_reason(arc.ellipse, normals, self._radius_range, settings)
+            if reason is None:
+                self.arcs.append(arc)
+                self._free[span] = False
+            else:
+                self.rejections.append(Rejection(arc.arc, reason))
+        self._candidates = [c for c in self._candidates if c is not seed.candidate]
 
     def _is_explained(self, candidate: Candidate) -> bool:
         """Return whether a candidate overlaps an earlier arc."""
@@ -224,8 +219,7 @@ def identify_arcs(
     while seeds := [(search, seed) for search in searches for seed in search.next_seeds()]:
         grown_arcs = grow_arcs([seed for _, seed in seeds])
         for (search, seed), grown in zip(seeds, grown_arcs, strict=True):
-            if grown is not None:
-                search.add(seed, grown, settings)
+            search.add(seed, grown, settings)
     return [(search.arcs, search.rejections) for search in searches]
 
 
@@ -249,7 +243,7 @@ def grow_arcs(seeds: Sequence[Seed]) -> list[GrownArc | None]:
     for _ in range(MAX_ITERATIONS):
         if arcs:
             arcs, parameters = _grow_once(arcs, parameters)
-    # The arcs that have not converged keep the inliers before their last step.
+    # Arcs that have not converged: their inliers, and the ellipse fitted to them.
     for arc, row in zip(arcs, parameters, strict=True):
         arc.finish(row)
     return [arc.grown for arc in all_arcs]

@@ -7,8 +7,9 @@ import pytest
 
 from lsvision import Profile
 from lsvision.detection import identification
+from lsvision.detection.arcs import IdentifiedArc
 from lsvision.detection.candidates import Candidate
-from lsvision.detection.identification import Seed, find_connected_inliers, grow_arcs
+from lsvision.detection.identification import GrownArc, Seed, find_connected_inliers, grow_arcs
 from lsvision.detection.profile_preparation import prepare_profile
 from lsvision.detection.range_image import build_range_image, connected_components
 from lsvision.detection.search_range import search_range
@@ -18,6 +19,7 @@ from lsvision.simulate import SectionSettings
 from lsvision.simulate.scene_kinds import random_section
 from tests.detection.scenes import (
     arc_points,
+    circle,
     dome,
     exact,
     find_candidates,
@@ -325,3 +327,25 @@ def test_a_run_of_the_arc_counts_from_its_own_first_point():
     np.testing.assert_array_equal(kept, np.r_[51:91, 110:140])
     kept = find_connected_inliers(inliers[::-1], np.arange(55, 85))
     np.testing.assert_array_equal(kept, np.r_[0:30, 49:89])
+
+
+def test_candidates_that_grow_again_keep_their_order(monkeypatch):
+    """Both worse arcs have a point in common with the best one, which grew at the same time."""
+    profile = line(LEFT, PIPE, RIGHT)
+    spans = (0, 20), (20, 40), (40, 60)
+    normals = np.exp(1j * np.linspace(0.5, 2.5, 20))
+    grown_spans = (0, 45), (20, 40), (40, 60)
+    rounds = []
+
+    def grow(seeds):
+        rounds.append([seed.candidate.indices[0] for seed in seeds])
+        if len(rounds) > 1:
+            return [None for _ in seeds]
+        return [
+            GrownArc(IdentifiedArc(np.arange(*span), circle()), normals) for span in grown_spans
+        ]
+
+    monkeypatch.setattr(identification, "MAX_OVERLAP", 1.0)
+    monkeypatch.setattr(identification, "grow_arcs", grow)
+    identification.identify_arcs([profile], [[seed_at(*span) for span in spans]], [RANGE])
+    assert rounds == [[0, 20, 40], [20, 40]]
