@@ -138,10 +138,10 @@ def _end_turn(inner: ComplexArray, beyond: ComplexArray, ellipse: Ellipse, min_c
     """Return the angle between the tangent at the last point and the line beyond it. Units: rad.
 
     `inner` are the arc's points near its end, `beyond` those beyond it, outwards. The angle is pi
-    where the line ends: with fewer than `min_count` points beyond, or with an end of the arc that
-    faces away from the sensor.
+    where the line ends: with fewer than `min_count` points beyond, all of them at one position, or
+    with an end of the arc that faces away from the sensor.
     """
-    if len(beyond) < min_count:
+    if len(beyond) < min_count or len(set(beyond.tolist())) == 1:
         return math.pi
     along_major = cmath.rect(1.0, ellipse.theta)
     out = (complex(inner[-1]) - complex(*ellipse.centre)) * along_major.conjugate()
@@ -187,14 +187,17 @@ def _find_welds(
 def _significant_curvature(line: ComplexArray, noise_std: float) -> float:
     """Return the curvature of a line (n,), positive if concave towards the sensor. Units: 1/mm.
 
-    0 if it is not significant. `noise_std` (mm) is the standard deviation of a point.
+    0 if it is not significant, or the line has no chord or fewer than three positions along it.
+    `noise_std` (mm) is the standard deviation of a point.
     """
-    if len(line) < MIN_CURVED_POINTS:
+    chord = complex(line[-1] - line[0]) if len(line) >= MIN_CURVED_POINTS else 0j
+    if chord == 0:
         return 0.0
-    chord = complex(line[-1] - line[0])
     # Height above the chord, positive towards the sensor.
     in_chord_frame = (line - line[0]) * (chord.conjugate() / abs(chord))
     x, height = in_chord_frame.real, in_chord_frame.imag if chord.real > 0 else -in_chord_frame.imag
+    if len(set(x.tolist())) < 3:
+        return 0.0
     parabola, covariance = np.polyfit(x, height, 2, cov="unscaled")
     residuals = height - np.polyval(parabola, x)
     dof = len(line) - len(parabola)

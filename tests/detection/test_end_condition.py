@@ -297,3 +297,19 @@ def test_the_chain_leaves_out_what_is_out_of_reach_and_ends_in_time():
     np.testing.assert_array_equal(find_connected_beyond(own, beyond, 9), [0, 2, 3, 5, 6])
     np.testing.assert_array_equal(find_connected_beyond(own, beyond, 3), [0, 2, 3])
     assert len(find_connected_beyond(own, beyond[:0], 3)) == 0
+
+
+def reason_of_positions(positions):
+    """Points on the tangent beyond an arc, at these steps from the first of them."""
+    points, start, stop = sides([], [0])
+    beyond = points[-1] + np.outer(positions, points[-1] - points[-2])
+    return reason_of(np.concatenate([points[:-1], beyond]), start, stop)
+
+
+@pytest.mark.parametrize("positions", [(0, 1, 2, 3, 3, 2, 1, 0), (0, 0, 0, 0, 1, 1, 1, 1)])
+def test_a_tangent_with_no_chord_or_two_positions_is_no_weld(positions):
+    assert "a rounded corner" in reason_of_positions(positions)
+
+
+def test_a_line_ends_where_the_sensor_repeats_its_last_point():
+    assert reason_of_positions([0] * 8) is None
