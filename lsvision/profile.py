@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import warnings
 from collections.abc import Iterable, Sequence
@@ -14,13 +13,11 @@ import numpy.typing as npt
 
 from lsvision.geometry import BoolArray, FloatArray, IntArray, Points, as_readonly_array
 from lsvision.geometry.arguments import as_section_points
-from lsvision.geometry.arrays import measure_extent
+from lsvision.geometry.arrays import MAX_COORDINATE_MM, measure_extent
 from lsvision.geometry.equality import ComparedByValue
 from lsvision.geometry.noisy_points import NoisyPoints
 from lsvision.statistics.lost_markers import find_lost_markers
 
-MAX_COORDINATE_MM = 1e9
-"""Largest coordinate of a valid point: a thousand kilometres, whose powers do not overflow."""
 MARKER_TOLERANCE = 1e-7
 """Largest relative difference at which a coordinate equals a marker of lost points: coordinates in
 single precision are rounded."""
@@ -66,7 +63,8 @@ class NoiseModel(Protocol):
         Returns
         -------
         (n, 2, 2) ndarray
-            Covariance of each point. Units: mm^2. NaN where the point is lost.
+            Covariance of each point: symmetric, positive semi-definite, not zero. Of lost points
+            it is ignored. Units: mm^2.
         """
         ...
 
@@ -78,7 +76,8 @@ class PointNoise(ComparedByValue):
     Parameters
     ----------
     point_covariances : (n, 2, 2) array_like
-        Covariance of each point, in the order of the profile. Units: mm^2.
+        Covariance of each point, in the order of the profile; any numbers where a point is lost.
+        Units: mm^2.
 
     Examples
     --------
@@ -169,14 +168,14 @@ class Profile(ComparedByValue):
         lost: float | Sequence[float] | None = None,
     ) -> None:
         rows = as_section_points(points)
-        valid: BoolArray = np.abs(rows) < MAX_COORDINATE_MM
+        valid: BoolArray = np.abs(rows) <= MAX_COORDINATE_MM
         if not valid.all():
             rows = _mark_lost(rows, ~(valid[:, 0] & valid[:, 1]))
         if lost is None:
             _warn_about_markers(rows)
         else:
             for value in np.atleast_1d(np.asarray(lost, dtype=np.float64)):
-                is_marker: BoolArray = np.abs(rows - value) <= MARKER_TOLERANCE * abs(value)
+                is_marker: BoolArray = np.isclose(rows, value, rtol=MARKER_TOLERANCE, atol=0)
                 rows = _mark_lost(rows, is_marker[:, 0] | is_marker[:, 1])
         object.__setattr__(self, "points", rows)
         object.__setattr__(self, "noise", noise)
@@ -299,7 +298,8 @@ class PreparedProfile:
     sensor_columns : (n,) int ndarray
         Index of each of `points` in the `Profile`.
     noise_std : float
-        Median standard deviation of a point in the direction of its largest error. Units: mm.
+        Median standard deviation of a point's error along its ray: the root of the trace of its
+        covariance. Units: mm.
     pitch : float
         Median spacing of neighbouring points along X; always positive. Units: mm.
     min_variance_factor : float
@@ -336,10 +336,8 @@ class PreparedProfile:
         Returns
         -------
         float
-            Infinite for points without noise.
+            At least 3 for a given noise model, 4 for an estimated noise.
         """
-        if self.noise_std == 0:
-            return math.inf
         factor = MAX_ESTIMATED_NOISE_FACTOR if self.noise_is_estimated else MAX_NOISE_FACTOR
         return max(factor, MAX_RELATIVE_SCATTER * radius / self.noise_std)
 

@@ -147,4 +147,8 @@ def test_estimated_noise_may_be_more_wrong_than_a_given_model():
 def test_points_may_leave_their_ellipse_by_a_hundredth_of_the_radius_whatever_the_noise():
     assert max_noise_factor(100.0, 1.0, noise_std=1e-3) * 1e-3 == pytest.approx(1.0)
     assert max_noise_factor(100.0, 0.25, noise_std=1e-3) * 1e-3 == pytest.approx(1.0)
-    assert max_noise_factor(100.0, 1.0, noise_std=0.0) == math.inf
+
+
+@pytest.mark.parametrize("lost", [INF, -INF, NAN, (-9999, INF)])
+def test_a_marker_that_is_not_finite_removes_no_valid_point(lost):
+    assert Profile([[0.0, -400.0], [0.6, INF], [1.2, -399.8]], lost=lost).lost == 1

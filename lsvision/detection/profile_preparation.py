@@ -7,8 +7,13 @@ import numpy as np
 
 from lsvision.detection.line_order import order_along_line
 from lsvision.ellipse.robust_gauss_newton import VARIANCE_FLOOR_FRACTION
-from lsvision.geometry import IntArray, Points
-from lsvision.geometry.arrays import measure_extent
+from lsvision.geometry import FloatArray, IntArray, Points
+from lsvision.geometry.arrays import (
+    MAX_VARIANCE_MM2,
+    PSD_TOLERANCE,
+    measure_extent,
+    require_covariances,
+)
 from lsvision.geometry.noisy_points import NoisyPoints, as_complex
 from lsvision.profile import NoiseModel, PreparedProfile, Profile
 from lsvision.statistics.robust import upper_median
@@ -47,6 +52,12 @@ def prepare_profile(profile: Profile, noise: NoiseModel | None) -> PreparedProfi
     -------
     PreparedProfile
         Ordered points with their noise.
+
+    Raises
+    ------
+    ValueError
+        If the noise model's covariance of a valid point is not finite, zero, or has a negative
+        eigenvalue.
     """
     columns = _valid_columns(profile.points)
     points = profile.points[columns]
@@ -61,7 +72,8 @@ def prepare_profile(profile: Profile, noise: NoiseModel | None) -> PreparedProfi
         std, factor = estimate_noise_std(points[valid], pitch), MIN_ESTIMATED_VARIANCE_FACTOR
         noisy = NoisyPoints.uniform(as_complex(points), LATERAL_FRACTION * std, std)
     else:
-        noisy, factor = NoisyPoints.of(points, noise.covariances(profile.points)[columns]), 1.0
+        covariances, factor = noise.covariances(profile.points)[columns], 1.0
+        noisy = _add_covariances(points, covariances, valid)
         # Of errors along the ray, the variance is the trace of the covariance.
         std = math.sqrt(2 * upper_median(noisy.mean_variance)) if len(valid) else 0.0
     return PreparedProfile(points, noisy, valid, columns, std, pitch, factor)
@@ -74,6 +86,17 @@ def _valid_columns(points: Points) -> IntArray:
         return valid
     half = np.arange(0, len(valid) // 2, math.ceil(len(valid) / MAX_POINTS))
     return np.asarray(valid[np.concatenate([half, len(valid) - 1 - half[::-1]])])
+
+
+def _add_covariances(points: Points, covariances: FloatArray, valid: IntArray) -> NoisyPoints:
+    """Return points with covariances; raise ValueError if those of the valid ones are none."""
+    with np.errstate(invalid="ignore"):  # not finite, and rejected
+        noisy = NoisyPoints.of(points, covariances)
+        limits = np.minimum((1 + PSD_TOLERANCE) * noisy.mean_variance, MAX_VARIANCE_MM2)
+        is_covariance = (limits > 0) & (np.abs(noisy.deviator) <= limits)
+    if not is_covariance[valid].all():
+        require_covariances(covariances[valid])  # slower, with a message
+    return noisy
 
 
 def typical_pitch(points: Points) -> float:

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from lsvision import Profile, ProfileSensor
+from lsvision import PointNoise, Profile, ProfileSensor
 from lsvision.detection.profile_preparation import (
     estimate_noise_std,
     prepare_profile,
@@ -135,3 +135,22 @@ def test_an_all_lost_profile_with_a_model_has_no_noise():
 )
 def test_the_pitch_is_positive_always(points, pitch):
     assert typical_pitch(points) == pytest.approx(pitch)
+
+
+@pytest.mark.parametrize("wrong", [0.0, -1.0, NAN, math.inf, [[1.0, 2.0], [2.0, 1.0]]])
+def test_a_noise_model_without_covariances_is_a_value_error(wrong):
+    points = dome(0, 20)
+    covariances = np.tile(0.01 * np.eye(2), (len(points), 1, 1))
+    covariances[5] = wrong
+    with pytest.raises(ValueError, match=r"expected (finite|symmetric).* covariances"):
+        prepare_profile(Profile(points), PointNoise(covariances))
+    points[5] = NAN  # of a lost point any covariance will do
+    assert len(prepare_profile(Profile(points), PointNoise(covariances)).points) == len(points) - 1
+
+
+def test_an_error_along_the_ray_alone_is_a_covariance():
+    points = dome(0, 20)
+    rays = points / np.linalg.norm(points, axis=1, keepdims=True)
+    covariances = 0.01 * rays[:, :, None] * rays[:, None]
+    prepared = prepare_profile(Profile(points), PointNoise(covariances))
+    assert prepared.noise_std == pytest.approx(0.1)
