@@ -84,6 +84,16 @@ def test_the_callers_array_is_left_alone(profile):
         (object(), TypeError, "array of numbers in mm, got object"),
         (pd.DataFrame({"x": [0.0], "range": [400.0]}), ValueError, r"x and z .*got x, range"),
         (
+            pd.DataFrame({"x": pd.to_datetime(["2026-01-01"]), "z": [-400.0]}),
+            TypeError,
+            "numbers in mm in the columns x and z",
+        ),
+        (
+            pd.DataFrame({"x": [0.0], "z": [True]}),
+            TypeError,
+            "numbers in mm in the columns x and z",
+        ),
+        (
             pd.DataFrame({"x": [0.0], "z": ["far"]}),
             TypeError,
             "numbers in mm in the columns x and z",

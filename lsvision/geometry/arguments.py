@@ -143,11 +143,11 @@ def _convert_to_table(values: Any) -> FloatArray:
 
 
 def _to_floats(values: Any) -> FloatArray | None:
-    """Return numbers as a float array, None among them as NaN; None if they are not numbers."""
+    """Return numbers as a float array, None and NA among them as NaN; None if they are no numbers."""
     try:
-        array = np.asarray(values)
-        # Text, booleans and complex numbers could be converted, too, but are mistakes.
-        return np.asarray(array, dtype=np.float64) if array.dtype.kind in "fiuO" else None
+        # Text, booleans, complex numbers and dates could be converted, too, but are mistakes.
+        is_numeric = np.asarray(values).dtype.kind in "fiuO"
+        return np.asarray(values, dtype=np.float64) if is_numeric else None
     except (TypeError, ValueError):
         return None
 
@@ -173,24 +173,20 @@ def _select_columns(frame: Any) -> FloatArray:
             f"expected one profile, got columns {x}, {heights[1]}, {heights[0]} with several "
             f"values of {heights[1]}: pass one profile at a time, or frame[[{x!r}, {heights[0]!r}]]"
         )
-    try:
-        columns = [np.asarray(frame[label], dtype=np.float64) for label in (x, heights[0])]
-    except (TypeError, ValueError):
+    positions, values = _to_floats(frame[x]), _to_floats(frame[heights[0]])
+    if positions is None or values is None:
         raise TypeError(
             f"expected numbers in mm in the columns {x} and {heights[0]}, got other values: "
             "convert them, and mark lost points by NaN"
-        ) from None
-    table: FloatArray = np.column_stack(columns)
+        )
+    table: FloatArray = np.column_stack([positions, values])
     return table
 
 
 def _has_several_values(column: Any) -> bool:
     """Return whether a column of a data frame has other values than one number and NaN."""
-    try:
-        values = np.asarray(column, dtype=np.float64)
-    except (TypeError, ValueError):
-        return True
-    return len(np.unique(values[~np.isnan(values)])) > 1
+    values = _to_floats(column)
+    return values is None or len(np.unique(values[~np.isnan(values)])) > 1
 
 
 def _shape_hint(shape: tuple[int, ...]) -> str:

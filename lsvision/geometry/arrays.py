@@ -1,5 +1,6 @@
 """Array types, and validated read-only copies of arrays."""
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, TypeVar
 
@@ -221,8 +222,7 @@ def as_unit_vector(values: npt.ArrayLike, name: str) -> tuple[FloatArray, float]
         If the shape is not (3,), or the length is zero or not finite.
     """
     vector = as_readonly_array(values, (3,), name)
-    with np.errstate(over="ignore"):  # the length is then infinite, and rejected below
-        length = float(np.linalg.norm(vector))
+    length = math.hypot(*vector.tolist())  # without overflow or underflow of the squares
     if not 0 < length < np.inf:
         raise ValueError(f"expected a finite, non-zero {name}, got {vector}")
     return as_readonly_array(vector / length, (3,)), length
@@ -248,8 +248,8 @@ def measure_extent(points: Points) -> float:
 
 
 MAX_COORDINATE_MM = 1e9
-"""Largest coordinate of a fit, a thousand kilometres: its square is rounded to about 100 mm^2, so
-that fits to larger coordinates lose their accuracy. Units: mm."""
+"""Largest coordinate of a valid point, a thousand kilometres: its square is rounded to about 100
+mm^2, so that fits to larger coordinates lose their accuracy. Units: mm."""
 MAX_VARIANCE_MM2 = MAX_COORDINATE_MM**2
 """Largest variance of a point. Units: mm^2."""
 _MIN_VARIANCE_MM2 = 1 / MAX_VARIANCE_MM2

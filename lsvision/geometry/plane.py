@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,10 +42,11 @@ class Plane(ComparedByValue):
 
     def __post_init__(self) -> None:
         normal, length = as_unit_vector(self.normal, "normal")
-        if not np.isfinite(self.distance):
+        distance = float(self.distance) / length
+        if not math.isfinite(distance):
             raise ValueError(f"expected a finite distance in mm, got {self.distance}")
         object.__setattr__(self, "normal", normal)
-        object.__setattr__(self, "distance", float(self.distance) / length)
+        object.__setattr__(self, "distance", distance)
 
     def signed_distances(self, points: npt.ArrayLike) -> FloatArray:
         """Return the signed distances of points from the plane.

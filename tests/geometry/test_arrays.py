@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lsvision.geometry.arrays import apply_in_groups, padded_rows, stack_padded
+from lsvision.geometry.arrays import apply_in_groups, as_unit_vector, padded_rows, stack_padded
 
 
 def calls_of_groups(sizes, max_elements):
@@ -50,3 +50,12 @@ def test_arrays_are_stacked_with_their_last_element_repeated(sizes, rng):
     for row, mask, array in zip(stacked, valid, arrays, strict=True):
         np.testing.assert_array_equal(row[mask], array)
         assert (row[~mask] == array[-1]).all()
+
+
+@pytest.mark.parametrize("length", [5e-324, 1e-161, 1e-3, 1e200, 1e308])
+def test_a_vector_of_any_length_has_a_unit_vector(length):
+    unit, found = as_unit_vector((0.0, -length, 0.0), "normal")
+    assert (unit.tolist(), found) == ([0.0, -1.0, 0.0], length)
+    oblique, _ = as_unit_vector((0.6 * length, 0.0, 0.8 * length), "normal")
+    if length > 1e-300:
+        np.testing.assert_allclose(oblique, (0.6, 0.0, 0.8), rtol=1e-15)

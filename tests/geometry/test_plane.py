@@ -36,8 +36,9 @@ def test_transforming_preserves_distances(normal, distance, a_from_b):
         ((0, 0, 0), 1.0, "a finite, non-zero normal"),
         ((0, math.nan, 1), 1.0, "a finite, non-zero normal"),
         ((0, 0, 1), math.inf, "a finite distance in mm, got inf"),
+        ((0, 0, 1e-9), 1e300, r"a finite distance in mm, got 1e\+300"),
     ],
-    ids=["no normal", "nan", "endless"],
+    ids=["no normal", "nan", "endless", "overflow"],
 )
 def test_an_invalid_plane_raises_an_error(normal, distance, message):
     with pytest.raises(ValueError, match=message):
