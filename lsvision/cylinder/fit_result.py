@@ -150,7 +150,8 @@ class CylinderFit(WithCylinder, Result):
         Returns
         -------
         float
-            From Student's t, or Hotelling's T^2, for the degrees of freedom of the fit.
+            Root of `quantities` times the quantile of F for `quantities` and the degrees of freedom
+            of the fit; for one quantity that of Student's t.
 
         Raises
         ------

@@ -36,7 +36,7 @@ from lsvision.ellipse.problem import (
 from lsvision.ellipse.robust_gauss_newton import inverse_or_huge
 from lsvision.errors import LsvisionError, TooFewPoints
 from lsvision.geometry import Ellipse, FloatArray, Points, as_readonly_array
-from lsvision.geometry.arrays import TINY, require_coordinates, require_covariances
+from lsvision.geometry.arrays import TINY, require_coordinates, require_covariances, rms
 from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints, as_complex
 from lsvision.statistics.correlation import Correlation
 from lsvision.statistics.numerical_failures import report_numerical_failure, require_finite
@@ -72,6 +72,12 @@ class FittingSettings:
     max_evaluations: int = MAX_EVALUATIONS
     tolerance: float = DEFAULT_TOLERANCE
     variance: Literal["given", "estimated"] = "given"
+
+    def __post_init__(self) -> None:
+        if self.residual not in ("orthogonal", "radial"):
+            raise ValueError(f"expected residual 'orthogonal' or 'radial', got {self.residual!r}")
+        if self.variance not in ("given", "estimated"):
+            raise ValueError(f"expected variance 'given' or 'estimated', got {self.variance!r}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +143,7 @@ class EllipseFit:
     @property
     def rms(self) -> float:
         """Root mean square of the residuals. Units: mm."""
-        return float(np.sqrt(np.mean(self.residuals**2)))
+        return rms(self.residuals)
 
 
 def fit_ellipse(

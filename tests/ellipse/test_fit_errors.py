@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lsvision.ellipse.fit import fit_ellipse
+from lsvision.ellipse.fit import FittingSettings, fit_ellipse
 from lsvision.errors import FitFailed
 from lsvision.geometry import Ellipse
 
@@ -35,3 +35,10 @@ def test_an_overflow_is_a_fit_that_failed():
     huge = Ellipse((1e200, 0.0), 1e200, 1e190, 0.0)
     with pytest.raises(FitFailed):
         fit_ellipse(ARC, huge, ALIKE)
+
+
+@pytest.mark.parametrize("wrong", [{"residual": "radail"}, {"variance": "known"}])
+def test_an_unknown_option_of_the_fit_is_a_value_error(wrong):
+    (name,) = wrong
+    with pytest.raises(ValueError, match=f"expected {name} '.*' or '.*', got "):
+        FittingSettings(**wrong)
