@@ -95,8 +95,8 @@ class EllipseFit:
     residuals : (n,) ndarray
         Signed residuals, positive outside the ellipse. Units: mm.
     normalised : (n,) ndarray
-        Residuals over their predicted standard deviation (over their rms where no noise
-        model is given).
+        Residuals over their predicted standard deviations; without a noise model, these are scaled
+        so that chi^2 is the number of degrees of freedom.
     normals : (n,) complex ndarray
         Outward unit normals of the ellipse at the points.
     unscaled_covariance : (5, 5) ndarray
@@ -362,13 +362,16 @@ def _refit_with_scaled_stds(fits: list[EllipseFit]) -> Fits:
 def _update_fit(fit: EllipseFit, problem: EllipseProblem, solution: Solution) -> EllipseFit:
     """Return a fit with the solution of the same problem with scaled standard deviations."""
     residuals = solution.residuals * problem.stds
+    # Without a noise model, the predicted standard deviations are multiples of `problem.stds`.
+    before = fit.residuals / fit.problem.stds
+    inverse_factor = np.linalg.norm(fit.normalised) / max(np.linalg.norm(before), TINY)
     return replace(
         fit,
         ellipse=ellipse_from_parameters(solution.parameters),
         problem=problem,
         parameters=solution.parameters,
         residuals=residuals,
-        normalised=residuals / fit.problem.stds,
+        normalised=residuals / fit.problem.stds * inverse_factor,
         unscaled_covariance=inverse_or_huge(solution.information),
         variance_factor=1.0,
         converged=solution.converged,

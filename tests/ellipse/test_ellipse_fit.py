@@ -7,7 +7,7 @@ from hypothesis import given
 from scipy.optimize import approx_fprime, least_squares
 from scipy.stats import chi2
 
-from lsvision.ellipse.fit import FittingSettings, fit_ellipse
+from lsvision.ellipse.fit import FittingSettings, fit_ellipse, with_known_radius
 from lsvision.ellipse.fit import fit_noisy_points as fit_several
 from lsvision.ellipse.outcomes import unwrap
 from lsvision.ellipse.phi_prior import PhiPrior
@@ -103,6 +103,17 @@ def test_an_exactly_known_radius_is_kept(rng):
         points, about(truth), SENSOR.covariances(points), known_radius=RadiusPrior(19.3)
     )
     assert fit.ellipse.radius == pytest.approx(19.3, abs=1e-3)
+
+
+@pytest.mark.parametrize("with_noise_model", [True, False])
+def test_a_radius_that_is_known_later_leaves_the_scale_of_the_residuals(rng, with_noise_model):
+    truth = pipe(30.0)
+    points = measured(upper_arc(truth), rng)
+    covariances = SENSOR.covariances(points) if with_noise_model else None
+    fit = fit_ellipse(points, truth, covariances)
+    known = with_known_radius(fit, RadiusPrior(truth.radius, 0.5))
+    before, after = np.std(fit.normalised), np.std(known.normalised)
+    assert after == pytest.approx(before, rel=0.1)
 
 
 def test_a_vague_radius_changes_nothing(rng):
