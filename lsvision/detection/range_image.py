@@ -33,8 +33,9 @@ class RangeImageSettings:
     bridged_columns : int
         Largest number of consecutive lost columns between connected neighbours.
     step_slope : float
-        Largest distance of connected neighbours along Y, in pitches: the tangent of the steepest
-        flank of a component (4: 76 deg). Rough identification extends an arc over steeper flanks.
+        Largest distance of connected neighbours along Y, in pitches, to which the noise is added:
+        the tangent of the steepest flank of a component (4: 76 deg). Rough identification extends
+        an arc over steeper flanks.
     """
 
     bridged_columns: int = 5

@@ -309,10 +309,8 @@ class _Search:
         """Drop the active rows that are not chosen."""
         if not chosen.all():
             self.rows, self.parameters = self.rows.select(chosen), self.parameters[chosen]
-            self.expansion, self.targets = (
-                self.expansion.select(chosen),
-                self.targets.select(chosen),
-            )
+            self.expansion = self.expansion.select(chosen)
+            self.targets = self.targets.select(chosen)
             self.lengths, self.reduction = self.lengths[chosen], self.reduction[chosen]
 
 

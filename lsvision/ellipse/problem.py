@@ -317,11 +317,8 @@ def _solve(
 ) -> list[Solution | LsvisionError]:
     """Run the searches of a stack together; those that have finished are left out."""
     no_rows = np.empty((PARAMETERS + 1, 0)), np.empty(0, dtype=complex)
-    rows_at_best, active, active_stack = (
-        [no_rows] * len(searches),
-        list(range(len(searches))),
-        stack,
-    )
+    rows_at_best = [no_rows] * len(searches)
+    active, active_stack = list(range(len(searches))), stack
     with np.errstate(all="ignore"):
         while active:
             trials = np.array([searches[i].trial for i in active])

@@ -254,8 +254,6 @@ def solve_positive_definite(matrix: FloatArray, rhs: FloatArray) -> FloatArray:
     """
     if matrix.ndim == 2:
         return _solve(matrix, rhs)
-    if len(matrix) == 1:
-        return _solve(matrix[0], rhs[0])[None]
     return np.array([_solve(*pair) for pair in zip(matrix, rhs, strict=True)])
 
 

@@ -143,7 +143,7 @@ def _convert_to_table(values: Any) -> FloatArray:
 
 
 def _to_floats(values: Any) -> FloatArray | None:
-    """Return numbers as a float array, None and NA among them as NaN; None if they are no numbers."""
+    """Return numbers as a float array, missing ones as NaN; None if they are not numbers."""
     try:
         # Text, booleans, complex numbers and dates could be converted, too, but are mistakes.
         is_numeric = np.asarray(values).dtype.kind in "fiuO"

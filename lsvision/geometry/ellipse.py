@@ -308,9 +308,8 @@ def foot_directions(
     a, b : float
         Semi-axes along u and v. Units: mm.
     tolerance : float
-        Change of the cosine at which the iteration stops. The remaining error of the eccentric
-        anomaly (rad) is of the order of its square, times the distance divided by the radius of
-        curvature.
+        Change of the cosine at which the iteration stops. With the default, the eccentric anomaly
+        is then exact to 1e-7 rad up to some radii of curvature from the ellipse.
 
     Returns
     -------
