@@ -7,6 +7,7 @@ large uncertainty; only one fits those of two or more sections.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -50,7 +51,8 @@ class CylinderFittingSettings(ShowsChanges):
     Parameters
     ----------
     reweightings : int
-        Number of times the weights 1 / (n' Sigma n) are recomputed at the fitted cylinder.
+        Number of times the weights are recomputed at the fitted cylinder: 1 / (n' Sigma n) of the
+        points, or without covariances that of a known radius relative to the residuals.
     truncation : float, optional
         Largest distance of an inlier from the surface, in standard deviations; above 1. Other
         points are excluded, and the fit is repeated until the inliers do not change. The method
@@ -255,10 +257,20 @@ def _fit(
         frame = tangent_frame(cylinder.direction)
         rotated = None if covariances is None else rotate_covariances(covariances, frame)
         parameters = parameters_from_cylinder(frame, cylinder)
-        problem = weighted_problem(points @ frame.T, rotated, parameters, known_radius)
+        prior = known_radius
+        if prior is not None and covariances is None:
+            prior = _prior_of_unit_noise(prior, cylinder.signed_distances(points))
+        problem = weighted_problem(points @ frame.T, rotated, parameters, prior)
         cylinder = cylinder_from_parameters(frame, minimise(problem, parameters))
     foot_points = problem.points @ frame
     return _build_fit(points, foot_points, cylinder, problem, known_noise=covariances is not None)
+
+
+def _prior_of_unit_noise(known_radius: RadiusPrior, residuals: FloatArray) -> RadiusPrior:
+    """Return the prior for weights 1, with the same weight relative to points with this noise."""
+    variance = float(residuals @ residuals) / (len(residuals) - PARAMETERS)
+    std = max(math.sqrt(variance), float(np.finfo(float).eps))
+    return RadiusPrior(known_radius.radius, known_radius.std / std)
 
 
 def _build_fit(

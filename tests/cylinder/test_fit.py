@@ -223,3 +223,13 @@ def test_slender_and_short_pipes_are_fitted_without_an_initial_guess(radius, len
         fit = fit_cylinder(surface(pipe, np.linspace(0, length * radius, rings), turns))
         assert abs(fit.radius / radius - 1) < 1e-6
         assert axis_deg(fit.direction, pipe.direction) < 1e-4
+
+
+@pytest.mark.parametrize("std", [0.02, 0.1, 1.0])
+def test_a_known_radius_weighs_as_its_std_says_also_without_covariances(rng, std):
+    points = RINGS + rng.normal(0, 0.05, RINGS.shape)
+    covariances = np.tile(0.05**2 * np.eye(3), (len(points), 1, 1))
+    known = RadiusPrior(PIPE.radius + std, std)
+    given, estimated = (fit_cylinder(points, c, known_radius=known) for c in (covariances, None))
+    assert estimated.radius == pytest.approx(given.radius, abs=0.3 * given.radius_std)
+    assert estimated.radius_std == pytest.approx(given.radius_std, rel=0.3)

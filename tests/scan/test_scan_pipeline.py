@@ -162,6 +162,15 @@ def test_a_prior_radius_is_kept(pipe: Tube) -> None:
     assert_agrees(found, pipe)
 
 
+def test_a_vague_radius_leaves_that_of_points_without_a_noise_model(pipe: Tube) -> None:
+    poses = feed(3, 10.0)
+    points = [profile.points for profile in profiles_of(Scene((pipe,)), poses)]
+    (free,) = measure_scan(points, poses).cylinders
+    (found,) = measure_scan(points, poses, known_radius=(free.radius + 0.5, 1.0)).cylinders
+    assert abs(found.radius - free.radius) < 0.2 * free.radius_std
+    assert found.radius_std == pytest.approx(free.radius_std, rel=0.1)
+
+
 def test_inputs_are_not_changed(pipe: Tube) -> None:
     profiles, poses = profiles_of(Scene((pipe,)), feed(3, 5.0)), feed(3, 5.0)
     before = [p.points.copy() for p in profiles]
