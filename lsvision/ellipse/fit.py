@@ -363,8 +363,8 @@ def _update_fit(fit: EllipseFit, problem: EllipseProblem, solution: Solution) ->
     """Return a fit with the solution of the same problem with scaled standard deviations."""
     residuals = solution.residuals * problem.stds
     # Without a noise model, the predicted standard deviations are multiples of `problem.stds`.
-    before = fit.residuals / fit.problem.stds
-    inverse_factor = np.linalg.norm(fit.normalised) / max(np.linalg.norm(before), TINY)
+    chi2 = float(np.sum((fit.residuals / fit.problem.stds) ** 2))
+    inverse_factor = math.sqrt(float(fit.normalised @ fit.normalised) / max(chi2, TINY))
     return replace(
         fit,
         ellipse=ellipse_from_parameters(solution.parameters),
