@@ -42,8 +42,9 @@ class PhiPrior:
     Within two sigmas of 0 the section may be a circle, at which phi is not a regular parameter: a
     cost of (phi / std)^2 has a cusp, where the fit would stop with a variance that is far too
     small. In this case (p, q) / m has a normal prior about zero, with the second moments for a phi
-    that is the modulus of a normal variable and a uniform theta: with f = (phi / 2)^2 and
-    v = (std / 2)^2, E h^2 / m^2 = f^2 + 6 f v + 3 v^2, which suffice for a linear estimate.
+    that is the modulus of a normal variable and a uniform theta: with h / m = (phi / 2)^2, as for
+    small angles, f = (phi / 2)^2 and v = (std / 2)^2, E h^2 / m^2 = f^2 + 6 f v + 3 v^2. They
+    suffice for a linear estimate.
 
     Raises
     ------
