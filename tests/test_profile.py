@@ -1,4 +1,6 @@
+import copy
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -32,6 +34,15 @@ def test_a_profile_copies_what_it_is_given():
     profile = Profile(given)
     given[0] = 7.0
     np.testing.assert_array_equal(profile.points, THREE)
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda value: pickle.loads(pickle.dumps(value))])
+def test_a_copy_of_a_profile_is_read_only(copied):
+    noise = PointNoise(np.tile(np.eye(2), (3, 1, 1)))
+    profile = copied(Profile(THREE, noise))
+    assert profile == Profile(THREE, noise)
+    assert not profile.points.flags.writeable
+    assert not profile.noise.point_covariances.flags.writeable
 
 
 def test_a_profile_leaves_infinite_input_as_it_was():

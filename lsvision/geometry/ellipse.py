@@ -62,7 +62,8 @@ class Ellipse:
     Raises
     ------
     ValueError
-        If the axes are not in order or not positive, or a number is not finite.
+        If the axes are not in order or not positive, a number is not finite, or the centre has not
+        two coordinates.
 
     Examples
     --------
@@ -77,7 +78,8 @@ class Ellipse:
     theta: float
 
     def __post_init__(self) -> None:
-        numbers = (*self.centre, self.semi_major, self.semi_minor, self.theta)
+        x, y = map(float, self.centre)
+        numbers = (x, y, self.semi_major, self.semi_minor, self.theta)
         if not all(map(math.isfinite, numbers)):
             raise ValueError(f"expected finite numbers, got {numbers}")
         if not self.semi_major >= self.semi_minor > 0:
@@ -85,7 +87,7 @@ class Ellipse:
                 f"expected semi_major >= semi_minor > 0 mm, got {self.semi_major:g} and "
                 f"{self.semi_minor:g}: Ellipse.from_axes orders a pair of axes"
             )
-        object.__setattr__(self, "centre", (float(self.centre[0]), float(self.centre[1])))
+        object.__setattr__(self, "centre", (x, y))
         theta = self.theta % math.pi
         object.__setattr__(self, "theta", 0.0 if theta == math.pi else theta)
 

@@ -37,6 +37,13 @@ class ComparedByValue:
     def __hash__(self) -> int:
         return hash(_hashable(self))
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore a copied or pickled value, whose arrays are then read-only again."""
+        for name, value in state.items():
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+            object.__setattr__(self, name, value)
+
 
 def _are_equal(first: Any, second: Any) -> bool:
     """Return whether two values are equal; see `ComparedByValue`."""
