@@ -4,7 +4,7 @@ The middle part determines an ellipse with which accurate screening compares the
 (paper section 3.2.2).
 """
 
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -16,8 +16,6 @@ from lsvision.geometry import BoolArray, Ellipse, FloatArray, IntArray
 from lsvision.geometry.arrays import padded_rows, stack_padded, stack_with_mask
 from lsvision.geometry.noisy_points import NoisyPoints
 from lsvision.profile import PreparedProfile
-
-Number = TypeVar("Number", bound=np.generic)
 
 MIDDLE_FRACTION = 0.7
 """Fraction of the arc's points in its middle part, which determines the screening ellipse."""
@@ -124,7 +122,7 @@ class ArcStack(NamedTuple):
         """Columns of the middle part."""
         return slice(2 * self.end_size, None)
 
-    def take_ends(self, columns: npt.NDArray[Number]) -> npt.NDArray[Number]:
+    def take_ends(self, columns: npt.NDArray[Any]) -> npt.NDArray[Any]:
         """Return the ends of (k, n) or (k, j, n) values, as (k, 2, m + 2) or (k, 2, j, m + 2)."""
         size = self.end_size
         ends = columns[..., : 2 * size].reshape(*columns.shape[:-1], 2, size)

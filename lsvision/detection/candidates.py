@@ -1,8 +1,8 @@
-"""Candidate arcs: windows of a component that fit a circle, with an initial ellipse for each.
+"""Candidate arcs: windows of a component that fit a circle, and the initial ellipse of an arc.
 
 The paper fits an ellipse to every window of 10 % of the profile, and therefore finds huge ellipses
 on flat bars. Here circles are first fitted to windows of many lengths at once, from their moments;
-an ellipse (``cv2.fitEllipseDirect``) is fitted only to windows with the curvature of a pipe. The
+an ellipse (``cv2.fitEllipseDirect``) is fitted only to the windows from which arcs grow. The
 windows are a fixed grid instead of random samples, so that results are repeatable.
 """
 

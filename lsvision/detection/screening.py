@@ -69,7 +69,10 @@ class _Noises(NamedTuple):
 
     @property
     def mixed_points(self) -> IntArray:
-        """Numbers of points near an edge that contain the surface beyond it, (k,)."""
+        """Numbers of points near an edge that may contain the surface beyond it, (k,).
+
+        0 unless the errors of neighbours are correlated.
+        """
         return np.rint(EDGE_POINTS_PER_CORRELATION * (self.autocorrelation_time - 1)).astype(int)
 
 
