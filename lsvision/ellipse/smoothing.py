@@ -82,8 +82,9 @@ def smooth_arcs(points: Sequence[NoisyPoints], ellipses: Sequence[Ellipse]) -> l
     stacked, valid = NoisyPoints.stack(points)
     parameters = np.array([parameters_from_ellipse(ellipse) for ellipse in ellipses])
     evaluated = ellipse_residuals(stacked, parameters)
-    # Angles relative to the mean direction of each arc, so that they have no step of 2 pi.
-    sums = [complex(row[:size].sum()) for row, size in zip(evaluated.w, sizes, strict=True)]
+    # Angles relative to the mean direction of each arc, so that they have no step of 2 pi. Points
+    # all around an ellipse may have no mean direction.
+    sums = [complex(row[:size].sum()) or 1.0 for row, size in zip(evaluated.w, sizes, strict=True)]
     mean_w = as_column([total / abs(total) for total in sums])
     rotated = evaluated.w * mean_w.conjugate()
     angles = np.arctan2(rotated.imag, rotated.real)

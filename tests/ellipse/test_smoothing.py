@@ -260,3 +260,11 @@ def test_arcs_in_a_stack_are_smoothed_as_alone(order, rng):
 
 def test_no_arcs_are_smoothed_to_none():
     assert smooth_arcs([], []) == []
+
+
+def test_points_all_around_an_ellipse_are_smoothed():
+    circle = Ellipse((0.0, 0.0), 20.0, 20.0, 0.0)
+    points = NoisyPoints.uniform(20.0 * np.array([1, 1j, -1, -1j]), 0.05, 0.05)
+    smoothed = smooth_arc(points, circle)
+    assert smoothed.inliers.all()
+    np.testing.assert_allclose(smoothed.residuals, 0, atol=MACHINE)
