@@ -28,13 +28,16 @@ def run_step(
     """
     from lsvision.cli import main
 
-    parser = argparse.ArgumentParser(description=about)
-    parser.add_argument("folder", nargs="?", type=Path)
+    parser = argparse.ArgumentParser(
+        description=about, usage="%(prog)s [FOLDER] [--results DIR] [options]", allow_abbrev=False
+    )
     parser.add_argument("--results", type=Path)
     arguments, options = parser.parse_known_args()
-    if arguments.folder is None:
+    # Only the first word is a folder: others may be values of options that this parser lacks.
+    has_folder = len(sys.argv) > 1 and not sys.argv[1].startswith("-")
+    folder = Path(options.pop(0)) if has_folder else EXAMPLE
+    if not has_folder:
         options = [*example_options, *options]
-    folder = arguments.folder or EXAMPLE
     results = arguments.results or folder / "results"
     if folder.is_dir():  # a folder with a wrong name is not made
         results.mkdir(parents=True, exist_ok=True)

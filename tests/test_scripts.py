@@ -125,6 +125,13 @@ def test_a_missing_folder_of_results_is_made(tmp_path):
     assert (tmp_path / "new" / "results" / "camera.json").is_file()
 
 
+def test_the_value_of_an_option_is_no_folder(tmp_path):
+    results = tmp_path / "results"
+    done = script("sensor_to_robot", "--convention", "kuka", "--results", results)
+    assert done.returncode == 0, done.stderr
+    assert (results / "hand_eye.json").is_file()
+
+
 def test_poses_of_ones_own_need_their_convention(tmp_path):
     done = script("sensor_to_robot", tmp_path)
     assert done.returncode == 2
