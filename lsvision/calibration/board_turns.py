@@ -127,13 +127,15 @@ def turn_boards(
     Returns
     -------
     TurnedBoards
-        In the order of the views.
+        In the order of the views; fewer than two are returned as they are.
 
     Raises
     ------
     CalibrationFailed
         If the poses do not determine the numbering of a view.
     """
+    if len(flanges) < 2:
+        return TurnedBoards(tuple(camera_from_boards), np.tile(np.eye(6), (len(flanges), 1, 1)), ())
     group = [Pose(), *turns]
     costs = _angle_differences(camera_from_boards, flanges, group)
     # The label of a view is the index of its turn in the group. Each view in turn is the one from

@@ -119,7 +119,7 @@ def _model_warnings(camera: Camera, std: FloatArray) -> list[str]:
     not_invertible = np.isnan(camera.rays(np.column_stack([u.ravel(), v.ravel()]))[:, 0]).mean()
     if not_invertible:
         warnings.append(
-            f"the distortion is not invertible in {100 * not_invertible:.0f} % of the image, where "
+            f"the distortion is not invertible in {100 * not_invertible:.2g} % of the image, where "
             "there were no corners: hold the board there, or estimate fewer radial terms"
         )
     return warnings

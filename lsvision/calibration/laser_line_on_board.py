@@ -383,8 +383,6 @@ def _line_inliers(camera: Camera, pixels: Points, tolerance: float) -> BoolArray
 
     `tolerance` is the largest distance of a point from the line. Units: px.
     """
-    if len(pixels) < 2:
-        return np.zeros(len(pixels), dtype=bool)
     undistorted = camera.rays(pixels)[:, :2] * camera.focal_length
     # Deterministic: all pairs of up to 60 evenly spaced points.
     evenly_spaced = np.linspace(0, len(pixels) - 1, min(len(pixels), 60)).astype(int)
@@ -392,6 +390,8 @@ def _line_inliers(camera: Camera, pixels: Points, tolerance: float) -> BoolArray
     first, second = (sample[indices] for indices in np.triu_indices(len(sample), 1))
     normals = (second - first) @ np.array([[0.0, 1.0], [-1.0, 0.0]])
     length = np.hypot(*normals.T)
+    if not (length > 0).any():  # fewer than two pixels, or pixels without a ray
+        return np.zeros(len(pixels), dtype=bool)
     normals = normals[length > 0] / length[length > 0, None]
     offset = np.einsum("ij,ij->i", normals, first[length > 0])
     inliers = np.abs(normals @ undistorted.T - offset[:, None]) < tolerance

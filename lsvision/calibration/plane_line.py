@@ -69,7 +69,7 @@ def find_plane_line(profile: Profile) -> PlaneLine:
     Raises
     ------
     TooFewPoints
-        If fewer than `MIN_POINTS` points are valid, or lie on the line.
+        If fewer than `MIN_POINTS` points are valid, or lie on the line, or all are equal.
     """
     points = profile.points[np.isfinite(profile.points[:, 0])]
     if len(points) < MIN_POINTS:
@@ -88,10 +88,12 @@ def find_plane_line(profile: Profile) -> PlaneLine:
     midpoint, direction, normal = _fit_line(points[inliers])
     relative_points = points[inliers] - midpoint
     along, distance = relative_points @ direction, relative_points @ normal
+    rms_length = float(np.sqrt((along**2).mean()))
+    if rms_length < _MIN_OUTLIER_DISTANCE_MM:
+        raise TooFewPoints("line of the plane", 1, MIN_POINTS, "all points are equal")
     # A line has two parameters: offset and slope.
     variance = float((distance**2).sum()) / (len(along) - 2) + _VARIANCE_FLOOR_MM2
     covariance = variance * np.diag([1 / len(along), 1 / float((along**2).sum())])
-    rms_length = float(np.sqrt((along**2).mean()))
     autocorrelation_time = debiased_autocorrelation_time(distance, 2)
     return PlaneLine(
         np.append(midpoint, 0.0),

@@ -110,3 +110,9 @@ def test_poses_that_do_not_tell_the_turn_are_refused():
     boards = [Pose(flange.rotation.T @ board.rotation, board.translation) for flange in flanges]
     with pytest.raises(CalibrationFailed, match="do not determine its orientation"):
         turn_boards(boards, flanges, pattern_turns(AMBIGUOUS))
+
+
+def test_a_single_view_is_returned_as_it_is():
+    boards, flanges = board_scene(1, 1)
+    alone = turn_boards(boards, flanges, pattern_turns(AMBIGUOUS))
+    assert (alone.poses, alone.turned) == (tuple(boards), ())

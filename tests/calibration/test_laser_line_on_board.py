@@ -17,7 +17,7 @@ from lsvision.calibration.laser_line_on_board import (
 from lsvision.calibration.laser_plane import LaserPlaneSettings, calibrate_laser_plane
 from lsvision.calibration.laser_plane_initial_guess import guess_board_poses
 from lsvision.calibration.target import Chessboard
-from lsvision.errors import CalibrationFailed
+from lsvision.errors import CalibrationFailed, LsvisionError
 from lsvision.geometry import Plane
 from lsvision.laser_line.extraction import LineSettings
 from lsvision.sensors.camera import Camera
@@ -282,3 +282,20 @@ def test_plane_of_the_green_stripe_agrees_with_the_recomputed_one():
     # The corners' refinement alone moves it: 39.31 mm with OpenCV's window of 11 px, 39.64 of 3.
     assert abs(found.plane.distance - 39.34) < 4 * np.sqrt(found.covariance[2, 2])
     assert found.plane.distance == pytest.approx(39.34, abs=0.5)
+
+
+def test_a_line_where_the_distortion_cannot_be_inverted_is_no_line():
+    camera = Camera([[300.0, 0, 320], [0, 300.0, 240], [0, 0, 1]], [-0.5, 0, 0, 0, 0], SIZE)
+    image = np.full((480, 640), 10, dtype=np.uint8)
+    image[20, :60] = 200
+    target = Chessboard(7, 6, 5.0)
+    board = np.pad(
+        np.kron(np.indices((7, 8)).sum(axis=0) % 2, np.ones((8, 8))),
+        8,
+        "constant",
+        constant_values=1,
+    )
+    boards = np.full((480, 640), 200, dtype=np.uint8)
+    boards[: board.shape[0], : board.shape[1]] = 20 + 200 * board
+    with pytest.raises(LsvisionError):
+        find_laser_view(camera, target, boards, image, LineOnBoardSettings())

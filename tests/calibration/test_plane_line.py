@@ -43,3 +43,8 @@ def test_a_profile_without_a_plane_is_listed_as_rejected():
     found = calibrate_hand_eye_plane(profiles, flanges, settings=FEW_TRIALS)
     assert [pose.index for pose in found.rejected] == [4]
     assert "no line found" in found.rejected[0].reason
+
+
+def test_a_profile_of_one_repeated_point_is_rejected():
+    with pytest.raises(TooFewPoints, match="all points are equal"):
+        find_plane_line(Profile(np.tile([1.1, 2.3], (30, 1))))
