@@ -22,6 +22,11 @@ from lsvision.geometry import FloatArray, Points
 MAX_SCALE_ERROR = 0.02
 """Deviation of the factor from 1 above which the calibration is rejected; the scale of printers
 deviates by less."""
+MAX_SCALE_STD = 0.1
+"""Standard deviation of the size's relative error above which it is not determined, as by a flange
+that only rotates about its origin."""
+MIN_INFORMATION_RATIO = 1e-12
+"""Fraction of the information on the size that a solution leaves, below which it is rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +69,7 @@ def estimate_board_scale(
     camera_modes: FloatArray,
     *,
     robot_is_stated: bool,
-) -> BoardScale:
+) -> BoardScale | None:
     """Return the scale of a board, estimated from the residuals of a fit with the stated size.
 
     Parameters
@@ -72,7 +77,8 @@ def estimate_board_scale(
     fit : ErrorsInVariablesFit
         Solution with the stated size.
     origins : (n, 3) ndarray
-        Origin of the board in the camera frame, in each of the n poses. Units: mm.
+        Origin of the board in the camera frame, in each of the n poses, as the solution predicts
+        it: the noise of the observed ones would look like an error of the scale. Units: mm.
     camera_modes : (m, n, 6) ndarray
         Shifts of the board's n poses, origin (mm) and left-hand rotation (rad), by m independent
         errors of the camera, one standard deviation each. They look like an error of the scale.
@@ -82,19 +88,22 @@ def estimate_board_scale(
 
     Returns
     -------
-    BoardScale
-        Factor with its standard deviation; not checked, see `BoardScale.require_plausible`.
+    BoardScale or None
+        Factor with its standard deviation, not checked (see `BoardScale.require_plausible`); None
+        if the robot's motion does not determine it, within `MAX_SCALE_STD`.
     """
     # An error e of the size shifts the board's poses by e times this.
     scale_shift = np.concatenate([origins, np.zeros_like(origins)], axis=1)
     shifts = np.concatenate([scale_shift[None], camera_modes])
     steps = fit.steps_by_shifts(shifts)
     # Change of the whitened residuals by each shift, of which the solution absorbs a part.
-    whitened_changes = fit.mask[:, None] * (
-        np.einsum("nij,knj->kni", fit.whitening, shifts)
-        + np.einsum("nij,kj->kni", fit.jacobian, steps)
+    whitened_shifts = fit.mask[:, None] * np.einsum("nij,knj->kni", fit.whitening, shifts)
+    whitened_changes = whitened_shifts + fit.mask[:, None] * np.einsum(
+        "nij,kj->kni", fit.jacobian, steps
     )
     information = float((whitened_changes[0] ** 2).sum())
+    if not information > MIN_INFORMATION_RATIO * float((whitened_shifts[0] ** 2).sum()):
+        return None
     errors = np.einsum(
         "ni,kni->k",
         whitened_changes[0],
@@ -104,5 +113,7 @@ def estimate_board_scale(
     chi2 = (fit.chi2 - error**2 * information) / max(fit.dof - 1, 1)
     variance = (max(chi2, 1.0) if robot_is_stated else chi2) / information
     std = float(np.sqrt(variance + (camera_errors**2).sum()))
+    if std > MAX_SCALE_STD:
+        return None
     factor = 1 / (1 + float(error))
     return BoardScale(factor, std * factor**2, -steps[0, :6] * float(error))

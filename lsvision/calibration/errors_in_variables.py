@@ -37,6 +37,11 @@ ROBOT_RATIO_PRIOR = 3.0
 position and orientation, about that of `NOMINAL_ROBOT_STD`."""
 LOG_LIKELIHOOD_CUTOFF = 12.0
 """Decrease of the log-likelihood from its maximum, beyond which a scale is ignored."""
+SINGULAR = (
+    "the normal matrix is singular: the poses do not determine all six parameters of the sensor "
+    "pose; add poses with other tilt axes"
+)
+"""Message of a fit that the poses do not determine."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +165,10 @@ def fit_errors_in_variables(
     for _ in range(6):
         previous = states
         if estimate_robot_std:
-            scales = _estimate_robot_std_scales(observations, states, mask)
+            try:
+                scales = _estimate_robot_std_scales(observations, states, mask)
+            except np.linalg.LinAlgError as error:
+                raise FitFailed(SINGULAR) from error
         whitening = robot_whitening(observations, states, scales)
         states = solve_least_squares(
             observations, states, mask[:, None, None] * whitening, max_steps=8
@@ -187,10 +195,7 @@ def _build_fit(
     try:
         cofactors = invert_normal_matrix(normalised_jacobian.T @ normalised_jacobian)
     except np.linalg.LinAlgError as error:
-        raise FitFailed(
-            "the normal matrix is singular: the poses do not determine all six parameters of the "
-            "sensor pose; add poses with other tilt axes"
-        ) from error
+        raise FitFailed(SINGULAR) from error
     chi2 = float((residuals[0] ** 2 * mask[:, None]).sum() + (prior_residuals**2).sum())
     dof = degrees_of_freedom(observations, states, mask)
     variance_factor = 1.0 if estimate else max(1.0, chi2 / max(dof, 1))
@@ -267,7 +272,7 @@ def _estimate_robot_std_scales(
     means = np.geomspace(means[low], means[high], 30)
     scales = means[:, None, None] * ratio_factors
     log_likelihoods = likelihood(scales) - 0.5 * z**2
-    # Half-Cauchy prior; the last factor is the spacing of the logarithmic grid.
+    # Half-Cauchy prior of the mean, times the mean: the spacing of the logarithmic grid.
     weights = (
         np.exp(log_likelihoods - log_likelihoods.max())
         * (means / (1 + (means / ROBOT_STD_SCALE_PRIOR) ** 2))[:, None]

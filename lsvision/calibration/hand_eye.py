@@ -20,21 +20,18 @@ from lsvision.calibration.board_scale import estimate_board_scale
 from lsvision.calibration.errors_in_variables import NOMINAL_ROBOT_STD
 from lsvision.calibration.hand_eye_parts import RejectedPose, Sphere
 from lsvision.calibration.hand_eye_result import HandEye, HandEyeSettings
-from lsvision.calibration.hand_eye_solver import (
-    ResultContext,
-    build_hand_eye,
-    solve_hand_eye,
-)
+from lsvision.calibration.hand_eye_solver import ResultContext, build_hand_eye, solve_hand_eye
 from lsvision.calibration.observations import Mounting, stack_flange_poses
 from lsvision.calibration.plane_line import PlaneLine, find_plane_line
 from lsvision.calibration.plane_observations import PlaneObservations
 from lsvision.calibration.repeated import find_repeated
 from lsvision.calibration.sphere_arc import SphereArc, find_sphere_arc
 from lsvision.calibration.sphere_observations import SphereObservations
-from lsvision.errors import CalibrationFailed, DegenerateGeometry, TooFewPoints
+from lsvision.errors import CalibrationFailed, DegenerateGeometry, LsvisionError
 from lsvision.geometry import FloatArray, Plane, Pose, as_readonly_array
 from lsvision.geometry.pose import as_poses
 from lsvision.profile import Profile, as_profile, require_several
+from lsvision.results.summaries import counted
 
 Shape = TypeVar("Shape", SphereArc, PlaneLine)
 
@@ -94,8 +91,8 @@ def calibrate_hand_eye_sphere(
     Raises
     ------
     ValueError
-        If the numbers of profiles and poses differ, the radius is not positive, or the mounting is
-        another string.
+        If the numbers of profiles and poses differ, the radius is not positive and finite, or the
+        mounting is another string.
     CalibrationFailed
         If too few poses show a sphere, poses do not belong to the profiles, or the sphere moved.
     DegenerateGeometry
@@ -120,8 +117,8 @@ def calibrate_hand_eye_sphere(
     require_several(profiles)
     _require_pairs(len(profiles), len(base_from_flanges), "profiles")
     flanges = as_poses(base_from_flanges)
-    if radius is not None and not radius > 0:
-        raise ValueError(f"expected a positive radius in mm, got {radius}")
+    if radius is not None and not 0 < radius < np.inf:
+        raise ValueError(f"expected a positive, finite radius in mm, got {radius}")
     arcs, observed, unobserved = _observe(
         profiles, flanges, lambda profile: find_sphere_arc(profile, radius, settings.arc), "sphere"
     )
@@ -138,7 +135,7 @@ def calibrate_hand_eye_sphere(
         np.zeros(len(observed), dtype=np.int64),
     )
     _require_distinct_cuts(observations.circles, radius)
-    solution = solve_hand_eye(observations, poses, min_poses, settings)
+    solution = solve_hand_eye(observations, poses, observed, min_poses, settings)
     *centre, fitted_radius, height_scale_error = solution.fit.states.targets[0, 0].tolist()
     target_std = np.sqrt(np.diag(solution.fit.covariance)[6:])
     *_, radius_std, height_scale_std = target_std.tolist()
@@ -164,7 +161,7 @@ def calibrate_hand_eye_plane(
     Parameters
     ----------
     profiles : sequence of Profile or (n, 2) array_like
-        Profile at each pose; the longest straight line in each is used.
+        Profile at each pose; the straight line on which most of its points lie is used.
     base_from_flanges : sequence of Pose or (4, 4) array_like
         Flange pose at each observation.
     mounting, settings
@@ -209,7 +206,7 @@ def calibrate_hand_eye_plane(
         stack_flange_poses(poses, mounting, settings.robot_std or NOMINAL_ROBOT_STD),
         np.zeros(len(observed), dtype=np.int64),
     )
-    solution = solve_hand_eye(observations, poses, MIN_PLANE_INLIERS, settings)
+    solution = solve_hand_eye(observations, poses, observed, MIN_PLANE_INLIERS, settings)
     normal_distance = solution.fit.states.targets[0, 0]
     target = Plane(normal_distance[:3], float(normal_distance[3]))
     working_point = observations.midpoints.mean(axis=0)
@@ -287,23 +284,28 @@ def calibrate_hand_eye_board(
         stack_flange_poses(poses, mounting, settings.robot_std or NOMINAL_ROBOT_STD),
         np.zeros(len(observed), dtype=np.int64),
     )
-    solution = solve_hand_eye(observations, poses, MIN_BOARD_INLIERS, settings)
+    solution = solve_hand_eye(observations, poses, observed, MIN_BOARD_INLIERS, settings)
     board = solution.fit.states.targets[0, 0]
     target = Pose(board[3:].reshape(3, 3), board[:3])
     working_point = observations.origins.mean(axis=0)
     context = ResultContext(observed, unobserved, working_point, mounting, "camera", settings)
     hand_eye = build_hand_eye(observations, solution, target, context)
-    scale = estimate_board_scale(
-        solution.fit, observations.origins, shifts, robot_is_stated=settings.robot_std is not None
-    )
-    scale.require_plausible()
     errors = solution.fit.steps_by_shifts(shifts)[:, :6]
-    if scale.significant:
-        errors = np.concatenate([errors, scale.step[None]])
+    residuals = observations.linearise(solution.fit.states).residuals[0]
+    scale = estimate_board_scale(
+        solution.fit,
+        observations.origins - residuals[:, :3],
+        shifts,
+        robot_is_stated=settings.robot_std is not None,
+    )
+    if scale is not None:
+        scale.require_plausible()
+        if scale.significant:
+            errors = np.concatenate([errors, scale.step[None]])
     return replace(
         hand_eye,
         covariance=hand_eye.covariance + errors.T @ errors,
-        target_scale=(scale.factor, scale.std),
+        target_scale=None if scale is None else (scale.factor, scale.std),
     )
 
 
@@ -324,7 +326,7 @@ def _observe(
         try:
             shapes.append(find(profile))
             observed.append(index)
-        except TooFewPoints as error:
+        except LsvisionError as error:
             unobserved.append(RejectedPose(index, f"no {name} found: {error}"))
     return shapes, observed, unobserved
 
@@ -370,8 +372,10 @@ def _require_count(
         first_reason = (
             f" (pose {unobserved[0].index}: {unobserved[0].reason})" if unobserved else ""
         )
+        show = "shows" if count == 1 else "show"
         raise CalibrationFailed(
-            f"{count} poses show {observation} and {min_count} are needed, better 12: take more"
+            f"{counted(count, 'pose')} {show} {observation} and {min_count} are needed, better "
+            "12: take more"
             f"{first_reason}"
         )
 
@@ -382,7 +386,7 @@ def _require_distinct_cuts(circles: FloatArray, radius: float | None) -> None:
     offset = float(np.sqrt(np.mean(np.clip(1 - (circles[:, 2] / largest) ** 2, 0, None))))
     if offset < MIN_OFFSET:
         raise DegenerateGeometry(
-            f"all cuts pass within {offset:.2f} radii of the sphere's centre: the sensor's pose "
+            f"the cuts pass the sphere's centre at {offset:.2f} radii (rms): the sensor's pose "
             "across its laser plane is not determined; add poses that cut the sphere 0.3 to 0.85 "
             "radii beside its centre, on both sides"
         )

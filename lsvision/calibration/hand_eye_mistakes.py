@@ -1,5 +1,6 @@
 """Mistakes that explain large residuals of a hand-eye calibration: target moved, pairs shifted."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,13 +29,17 @@ before and after the move."""
 
 
 def detect_moved_target(
-    observations: Observations, mask: FloatArray, fit: ErrorsInVariablesFit | None = None
+    observations: Observations,
+    mask: FloatArray,
+    pose_indices: Sequence[int],
+    fit: ErrorsInVariablesFit | None = None,
 ) -> str | None:
     """Return the message that the target moved between two poses; None if it did not move.
 
     It moved if two targets, one before and one after some pose, fit far better than one. `mask`
-    (n,) excludes outlying poses, which must not be mistaken for a moved target. Without `fit` all
-    initial guesses are tried, weighted by `search_whitening`.
+    (n,) excludes outlying poses, which must not be mistaken for a moved target; `pose_indices` (n,)
+    are the indices of the poses in the message. Without `fit` all initial guesses are tried,
+    weighted by `search_whitening`.
     """
     initial_guess = fit.states if fit else _best_state(observations, mask)
     one_target = _fit_hypothesis(observations, initial_guess, mask, fit)
@@ -50,8 +55,9 @@ def detect_moved_target(
         return None
     if fit and _f_test_p_value(one_target, best) * len(two_targets) > SIGNIFICANCE:
         return None
+    before, after = pose_indices[first_moved - 1], pose_indices[first_moved]
     return (
-        f"the target moved between pose {first_moved - 1} and pose {first_moved} (counted from 0): "
+        f"the target moved between pose {before} and pose {after} (counted from 0): "
         f"one target leaves {one_target.rms:.2g} mm, two leave {best.rms:.2g} mm and are "
         f"{best.target_distance:.2g} mm apart; repeat one of the halves"
     )

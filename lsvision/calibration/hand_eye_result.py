@@ -108,7 +108,8 @@ class HandEye(Result):
     target_scale : tuple of float, optional
         Factor by which the size of a board must be multiplied, and its standard deviation; a check
         of the stated size. The factor is not applied; if it differs significantly from 1, the
-        covariance includes the change that it would make. None for other targets.
+        covariance includes the change that it would make. None for other targets, and where the
+        robot's motion does not determine it.
 
     Examples
     --------

@@ -41,6 +41,11 @@ MAX_ROBOT_STD_SCALE = 40.0
 MIN_LIMIT_MM = 3.0
 """Rms residual up to which a calibration is accepted at any noise; its covariance grows with the
 residuals. Units: mm."""
+CHECKS = (
+    "check the order of the pairs, the convention and unit of the poses, the mounting (eye in "
+    "hand, eye to hand), and the size of the target"
+)
+"""Remedy for poses and observations that do not belong together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,12 +73,26 @@ class ResultContext:
 
 
 def solve_hand_eye(
-    observations: Observations, poses: Sequence[Pose], min_poses: int, settings: HandEyeSettings
+    observations: Observations,
+    poses: Sequence[Pose],
+    pose_indices: Sequence[int],
+    min_poses: int,
+    settings: HandEyeSettings,
 ) -> RobustHandEyeFit:
     """Return the solution on the inlier poses, or raise an error with the most likely cause.
 
-    `poses` are ``base_from_flange`` of each observation, `min_poses` is the smallest number of
-    inlier poses.
+    Parameters
+    ----------
+    observations : Observations
+        Observations in n poses.
+    poses : sequence of Pose
+        ``base_from_flange`` of each observation.
+    pose_indices : sequence of int
+        Index of each of these poses among those of the caller, for messages.
+    min_poses : int
+        Smallest number of inlier poses.
+    settings : HandEyeSettings
+        Robot and limits for acceptance.
 
     Raises
     ------
@@ -94,7 +113,7 @@ def solve_hand_eye(
     except FitFailed as error:
         raise DegenerateGeometry(str(error)) from error
     fit = solution.fit
-    _require_consistent_poses(observations, fit, min_poses, settings)
+    _require_consistent_poses(observations, fit, pose_indices, min_poses, settings)
     least_determined = find_least_determined_direction(observations, fit)
     if least_determined.std > settings.max_least_determined_std:
         raise DegenerateGeometry(
@@ -103,7 +122,7 @@ def solve_hand_eye(
             "the target at other positions in the view"
         )
     if fit.mask.sum() >= MIN_MOVED_TARGET_POSES:
-        motion = detect_moved_target(observations, fit.mask, fit)
+        motion = detect_moved_target(observations, fit.mask, pose_indices, fit)
         if motion:
             raise CalibrationFailed(motion)
     return solution
@@ -112,6 +131,7 @@ def solve_hand_eye(
 def _require_consistent_poses(
     observations: Observations,
     fit: ErrorsInVariablesFit,
+    pose_indices: Sequence[int],
     min_poses: int,
     settings: HandEyeSettings,
 ) -> None:
@@ -125,15 +145,26 @@ def _require_consistent_poses(
     inliers = int(fit.mask.sum())
     norms = residual_norms(observations, observations.linearise(fit.states).residuals[0])
     inlier_rms = float(np.sqrt((norms**2 * fit.mask).sum() / max(inliers, 1)))
-    min_inlier_fraction = 1 - settings.outliers.max_outlier_fraction
-    too_few = inliers < max(min_poses, len(norms) * min_inlier_fraction)
-    limit = settings.max_residual_rms or _explained_residual_rms(observations, fit, settings)
-    if too_few or inlier_rms > limit:
+    min_inliers = settings.outliers.min_inliers(len(norms), min_poses)
+    limit, limit_name = settings.max_residual_rms, "the limit of {:.2g} mm"
+    if limit is None:
+        limit = _explained_residual_rms(observations, fit, settings)
+        limit_name = "the {:.2g} mm that noise explains"
+    if inliers >= min_inliers and inlier_rms <= limit:
+        return
+    mistake = _find_mistake(observations, norms, pose_indices)
+    if mistake:
+        raise CalibrationFailed(mistake)
+    finding = f"the best solution leaves {inlier_rms:.3g} mm at {inliers} of {len(norms)} poses"
+    if inlier_rms <= limit:
         raise CalibrationFailed(
-            _explain_large_residuals(
-                observations, norms, inliers=inliers, inlier_rms=inlier_rms, limit=limit
-            )
+            f"{finding}, and {min_inliers} poses that agree are needed: {CHECKS}; the robot must "
+            "stand still at each pose"
         )
+    raise CalibrationFailed(
+        f"{finding}, more than {limit_name.format(limit)}: {CHECKS}; for a less accurate robot "
+        "increase the limit --max-residual (in Python max_residual_rms)"
+    )
 
 
 def _explained_residual_rms(
@@ -152,31 +183,17 @@ def _explained_residual_rms(
     return max(float(np.hypot(factor * robot**0.5, MAX_NOISE_RATIO * sensor**0.5)), MIN_LIMIT_MM)
 
 
-def _explain_large_residuals(
-    observations: Observations,
-    norms: FloatArray,
-    *,
-    inliers: int,
-    inlier_rms: float,
-    limit: float,
-) -> str:
-    """Return the message with the most likely cause of large residuals.
+def _find_mistake(
+    observations: Observations, norms: FloatArray, pose_indices: Sequence[int]
+) -> str | None:
+    """Return the message on a mistake that explains the residuals `norms` (mm) of all poses.
 
-    `norms` are the residuals of all poses, `inlier_rms` is that of the `inliers` poses. Units: mm.
+    None if no such mistake is found: the target did not move, and the pairs are not shifted.
     """
-    count = len(norms)
-    finding = None
+    count, moved = len(norms), None
     if count >= MIN_MOVED_TARGET_POSES:
-        finding = detect_moved_target(observations, np.ones(count))
-    finding = finding or detect_mispaired_poses(observations, rms(norms))
-    if finding:
-        return finding
-    return (
-        f"the best solution leaves {inlier_rms:.3g} mm at {inliers} of {count} poses, more than "
-        f"the {limit:.2g} mm that noise explains: check the order of the pairs, the convention and "
-        "unit of the poses, the mounting (eye in hand, eye to hand), and the size of the target; "
-        "for a less accurate robot increase the limit --max-residual (in Python max_residual_rms)"
-    )
+        moved = detect_moved_target(observations, np.ones(count), pose_indices)
+    return moved or detect_mispaired_poses(observations, rms(norms))
 
 
 def build_hand_eye(

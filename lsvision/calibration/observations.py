@@ -19,6 +19,7 @@ import numpy as np
 from lsvision.calibration.rotations import cross_matrices, vectors_from_rotations
 from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import FloatArray, IntArray, Pose
+from lsvision.geometry.arrays import TINY
 
 Mounting = Literal["eye_in_hand", "eye_to_hand"]
 
@@ -219,7 +220,7 @@ def _find_main_axis(vectors: FloatArray) -> tuple[FloatArray, float]:
 
 
 def require_rotation(base_from_flanges: Sequence[Pose]) -> None:
-    """Require flange poses that rotate about at least two axes.
+    """Require flange poses, at least two, that rotate about at least two axes.
 
     Raises
     ------
@@ -284,7 +285,7 @@ def masked_least_squares(design: FloatArray, rhs: FloatArray, masks: FloatArray)
     """Return the solution of a linear least-squares problem for each selection of poses.
 
     Normal equations with a ridge of 1e-10 of their trace: accurate enough for an initial guess, and
-    never singular.
+    never singular; the solution of an empty selection is zero.
 
     Parameters
     ----------
@@ -309,6 +310,8 @@ def masked_least_squares(design: FloatArray, rhs: FloatArray, masks: FloatArray)
     else:
         moment = np.einsum("qn,nij,qni->qj", masks, scaled, rhs)
     size = normal.shape[-1]
-    ridge = 1e-10 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(size)
-    solution: FloatArray = np.linalg.solve(normal + ridge, moment[..., None])[..., 0] / scale
+    ridge = np.maximum(1e-10 * np.trace(normal, axis1=1, axis2=2), TINY)[:, None, None]
+    solution: FloatArray = (
+        np.linalg.solve(normal + ridge * np.eye(size), moment[..., None])[..., 0] / scale
+    )
     return solution

@@ -45,7 +45,7 @@ class OutlierSettings:
         Number of poses in a random selection.
     trials : int
         Number of random selections; with 40 of 7 poses, one without outliers is among them in
-        99.8 % of cases where 2 of 12 poses are wrong.
+        99.9 % of cases where 2 of 12 poses are wrong.
     seed : int
         Seed of the random selections.
     """
@@ -55,6 +55,10 @@ class OutlierSettings:
     sample_size: int = 7
     trials: int = 40
     seed: int = 0
+
+    def min_inliers(self, count: int, min_poses: int) -> int:
+        """Return the smallest number of inliers among `count` poses, `min_poses` at least."""
+        return max(min_poses, count - int(self.max_outlier_fraction * count))
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +115,7 @@ def _least_trimmed_squares_guess(
 ) -> States:
     """Return the state with the smallest trimmed sum of squared residuals."""
     count = len(observations.flanges)
-    trimmed_count = max(min_poses, count - int(settings.max_outlier_fraction * count))
+    trimmed_count = settings.min_inliers(count, min_poses)
     masks = _selections(count, settings, min_poses)
     states = observations.initial_guesses(masks)
     masks_of_states = np.repeat(masks, len(states) // len(masks), axis=0)
@@ -177,9 +181,9 @@ def _reject_outliers(
 ) -> ErrorsInVariablesFit:
     """Return the fit without the poses of smallest p-value, until all are above significance.
 
-    No more are rejected than the settings allow, and `min_poses` remain.
+    No more are rejected, with the gross outliers, than the settings allow, and `min_poses` remain.
     """
-    min_inliers = max(min_poses, int(np.ceil(len(fit.mask) * (1 - settings.max_outlier_fraction))))
+    min_inliers = settings.min_inliers(len(fit.mask), min_poses)
     while fit.mask.sum() > min_inliers:
         p_values = np.where(fit.mask > 0, _outlier_p_values(fit), 1.0)
         rejected = int(p_values.argmin())

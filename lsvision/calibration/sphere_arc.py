@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.errors import TooFewPoints
+from lsvision.errors import CalibrationFailed, TooFewPoints
 from lsvision.geometry import BoolArray, FloatArray, IntArray, Points, as_readonly_array
 from lsvision.profile import Profile
 from lsvision.statistics.correlation import debiased_autocorrelation_time
@@ -28,9 +28,10 @@ class SphereArcSettings:
         Largest angle of an inlier's normal from the section's Y; points on the flanks, seen at
         grazing incidence, are biased. Units: rad.
     min_coverage : float
-        Smallest angle of the circle that an arc covers. Units: rad.
+        Smallest angle of the circle that an arc covers, from the 2nd to the 98th percentile of its
+        points. Units: rad.
     min_points : int
-        Smallest number of points of an arc.
+        Smallest number of points of an arc, more than 3.
     min_radius : float
         Smallest circle; cuts near the pole of the sphere give little information. Units: mm.
     trials : int
@@ -121,7 +122,9 @@ def find_sphere_arc(
     Raises
     ------
     TooFewPoints
-        If no arc covers enough of a circle with enough points.
+        If no arc has enough points.
+    CalibrationFailed
+        If none covers enough of a circle.
 
     Examples
     --------
@@ -172,11 +175,15 @@ def _best_hypothesis(
     cost = np.minimum(((distance - circles[:, 2:]) / settings.tolerance) ** 2, 1.0)
     facing = offset[..., 1] >= math.cos(settings.max_incidence) * distance
     support = np.where(facing, 1.0 - cost, 0.0).sum(axis=1)
-    for index in np.argsort(-support, kind="stable"):
-        inliers = _arc_mask(points, circles[index], settings.tolerance, settings)
-        if _is_arc(points, circles[index], inliers, settings):
-            circle: FloatArray = circles[index]
-            return circle
+    circles = circles[np.argsort(-support, kind="stable")]
+    for circle in circles:
+        inliers = _arc_mask(points, circle, settings.tolerance, settings)
+        if _is_arc(points, circle, inliers, settings):
+            best: FloatArray = circle
+            return best
+    for circle in circles[:1]:  # for the numbers of its message
+        inliers = _arc_mask(points, circle, settings.tolerance, settings)
+        _require_arc(points, circle, inliers, settings)
     raise TooFewPoints("best arc of the sphere", 0, settings.min_points, _HINT)
 
 
@@ -243,8 +250,14 @@ def _require_arc(
     points: Points, circle: FloatArray, inliers: BoolArray, settings: SphereArcSettings
 ) -> None:
     """Raise an error unless the inliers are an arc."""
-    if not _is_arc(points, circle, inliers, settings):
+    if inliers.sum() < settings.min_points:
         raise TooFewPoints("best arc of the sphere", int(inliers.sum()), settings.min_points, _HINT)
+    coverage = _angular_coverage(points[inliers], circle)
+    if coverage < settings.min_coverage:
+        raise CalibrationFailed(
+            f"the best arc of the sphere covers {math.degrees(coverage):.0f} deg and "
+            f"{math.degrees(settings.min_coverage):.0f} deg are needed: {_HINT}"
+        )
 
 
 def _normal_variances(profile: Profile, indices: IntArray, circle: FloatArray) -> FloatArray:

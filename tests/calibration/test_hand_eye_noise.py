@@ -84,7 +84,7 @@ def test_a_robot_that_leaves_4_mm_is_accepted_with_a_warning():
 def test_the_limit_of_the_residual_is_an_option():
     boards, flanges, covariances = poor_scene(42, robot=(1.5, np.radians(0.2)))
     strict = HandEyeSettings(max_residual_rms=1.0)
-    with pytest.raises(CalibrationFailed, match=r"more than the 1 mm that noise explains"):
+    with pytest.raises(CalibrationFailed, match=r"more than the limit of 1 mm"):
         calibrate_hand_eye_board(boards, flanges, covariances=covariances, settings=strict)
 
 

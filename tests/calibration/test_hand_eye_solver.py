@@ -12,19 +12,29 @@ from lsvision.calibration.hand_eye import (
     calibrate_hand_eye_sphere,
 )
 from lsvision.calibration.hand_eye_result import HandEyeSettings
+from lsvision.calibration.pose_outliers import OutlierSettings
 from lsvision.errors import CalibrationFailed, DegenerateGeometry
-from lsvision.geometry import Pose
+from lsvision.geometry import Plane, Pose
 from lsvision.io.robot_conventions import pose_from_numbers
+from lsvision.profile import Profile
 from lsvision.sensors.camera import Camera
-from lsvision.simulate.hand_eye import TargetMotion
+from lsvision.simulate.hand_eye import (
+    TargetMotion,
+    noisy_pose,
+    plane_profile,
+    rotation_from_vector,
+)
 from tests.calibration.hand_eye_scenes import (
     FEW_TRIALS,
+    MOUNT,
     RADIUS,
     STANDOFF,
     TARGET,
+    USUAL,
     board_scene,
     plane_scene,
     sphere_scene,
+    wrong_pose,
 )
 
 
@@ -41,9 +51,10 @@ def test_numbers_of_poses_and_profiles_must_be_equal():
         calibrate_hand_eye_board(flanges, flanges[:7])
 
 
-def test_a_radius_must_be_positive():
-    with pytest.raises(ValueError, match="positive radius"):
-        calibrate_hand_eye_sphere(*sphere_scene(1, 8), radius=-1.0)
+@pytest.mark.parametrize("radius", [-1.0, np.nan, np.inf])
+def test_a_radius_must_be_positive_and_finite(radius):
+    with pytest.raises(ValueError, match="positive, finite radius"):
+        calibrate_hand_eye_sphere(*sphere_scene(1, 8), radius=radius)
 
 
 def test_too_few_poses_are_rejected_with_their_number():
@@ -61,7 +72,7 @@ def test_too_few_poses_are_rejected_with_their_number():
 DEGENERATE = {
     "translation only": (motion(tilt=0.0, spin=0.0), "never rotated"),
     "spin only": (motion(tilt=0.0), "rotated about one axis, .* only"),
-    "cuts through the centre": (motion(offset=0.3), "radii of the sphere's centre"),
+    "cuts through the centre": (motion(offset=0.3), "the sphere's centre at"),
     "same place": (motion(sideways=0.0, depth=0.0), "same position in all profiles"),
 }
 
@@ -186,3 +197,85 @@ def test_too_few_or_collinear_corners_are_rejected(case):
 def test_corners_must_be_finite():
     with pytest.raises(ValueError, match="finite corners"):
         estimate_board_pose(np.full((8, 2), np.nan), POINTS, CAMERA)
+
+
+def boards_from(flanges):
+    """Exact poses of a board before a camera at MOUNT."""
+    base_from_board = Pose(translation=TARGET)
+    return [(flange @ MOUNT).inverse() @ base_from_board for flange in flanges]
+
+
+ROTATED = [rotation_from_vector(np.array(v)) for v in ((0.5, 0, 0), (0, 0.5, 0), (0.3, 0.3, 0.2))]
+
+
+def test_a_board_whose_pose_is_rotated_a_few_times_only_is_calibrated():
+    """Some of the random selections of poses contain no rotation."""
+    rng = np.random.default_rng(0)
+    rotations = [np.eye(3)] * 9 + ROTATED
+    flanges = [Pose(R, TARGET + 300 * np.eye(3)[2] + rng.uniform(-100, 100, 3)) for R in rotations]
+    found = calibrate_hand_eye_board(boards_from(flanges), flanges)
+    np.testing.assert_allclose(found.flange_from_camera.matrix, MOUNT.matrix, rtol=0, atol=1e-6)
+
+
+def test_a_plane_seen_in_three_rotations_from_one_place_does_not_determine_the_sensor():
+    rng, plane = np.random.default_rng(0), Plane((0, 0, 1), 300.0)
+    upright = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+    profiles, flanges = [], []
+    for number in range(9):
+        tilt = rotation_from_vector(0.3 * np.eye(3)[number % 3] * (number % 3 < 2))
+        rotation = tilt @ upright
+        section = Pose(rotation, TARGET - rotation @ (0.0, STANDOFF, 0.0))
+        profiles.append(plane_profile(plane.transformed(section.inverse()), USUAL, rng))
+        flanges.append(section @ MOUNT.inverse())
+    with pytest.raises(DegenerateGeometry, match="do not determine all six"):
+        calibrate_hand_eye_plane(profiles, flanges, settings=FEW_TRIALS)
+
+
+def test_a_moved_target_is_told_by_the_poses_of_the_caller():
+    targets = [TARGET] * 8 + [TARGET + np.array([3.0, 4.0, 2.0])] * 6
+    profiles, flanges = sphere_scene(7, 14, targets=targets)
+    for lost in (1, 2):
+        profiles[lost] = Profile(np.full((100, 2), np.nan))
+    with pytest.raises(CalibrationFailed, match="moved between pose 7 and pose 8"):
+        calibrate_hand_eye_sphere(profiles, flanges)
+
+
+def with_wrong_poses(seed, count, wrong, turn_deg):
+    profiles, flanges = sphere_scene(seed, count)
+    rng = np.random.default_rng(seed)
+    for index in wrong:
+        flanges[index] = wrong_pose(flanges[index], 10.0, turn_deg, rng)
+    return profiles, flanges
+
+
+def allowing(fraction):
+    return HandEyeSettings(outliers=OutlierSettings(max_outlier_fraction=fraction))
+
+
+def test_a_third_of_nine_poses_may_be_wrong():
+    scene = with_wrong_poses(2, 9, (1, 4, 7), 0.0)
+    found = calibrate_hand_eye_sphere(*scene, RADIUS, settings=allowing(1 / 3))
+    assert [pose.index for pose in found.rejected] == [1, 4, 7]
+
+
+def test_too_few_poses_that_agree_are_not_blamed_on_their_residual():
+    scene = with_wrong_poses(2, 12, (4, 7), 0.0)
+    with pytest.raises(CalibrationFailed, match=r"10 of 12 poses, and 11 .* are needed") as error:
+        calibrate_hand_eye_sphere(*scene, RADIUS, settings=allowing(0.1))
+    assert "--max-residual" not in str(error.value)
+
+
+def test_a_limit_of_zero_is_a_limit():
+    strict = HandEyeSettings(max_residual_rms=0.0)
+    with pytest.raises(CalibrationFailed, match="more than the limit of 0 mm"):
+        calibrate_hand_eye_sphere(*sphere_scene(1), settings=strict)
+
+
+def test_the_size_of_a_board_is_unknown_if_the_flange_only_rotates_about_its_origin():
+    rng = np.random.default_rng(2)
+    rotations = [rotation_from_vector(rng.uniform(-0.6, 0.6, 3)) for _ in range(10)]
+    flanges = [Pose(rotation, TARGET + 400 * np.eye(3)[2]) for rotation in rotations]
+    boards = [noisy_pose(board, 0.03, 1e-4, rng) for board in boards_from(flanges)]
+    found = calibrate_hand_eye_board(boards, flanges)
+    assert found.target_scale is None
+    assert found.warnings == ()

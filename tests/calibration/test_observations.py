@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from lsvision.calibration.board_observations import BoardObservations
-from lsvision.calibration.observations import FlangePoses, States, stack_flange_poses
+from lsvision.calibration.observations import (
+    FlangePoses,
+    States,
+    masked_least_squares,
+    stack_flange_poses,
+)
 from lsvision.calibration.plane_observations import PlaneObservations
 from lsvision.calibration.rotations import rotations_from_vectors
 from lsvision.calibration.sphere_observations import SphereObservations
@@ -106,3 +111,8 @@ def test_jacobians_equal_difference_quotients(kind):
         (lin.target_jacobian, by_target),
     ):
         np.testing.assert_allclose(found, expected, rtol=0, atol=TOLERANCE * np.abs(expected).max())
+
+
+def test_an_empty_selection_has_the_solution_zero():
+    design, rhs = np.ones((4, 3, 2)), np.ones((4, 3))
+    assert (masked_least_squares(design, rhs, np.zeros((1, 4))) == 0).all()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lsvision.calibration.sphere_arc import find_sphere_arc
-from lsvision.errors import TooFewPoints
+from lsvision.errors import CalibrationFailed, LsvisionError
 from lsvision.profile import Profile
 from lsvision.sensors.profile_sensor import ProfileSensor
 from lsvision.simulate.hand_eye import SectionView, sphere_profile
@@ -61,7 +61,7 @@ PLATE = np.column_stack([np.linspace(-40, 40, 400), np.full(400, -300.0)])
 NOISE = np.random.default_rng(0).uniform(-40, 40, (300, 2))
 REJECTED = {
     "nothing": (np.full((100, 2), np.nan), "has 0 points"),
-    "plate": (PLATE + np.random.default_rng(1).normal(0, 0.02, PLATE.shape), "best arc"),
+    "plate": (PLATE + np.random.default_rng(1).normal(0, 0.02, PLATE.shape), "covers . deg"),
     "concave": (np.array(profile(0.0).points) * (1, -1), "best arc"),
 }
 
@@ -69,5 +69,12 @@ REJECTED = {
 @pytest.mark.parametrize("case", REJECTED)
 def test_a_profile_without_a_sphere_is_rejected(case):
     points, message = REJECTED[case]
-    with pytest.raises(TooFewPoints, match=message):
+    with pytest.raises(LsvisionError, match=message):
+        find_sphere_arc(Profile(points))
+
+
+def test_an_arc_that_is_too_short_is_rejected_with_its_angle():
+    angle = np.radians(90 + np.linspace(-12.5, 12.5, 200))
+    points = np.column_stack([15 * np.cos(angle), 15 * np.sin(angle) - 300])
+    with pytest.raises(CalibrationFailed, match="covers 24 deg and 30 deg are needed"):
         find_sphere_arc(Profile(points))
