@@ -65,7 +65,7 @@ class BoardObservations:
     def linearise(self, states: States) -> Linearisation:
         """Return residuals of origin and rotation, with Jacobians.
 
-        The Jacobians are exact to first order in the rotation residual.
+        The Jacobians neglect the rotation residual: they are exact where it is zero (Gauss-Newton).
         """
         targets = states.targets[:, self.groups]
         board = targets[..., 3:].reshape(*targets.shape[:-1], 3, 3)

@@ -134,7 +134,7 @@ def guess_camera_from_board(view: TargetView, rays: Points) -> Pose:
     Parameters
     ----------
     view : TargetView
-        Points of the board, at least four, no three collinear.
+        Points of the board, among them four of which no three are collinear.
     rays : (n, 3) ndarray
         Rays through the view's pixels, camera frame, z = 1.
 

@@ -55,7 +55,8 @@ class LaserView:
     pixels : (n, 2) array_like
         Corners in the image. Units: px.
     line_pixels : (m, 2) array_like
-        Points of the laser line on the board, all finite. Units: px.
+        Points of the laser line on the board, all finite, at least 4: their noise is that about a
+        parabola. Units: px.
     line_std : (m,) array_like
         Standard deviation of each point along the line's normal. Units: px.
     """

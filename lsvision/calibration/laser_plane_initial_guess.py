@@ -37,7 +37,7 @@ def fit_plane(points: Points) -> Plane:
     Parameters
     ----------
     points : (n, 3) ndarray
-        Points. Units: mm.
+        Points, at least two. Units: mm.
 
     Returns
     -------

@@ -67,8 +67,8 @@ def collect_views(
 ) -> tuple[list[View], ViewSources]:
     """Return the views that `find` finds in the images, and the rejected images.
 
-    Rejected are images in which `find` raises an error, and those of the same content as an
-    earlier one (equal `content_key` of the view): a photo that is stored twice counts once.
+    Rejected are images in which `find` raises an `LsvisionError`, and those of the same content as
+    an earlier one (equal `content_key` of the view): a photo that is stored twice counts once.
     """
     views, rejected = dict[int, View](), []
     for index, image in enumerate(images):
