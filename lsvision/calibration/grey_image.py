@@ -22,7 +22,7 @@ def grey_image(image: npt.ArrayLike) -> npt.NDArray[np.uint8]:
         raise TypeError(f"expected an image of uint8 or uint16, got {np.asarray(image).dtype}")
     if array.dtype == np.uint16:
         # 10- and 12-bit cameras leave the upper bits zero: scale by the largest value.
-        array = (array.astype(np.float64) * (255 / max(int(array.max()), 1))).astype(np.uint8)
+        array = (array.astype(np.float64) * 255 / max(int(array.max()), 1)).astype(np.uint8)
     if array.ndim == 3:
         array = cv2.cvtColor(np.ascontiguousarray(array), cv2.COLOR_BGR2GRAY)
     return np.ascontiguousarray(array, dtype=np.uint8)

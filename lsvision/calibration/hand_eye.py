@@ -17,7 +17,8 @@ import numpy.typing as npt
 
 from lsvision.calibration.board_observations import BoardObservations
 from lsvision.calibration.board_scale import estimate_board_scale
-from lsvision.calibration.errors_in_variables import NOMINAL_ROBOT_STD
+from lsvision.calibration.errors_in_variables import NOMINAL_ROBOT_STD, ErrorsInVariablesFit
+from lsvision.calibration.hand_eye_json import check_covariance
 from lsvision.calibration.hand_eye_parts import RejectedPose, Sphere
 from lsvision.calibration.hand_eye_result import HandEye, HandEyeSettings
 from lsvision.calibration.hand_eye_solver import ResultContext, build_hand_eye, solve_hand_eye
@@ -26,8 +27,8 @@ from lsvision.calibration.plane_line import PlaneLine, find_plane_line
 from lsvision.calibration.plane_observations import PlaneObservations
 from lsvision.calibration.repeated import find_repeated
 from lsvision.calibration.sphere_arc import SphereArc, find_sphere_arc
-from lsvision.calibration.sphere_observations import SphereObservations
-from lsvision.errors import CalibrationFailed, DegenerateGeometry, LsvisionError
+from lsvision.calibration.sphere_observations import SphereObservations, require_distinct_cuts
+from lsvision.errors import CalibrationFailed, LsvisionError
 from lsvision.geometry import FloatArray, Plane, Pose, as_readonly_array
 from lsvision.geometry.pose import as_poses
 from lsvision.profile import Profile, as_profile, require_several
@@ -39,10 +40,6 @@ EXACT_RADIUS_STD = 1e-4
 """Standard deviation of a given radius. Units: mm."""
 EXACT_BOARD_VARIANCE = 1e-12
 """Variance (mm^2, rad^2) of boards without stated covariances: the robot's is far larger."""
-MIN_OFFSET = 0.15
-"""Smallest root mean square distance of the sections from the sphere's centre, in radii."""
-MIN_SPREAD = 0.05
-"""Smallest range of the sphere's positions in the view, in radii."""
 MIN_SPHERE_POSES, MIN_KNOWN_SPHERE_POSES = 6, 5
 """Smallest number of poses that show a sphere of unknown and of known radius, and of inliers."""
 MIN_PLANE_POSES, MIN_PLANE_INLIERS = 8, 6
@@ -134,7 +131,7 @@ def calibrate_hand_eye_sphere(
         (largest, np.inf) if radius is None else (radius, EXACT_RADIUS_STD),
         np.zeros(len(observed), dtype=np.int64),
     )
-    _require_distinct_cuts(observations.circles, radius)
+    require_distinct_cuts(observations.circles, radius)
     solution = solve_hand_eye(observations, poses, observed, min_poses, settings)
     *centre, fitted_radius, height_scale_error = solution.fit.states.targets[0, 0].tolist()
     target_std = np.sqrt(np.diag(solution.fit.covariance)[6:])
@@ -155,7 +152,7 @@ def calibrate_hand_eye_plane(
 ) -> HandEye:
     """Calibrate a profile sensor to a robot by profiles of one fixed plane.
 
-    A plane is more accurate than a sphere in rotation, but about three times less accurate at the
+    A plane is more accurate than a sphere in rotation, but two to three times less accurate at the
     working point. Take 20 poses, tilted by ± 40 deg about two axes, at near and far ranges.
 
     Parameters
@@ -251,7 +248,7 @@ def calibrate_hand_eye_board(
     Raises
     ------
     ValueError, CalibrationFailed, DegenerateGeometry
-        As in `calibrate_hand_eye_sphere`.
+        As in `calibrate_hand_eye_sphere`; ValueError also for an invalid covariance.
 
     Examples
     --------
@@ -272,15 +269,13 @@ def calibrate_hand_eye_board(
     observed = [index for index in range(count) if index not in repeated]
     unobserved = [_reject_repeated_pose(*pair, "board") for pair in repeated.items()]
     _require_count(len(observed), MIN_BOARD_POSES, "a board in the image", unobserved)
-    if covariances is None:
-        covariances = np.tile(EXACT_BOARD_VARIANCE * np.eye(6), (count, 1, 1))
     shifts = np.zeros((0, count, 6)) if camera_modes is None else camera_modes
     shifts = as_readonly_array(shifts, ("m", count, 6), "camera_modes")[:, observed]
     poses = [flanges[index] for index in observed]
     observations = BoardObservations(
         np.array([boards[index].rotation for index in observed]),
         np.array([boards[index].translation for index in observed]),
-        as_readonly_array(covariances, (count, 6, 6), "covariances")[observed],
+        _board_covariances(covariances, count)[observed],
         stack_flange_poses(poses, mounting, settings.robot_std or NOMINAL_ROBOT_STD),
         np.zeros(len(observed), dtype=np.int64),
     )
@@ -290,14 +285,38 @@ def calibrate_hand_eye_board(
     working_point = observations.origins.mean(axis=0)
     context = ResultContext(observed, unobserved, working_point, mounting, "camera", settings)
     hand_eye = build_hand_eye(observations, solution, target, context)
-    errors = solution.fit.steps_by_shifts(shifts)[:, :6]
-    residuals = observations.linearise(solution.fit.states).residuals[0]
+    return _with_camera_and_board_errors(hand_eye, solution.fit, observations, shifts, settings)
+
+
+def _board_covariances(covariances: npt.ArrayLike | None, count: int) -> FloatArray:
+    """Return the covariances (n, 6, 6) of `count` boards, nearly zero if none are given."""
+    if covariances is None:
+        return np.tile(EXACT_BOARD_VARIANCE * np.eye(6), (count, 1, 1))
+    checked = as_readonly_array(covariances, (count, 6, 6), "covariances")
+    for covariance in checked:
+        check_covariance(covariance)
+    return checked
+
+
+def _with_camera_and_board_errors(
+    hand_eye: HandEye,
+    fit: ErrorsInVariablesFit,
+    observations: BoardObservations,
+    camera_modes: FloatArray,
+    settings: HandEyeSettings,
+) -> HandEye:
+    """Return the calibration with the board's scale.
+
+    Its covariance includes the errors of the camera, and of a board whose size was stated wrong.
+    """
+    residuals = observations.linearise(fit.states).residuals[0]
     scale = estimate_board_scale(
-        solution.fit,
+        fit,
         observations.origins - residuals[:, :3],
-        shifts,
+        camera_modes,
         robot_is_stated=settings.robot_std is not None,
     )
+    errors = fit.steps_by_shifts(camera_modes)[:, :6]
     if scale is not None:
         scale.require_plausible()
         if scale.significant:
@@ -377,23 +396,4 @@ def _require_count(
             f"{counted(count, 'pose')} {show} {observation} and {min_count} are needed, better "
             "12: take more"
             f"{first_reason}"
-        )
-
-
-def _require_distinct_cuts(circles: FloatArray, radius: float | None) -> None:
-    """Require cuts off the sphere's centre, and at different positions in the view."""
-    largest = radius if radius is not None else float(circles[:, 2].max())
-    offset = float(np.sqrt(np.mean(np.clip(1 - (circles[:, 2] / largest) ** 2, 0, None))))
-    if offset < MIN_OFFSET:
-        raise DegenerateGeometry(
-            f"the cuts pass the sphere's centre at {offset:.2f} radii (rms): the sensor's pose "
-            "across its laser plane is not determined; add poses that cut the sphere 0.3 to 0.85 "
-            "radii beside its centre, on both sides"
-        )
-    spread = float(np.linalg.norm(np.ptp(circles[:, :2], axis=0)))
-    if spread < MIN_SPREAD * largest:
-        raise DegenerateGeometry(
-            f"the sphere is at the same position in all profiles (to {spread:.2g} mm): "
-            "only the cuts determine the sensor's rotation; add poses with the sphere left, "
-            "right, near and far in the view"
         )

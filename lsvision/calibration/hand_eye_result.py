@@ -61,6 +61,16 @@ class HandEyeSettings(ShowsChanges):
     max_least_determined_std: float = 10.0
     min_ambiguity_ratio: float = 1.2
 
+    def __post_init__(self) -> None:
+        if self.robot_std is not None:
+            position, rotation = self.robot_std
+            if not (0 < position < math.inf and 0 < rotation < math.inf):
+                raise ValueError(
+                    f"expected a robot_std (mm, rad) above 0 and finite, got {self.robot_std}"
+                )
+        if self.max_residual_rms is not None and not self.max_residual_rms > 0:
+            raise ValueError(f"expected a max_residual_rms above 0 mm, got {self.max_residual_rms}")
+
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class HandEye(Result):

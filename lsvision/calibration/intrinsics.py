@@ -41,8 +41,7 @@ from lsvision.results.result import Result
 from lsvision.sensors.camera import Camera
 
 MIN_VIEWS = 3
-"""Smallest number of views: the homographies of two determine fx, fy, cx and cy without a check
-(Zhang 2000, section 3.1)."""
+"""Smallest number of views: two determine fx, fy, cx and cy without a check (Zhang 2000, 3.1)."""
 MIN_BOW_VIEWS = 6
 """Smallest number of views from which the shape of the board is estimated."""
 OUTLIER_FACTOR = 2.5

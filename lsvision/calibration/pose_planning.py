@@ -195,7 +195,7 @@ def plan_hand_eye_poses(
     """Plan the next best flange poses for a sphere (greedy, A-optimal).
 
     Each step takes the candidate that minimises the summed variance of the sensor's position and of
-    its rotation times `MM_PER_RADIAN`. Six of them are as accurate as twelve random ones.
+    its rotation times `MM_PER_RADIAN`. Six determine that position as well as twelve random ones.
 
     Parameters
     ----------

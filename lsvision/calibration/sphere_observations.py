@@ -24,6 +24,7 @@ from lsvision.calibration.observations import (
     points_in_sensor_frame,
 )
 from lsvision.calibration.rotations import list_cube_rotations, rotations_from_columns
+from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import BoolArray, FloatArray, IntArray, Pose
 
 ARC = np.radians(np.linspace(-60.0, 60.0, 61))
@@ -31,6 +32,10 @@ ARC = np.radians(np.linspace(-60.0, 60.0, 61))
 MAX_CUT_OFFSET = 0.95
 """Distance of a planned cut from the sphere's centre, in radii, beyond which the arc is too small
 to be found."""
+MIN_OFFSET = 0.15
+"""Smallest root mean square distance of the sections from the sphere's centre, in radii."""
+MIN_SPREAD = 0.05
+"""Smallest range of the sphere's positions in the view, in radii."""
 HEIGHT_SCALE_PRIOR_STD = 0.1
 """Standard deviation of the prior on the scale of the heights; almost uninformative."""
 
@@ -171,6 +176,38 @@ class SphereObservations:
         """Return the columns (n, 3, 3) of the design matrix for the centre of each sphere."""
         groups = range(int(self.groups.max()) + 1)
         return [-np.eye(3) * (self.groups == group)[:, None, None] for group in groups]
+
+
+def require_distinct_cuts(circles: FloatArray, radius: float | None) -> None:
+    """Require cuts off the sphere's centre, and at different positions in the view.
+
+    Parameters
+    ----------
+    circles : (n, 3) ndarray
+        Centre x, y and radius of each cut, section frame. Units: mm.
+    radius : float, optional
+        Radius of the sphere; that of the largest circle if None. Units: mm.
+
+    Raises
+    ------
+    DegenerateGeometry
+        If all cuts pass near the centre, or the sphere is at one position in all profiles.
+    """
+    largest = radius if radius is not None else float(circles[:, 2].max())
+    offset = float(np.sqrt(np.mean(np.clip(1 - (circles[:, 2] / largest) ** 2, 0, None))))
+    if offset < MIN_OFFSET:
+        raise DegenerateGeometry(
+            f"the cuts pass the sphere's centre at {offset:.2f} radii (rms): the sensor's pose "
+            "across its laser plane is not determined; add poses that cut the sphere 0.3 to 0.85 "
+            "radii beside its centre, on both sides"
+        )
+    spread = float(np.linalg.norm(np.ptp(circles[:, :2], axis=0)))
+    if spread < MIN_SPREAD * largest:
+        raise DegenerateGeometry(
+            f"the sphere is at the same position in all profiles (to {spread:.2g} mm): "
+            "only the cuts determine the sensor's rotation; add poses with the sphere left, "
+            "right, near and far in the view"
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -79,7 +79,7 @@ def plane(
     """Calibrate a profile sensor to the robot on a flat plate.
 
     Twenty poses, tilted by ± 40 deg about two axes, at near and far ranges. The rotation is more
-    accurate than with a sphere, but a point in the measuring range about three times less accurate.
+    accurate than with a sphere, but a point in the measuring range 2 to 3 times less accurate.
 
     \b
       lsvision calibrate hand-eye plane plate/ --poses poses.csv --convention ur --out hand_eye.json

@@ -265,10 +265,23 @@ def test_too_few_poses_that_agree_are_not_blamed_on_their_residual():
     assert "--max-residual" not in str(error.value)
 
 
-def test_a_limit_of_zero_is_a_limit():
-    strict = HandEyeSettings(max_residual_rms=0.0)
-    with pytest.raises(CalibrationFailed, match="more than the limit of 0 mm"):
-        calibrate_hand_eye_sphere(*sphere_scene(1), settings=strict)
+@pytest.mark.parametrize("limit", [0.0, -1.0, np.nan])
+def test_a_limit_must_be_positive(limit):
+    with pytest.raises(ValueError, match="max_residual_rms above 0 mm"):
+        HandEyeSettings(max_residual_rms=limit)
+
+
+@pytest.mark.parametrize("robot_std", [(0.05, 0.0), (-0.05, 1e-4), (np.nan, 1e-4), (np.inf, 1e-4)])
+def test_a_stated_robot_must_be_positive_and_finite(robot_std):
+    with pytest.raises(ValueError, match=r"robot_std .* above 0 and finite"):
+        HandEyeSettings(robot_std=robot_std)
+
+
+@pytest.mark.parametrize("variance", [-1.0, np.nan])
+def test_covariances_of_boards_must_be_covariances(variance):
+    boards, flanges = board_scene(2, 8)
+    with pytest.raises(ValueError, match=r"expected .*covariance"):
+        calibrate_hand_eye_board(boards, flanges, covariances=[variance * np.eye(6)] * 8)
 
 
 def test_the_size_of_a_board_is_unknown_if_the_flange_only_rotates_about_its_origin():
