@@ -6,6 +6,7 @@ need not be calibrated; the result is valid within the laser plane.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,7 +25,8 @@ from lsvision.sensors.light_section import LightSection
 DEFAULT_FOCAL_LENGTH = 1.2
 """Focal length in image widths that is assumed where the image does not determine it."""
 MAX_FOCAL_LENGTH_FACTOR = 4.0
-"""Largest factor by which an estimated focal length may differ from the default."""
+"""Factor by which an estimated focal length differs from the default at most; beyond it, as for a
+board parallel to the image, it is taken as not determined."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -164,14 +166,9 @@ def _camera_centre(homography: FloatArray, view: TargetView) -> FloatArray:
     C = np.array([c1 * c2, c1**2 - c2**2])
     inverse_square = -float(A @ C) / max(float(A @ A), 1e-300)
     focal = DEFAULT_FOCAL_LENGTH * width
-    if inverse_square > 0:
-        focal = float(
-            np.clip(
-                inverse_square**-0.5,
-                focal / MAX_FOCAL_LENGTH_FACTOR,
-                focal * MAX_FOCAL_LENGTH_FACTOR,
-            )
-        )
+    estimate = inverse_square**-0.5 if inverse_square > 0 else math.inf
+    if 1 / MAX_FOCAL_LENGTH_FACTOR < estimate / focal < MAX_FOCAL_LENGTH_FACTOR:
+        focal = estimate
     normalised = (view.pixels - (np.array([width, height]) - 1) / 2) / focal
     pose = guess_camera_from_board(view, np.column_stack([normalised, np.ones(len(normalised))]))
     return pose.inverse().translation

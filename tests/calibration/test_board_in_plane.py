@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from lsvision.calibration.board_in_plane import calibrate_board_in_plane
+from lsvision.calibration.board_in_plane import DEFAULT_FOCAL_LENGTH, calibrate_board_in_plane
 from lsvision.calibration.target import Chessboard, TargetNotFound
 from lsvision.errors import CalibrationFailed
 from lsvision.laser_line.extraction import LineSettings
@@ -102,3 +102,24 @@ def test_drill_core_has_its_diameter():
     on_core = (pixels[:, 0] > 900) & (pixels[:, 0] < 1340) & (pixels[:, 1] < 790)
     assert on_core.sum() > 400
     assert 2 * circle_radius(profile.points[on_core]) == pytest.approx(47.5, abs=0.7)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.3, 1.0, 2.0])
+def test_a_board_parallel_to_the_image_leaves_the_default_focal_length(turn):
+    """Which the rounding of its corners must not decide."""
+    points, (c, s) = TARGET.points, (np.cos(turn), np.sin(turn))
+    for scale in (2.5, 2.97, 3.1):
+        target = Detected(points, scale * points[:, :2] @ [[c, s], [-s, c]] + (303.3, 251.7))
+        found = calibrate_board_in_plane(np.zeros((480, 640), dtype=np.uint8), target)
+        lengths = found.light_section.camera.matrix[[0, 1], [0, 1]]
+        np.testing.assert_allclose(lengths, DEFAULT_FOCAL_LENGTH * 640, rtol=1e-6)
+
+
+class Detected:
+    """Target whose points are known beforehand."""
+
+    def __init__(self, points, pixels):
+        self.points, self.pixels = points, pixels
+
+    def find(self, image):
+        return self.points, self.pixels
