@@ -16,7 +16,7 @@ REQUESTED_DEPTH_RATIO = 1.15
 """Requested ratio of the farthest to the nearest distance of the board."""
 FOCAL_GUESS = 1.2
 """Assumed focal length of a camera that is not calibrated yet, relative to the image's width: a
-field of view of 45 deg. If it is 30 to 60 deg, a tilt of 20 deg is estimated as 14 to 30 deg."""
+field of view of 45 deg. If it is 30 to 60 deg, a tilt of 20 deg is estimated as 13 to 27 deg."""
 # Side of the board that is nearer, image axis along which its normal (z) is tilted, and sign.
 _SIDES = (("right", 0, 1), ("left", 0, -1), ("lower", 1, 1), ("upper", 1, -1))
 _ROWS, _COLUMNS = ("upper", "middle", "lower"), ("left", "middle", "right")

@@ -195,6 +195,8 @@ class _Grid:
             homography, _ = cv2.findHomography(nodes, observed, cv2.LMEDS)
             if homography is None:
                 homography, _ = cv2.findHomography(nodes, observed)
+            if homography is None:  # corners on one line, whose grid is too small for a search
+                homography = np.eye(3)
             guess = np.append((homography / homography[2, 2]).ravel()[:8], [0.0, 0.0])
         else:
             guess = start.parameters

@@ -90,6 +90,13 @@ def test_corners_that_are_left_out_are_reported():
     assert "of 54 corners left out, off the grid of the others: a laser line" in warnings[0]
 
 
+@pytest.mark.parametrize("step", [0.0, 10.0], ids=["one point", "one line"])
+def test_initial_corners_without_a_homography_are_rejected(step):
+    initial = np.full((6, 7, 2), 50.0)
+    initial[..., 0] += step * np.arange(7)
+    assert locate_corners(np.zeros((240, 320), dtype=np.uint8), initial) is None
+
+
 def test_points_that_are_no_grid_are_rejected():
     white, truth = chessboard_picture(TURNS[0])
     wrong = np.random.default_rng(15).permutation(truth).reshape(6, 9, 2)
