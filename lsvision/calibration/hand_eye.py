@@ -136,7 +136,8 @@ def calibrate_hand_eye_sphere(
     *centre, fitted_radius, height_scale_error = solution.fit.states.targets[0, 0].tolist()
     target_std = np.sqrt(np.diag(solution.fit.covariance)[6:])
     *_, radius_std, height_scale_std = target_std.tolist()
-    target = Sphere(np.array(centre), fitted_radius, radius_std if radius is None else 0.0)
+    size = (fitted_radius, radius_std) if radius is None else (radius, 0.0)
+    target = Sphere(np.array(centre), *size)
     working_point = np.append(observations.circles[:, :2].mean(axis=0), 0.0)
     context = ResultContext(observed, unobserved, working_point, mounting, "section", settings)
     result = build_hand_eye(observations, solution, target, context)
@@ -242,8 +243,8 @@ def calibrate_hand_eye_board(
     Returns
     -------
     HandEye
-        `flange_from_camera`; `target` is ``base_from_board``, and `target_scale` shows a board
-        whose size was stated wrong.
+        `flange_from_camera` (or `base_from_camera`), and `target_scale`, which shows a board whose
+        size was stated wrong.
 
     Raises
     ------

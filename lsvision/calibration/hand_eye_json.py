@@ -142,8 +142,8 @@ def _check_numbers(hand_eye: "HandEye") -> None:
     if not (np.abs(numbers) <= MAX_VALUE).all() or min(lengths) < 0:
         raise ValueError(
             f"expected finite numbers below {MAX_VALUE:g} and no negative standard uncertainty, "
-            f"got working point {hand_eye.working_point.tolist()}, standard uncertainties, height "
-            f"factor and sphere {lengths}"
+            f"got working point {hand_eye.working_point.tolist()}, standard uncertainties, scales "
+            f"and sphere {lengths}"
         )
     if not hand_eye.ambiguity_ratio >= 0:
         raise ValueError(f"expected ambiguity >= 0, got {hand_eye.ambiguity_ratio}")

@@ -94,7 +94,7 @@ class HandEye(Result):
         Poses that were not used.
     target : Sphere or Plane or Pose
         The target in the base frame (eye in hand) or flange frame (eye to hand);
-        a board as ``base_from_board``.
+        a board as ``base_from_board`` or ``flange_from_board``.
     working_point : (3,) array_like
         Mean position of the target in the sensor frame. Units: mm.
     robot_std : tuple of float

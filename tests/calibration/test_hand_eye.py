@@ -275,3 +275,8 @@ def test_pairs_stored_twice_count_once_and_are_named(kind):
     assert all("as pose 0, stored twice" in pose.reason for pose in found.rejected)
     assert found.covariance == pytest.approx(once.covariance)
     assert np.isnan(found.residuals[-4:]).all()
+
+
+def test_a_given_radius_is_returned():
+    found = calibrate_hand_eye_sphere(*sphere_scene(1), RADIUS, settings=FEW_TRIALS)
+    assert (found.sphere.radius, found.sphere.radius_std) == (RADIUS, 0.0)
