@@ -88,10 +88,10 @@ class PosePlan(Result):
     indices : tuple of int
         Indices of these poses in the candidates.
     predicted_std : (k,) array_like
-        Standard deviation of a point at the target's mean position in the view, after each pose
-        and those measured before. Units: mm.
+        `HandEye.std_at` (root of the summed variances) of the target's mean position in the view,
+        predicted after each pose and those measured before. Units: mm.
     predicted_origin_std : (k,) array_like
-        Predicted standard deviation of the sensor's origin after each pose. Units: mm.
+        The same for the sensor's origin. Units: mm.
     """
 
     base_from_flanges: tuple[Pose, ...]
@@ -380,7 +380,7 @@ def _select_greedily(
 ) -> tuple[IntArray, list[tuple[float, float]]]:
     """Return the indices of the selected poses, and two predicted std (mm) after each of them.
 
-    They are those of the point at `lever_arm` from the sensor's origin, and of the origin.
+    The first is that of a point at `lever_arm` from the sensor's origin, the second the origin's.
     """
     available = available.copy()
     weights = np.array([1.0] * 3 + [MM_PER_RADIAN**2] * 3)

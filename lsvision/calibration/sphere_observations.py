@@ -55,7 +55,7 @@ class SphereObservations:
         to all poses: first row times s plus second row times s^2. Units: mm.
     flanges : FlangePoses
         Flange pose of each observation.
-    radius : tuple of float
+    radius_prior : tuple of float
         Prior mean and standard deviation of the sphere's radius; inf = no prior. Units: mm.
     groups : (n,) ndarray
         Index of the sphere that each pose observes.
@@ -65,7 +65,7 @@ class SphereObservations:
     covariances: FloatArray
     height_scale_gradients: FloatArray
     flanges: FlangePoses
-    radius: tuple[float, float]
+    radius_prior: tuple[float, float]
     groups: IntArray
 
     @property
@@ -76,8 +76,10 @@ class SphereObservations:
     @property
     def target_prior(self) -> tuple[FloatArray, FloatArray]:
         """Prior mean and standard deviation (5,): centre and radius (mm), error of height scale."""
-        values = np.array([0, 0, 0, self.radius[0], 0])
-        return values, np.array([np.inf, np.inf, np.inf, self.radius[1], HEIGHT_SCALE_PRIOR_STD])
+        values = np.array([0, 0, 0, self.radius_prior[0], 0])
+        return values, np.array(
+            [np.inf, np.inf, np.inf, self.radius_prior[1], HEIGHT_SCALE_PRIOR_STD]
+        )
 
     def linearise(self, states: States) -> Linearisation:
         """Return residuals x - q_x, y - q_y and (r^2 - R^2 + q_z^2) / 2r, with Jacobians.
@@ -166,7 +168,9 @@ class SphereObservations:
         )
         solution = masked_least_squares(design, rhs, np.repeat(masks, count, axis=0))
         groups = int(self.groups.max()) + 1
-        radius = self.radius[0] if np.isfinite(self.radius[1]) else self.circles[:, 2].max()
+        radius = (
+            self.radius_prior[0] if np.isfinite(self.radius_prior[1]) else self.circles[:, 2].max()
+        )
         centres = solution[:, 3:].reshape(-1, groups, 3)
         sizes = np.broadcast_to([radius, 0.0], (*centres.shape[:2], 2))
         targets = np.concatenate([centres, sizes], axis=-1)
