@@ -341,17 +341,14 @@ def _solve_from_initial_guesses(views: Sequence[TargetView], flags: int) -> list
     points = [np.ascontiguousarray(view.points, dtype=np.float32) for view in views]
     pixels = [view.pixels.astype(np.float32).reshape(-1, 1, 2) for view in views]
     size = views[0].size
-    linear_guess = cv2.initCameraMatrix2D(points, pixels, size, 1.0)
-    initial_guesses: list[tuple[Any, int]] = [
-        (np.eye(3), 0),  # without the flag OpenCV uses only the ratio of fx and fy
-        (linear_guess, cv2.CALIB_USE_INTRINSIC_GUESS),
-    ]
     solutions = []
-    for guess, guess_flag in initial_guesses:
+    for guess_flag in (0, cv2.CALIB_USE_INTRINSIC_GUESS):
         try:
+            # Without the flag OpenCV uses only the ratio of fx and fy.
+            guess = cv2.initCameraMatrix2D(points, pixels, size, 1.0) if guess_flag else np.eye(3)
             with _one_opencv_thread():
                 solution = cv2.calibrateCameraExtended(
-                    points, pixels, size, guess.copy(), None, flags=flags | guess_flag
+                    points, pixels, size, guess, None, flags=flags | guess_flag
                 )
         except cv2.error:
             continue

@@ -187,6 +187,15 @@ def chessboard_image(size=(480, 640)):
     return image
 
 
+def test_views_of_one_row_of_corners_determine_no_camera():
+    row = np.column_stack([np.arange(9) * 10.0, np.zeros(9), np.zeros(9)])
+    views = [
+        TargetView(row, row[:, :2] * (3 + k) + (50 + 10 * k, 60), (640, 480)) for k in range(4)
+    ]
+    with pytest.raises(CalibrationFailed, match="not consistent with one camera"):
+        fit_camera(views)
+
+
 def test_images_without_board_are_listed_in_the_error():
     empty = np.full((480, 640), 255, np.uint8)
     with pytest.raises(
