@@ -80,12 +80,12 @@ def inspect(
     """  # noqa: D301 - the backspace makes click keep the line breaks
     from lsvision.inspection.append_only import read_records
     from lsvision.inspection.golden import find_blocking_reason, golden_path
-    from lsvision.inspection.history import describe_unrecorded_change
     from lsvision.inspection.job import Job
-    from lsvision.inspection.unused_keys import describe_unused_keys
 
     if report is not None and report.suffix.lower() not in (".html", ".htm"):
         raise typer.BadParameter(f"expected --report F.html, got {report.name!r}")
+    if golden and any((json_file, csv_file, parquet, report)):
+        raise typer.BadParameter("expected --golden without output files: its checks are logged")
     options = reading.parse()
     job = Job.load(job_file)
     has_rig = job.rig.light_section is not None
@@ -93,15 +93,14 @@ def inspect(
     groups, missing = _group_files(files, suffixes)
     inputs = [job_file, *(source for _, sources in groups for source in sources)]
     check_outputs((parquet, report), inputs, streams=(json_file, csv_file))
-    for note in (describe_unrecorded_change(job, job_file), describe_unused_keys(job)):
-        if note:
-            print_error(f"{job_file}: note: {note}")
+    _print_notes_on_job(job, job_file)
     now = datetime.datetime.now(datetime.UTC)
     run = _Run(job, job_file, options)
     for failure in missing:
         print_error(str(failure))
     if golden:
-        _check_golden(run, groups, golden_path(job, job_file), now)
+        passed = _check_golden(run, groups, golden_path(job, job_file), now)
+        raise typer.Exit(FAILED if missing else EXIT_CODES["OK" if passed else "NG"])
     log = read_records(golden_path(job, job_file)) if job.golden is not None else []
     to_stderr = STDOUT in (json_file, csv_file)
     inspected = list(
@@ -111,6 +110,16 @@ def inspect(
     if report is not None and inspected:
         _write_report(report, inspected, run, (log, now))
     _print_counts_and_exit(inspected, run.failures + len(missing), to_stderr=to_stderr)
+
+
+def _print_notes_on_job(job: "Job", path: Path) -> None:
+    """Print whether the job was changed without being recorded, and which keys are not used."""
+    from lsvision.inspection.history import describe_unrecorded_change
+    from lsvision.inspection.unused_keys import describe_unused_keys
+
+    for note in (describe_unrecorded_change(job, path), describe_unused_keys(job)):
+        if note:
+            print_error(f"{path}: note: {note}")
 
 
 class _Run:
@@ -257,8 +266,11 @@ def _check_golden(
     groups: Sequence[tuple[str, list[Path]]],
     path: Path,
     now: datetime.datetime,
-) -> None:
-    """Check the golden part in every file, log the checks in the file `path`, and exit."""
+) -> bool:
+    """Check the golden part in every file, and log the checks in the file `path`.
+
+    Return whether it passed in all of them.
+    """
     from lsvision.inspection.append_only import append_record
     from lsvision.inspection.golden import check_golden
 
@@ -270,7 +282,7 @@ def _check_golden(
             word = "passed" if record["passed"] else "failed"
             print_lines([f"{source}: golden part {word}: {record['reason']}; logged in {path}"])
             passed &= record["passed"]
-    raise typer.Exit(0 if passed else EXIT_CODES["NG"])
+    return passed
 
 
 def _write_results(

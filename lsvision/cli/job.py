@@ -2,6 +2,7 @@
 
 import datetime
 import json
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -48,14 +49,15 @@ def new_job(
     from lsvision.inspection.job_template import build_job_text, find_needed_tolerance
     from lsvision.measure import measure_cylinders
 
+    if not math.isfinite(tolerance):
+        raise typer.BadParameter(f"expected a finite --tolerance in mm, got {tolerance:g}")
     options = reading.parse()
     search = parse_search_range(radius)
     check_outputs((), [profile], streams=(out,))
     (file,) = read_sources([profile], options)
     measurement = measure_cylinders(file.profiles[0], radius=search)
     if not measurement.cylinders:
-        reasons = "; ".join(str(rejection) for rejection in measurement.rejections[:2])
-        raise LsvisionError(f"{profile}: no cylinder for a job: {reasons}")
+        raise LsvisionError(f"{profile}: no cylinder for a job: {measurement.reason}")
     text = build_job_text(name or profile.stem, measurement.cylinders, tolerance)
     write_output(out, text)
     needed = find_needed_tolerance(Job.from_text(text), measurement.cylinders)

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lsvision.cli.messages import print_error, print_lines
+from lsvision.cli.messages import end_on_failures, print_error, print_lines
 from lsvision.cli.option_groups import command_group, expand_option_groups
 from lsvision.cli.outputs import STDOUT, check_outputs, write_output
 from lsvision.cli.profile_options import (
@@ -34,7 +35,7 @@ study = command_group(
 )
 
 Tolerance = Annotated[
-    float | None, typer.Option(min=0, metavar="WIDTH", help="Width of the tolerance.")
+    float | None, typer.Option(metavar="WIDTH", help="Width of the tolerance, above 0.")
 ]
 Level = Annotated[float, typer.Option(metavar="P", help="Confidence level of the intervals.")]
 QUANTITIES = ("radius", "theta", "phi", "centre-x", "centre-y")
@@ -78,7 +79,9 @@ def repeat(
         raise typer.BadParameter(
             f"expected --quantity among {', '.join(QUANTITIES)}, got {quantity!r}"
         )
-    _check_level(level)
+    _check_limits(tolerance, level)
+    if not math.isfinite(reference):
+        raise typer.BadParameter(f"expected a finite --reference, got {reference:g}")
     measuring = partial(
         measure_cylinders,
         radius=parse_search_range(radius),
@@ -88,10 +91,9 @@ def repeat(
     options = reading.parse()
     sources, missing = find_sources(files, suffixes_of_profiles(reading.dx))
     check_outputs((), sources, streams=(json_file,))
-    if missing:
-        raise missing[0]
+    end_on_failures(missing)
     profiles = read_sources(sources, options)
-    values, stds = _measure_quantity(profiles, QUANTITIES.index(quantity), reference, measuring)
+    values, stds = _measure_quantity(profiles, quantity, reference, measuring)
     result = study_repeats(values, reference, stds=stds, tolerance=tolerance, level=level)
     unit = "deg" if quantity in ("theta", "phi") else "mm"
     _print_result(result, json_file, f"{quantity} in {unit}:")
@@ -119,14 +121,16 @@ def grr(
     """  # noqa: D301 - the backspace makes click keep the line breaks
     from lsvision.inspection.gauge_study import study_gauge
 
-    _check_level(level)
+    _check_limits(tolerance, level)
     check_outputs((), [table], streams=(json_file,))
     result = study_gauge(_read_crossed(table, value, part, operator), tolerance, level)
     _print_result(result, json_file)
 
 
-def _check_level(level: float) -> None:
-    """Raise a usage error unless the confidence level is in (0, 1)."""
+def _check_limits(tolerance: float | None, level: float) -> None:
+    """Raise a usage error unless the tolerance is positive and the level is in (0, 1)."""
+    if tolerance is not None and not 0 < tolerance < math.inf:
+        raise typer.BadParameter(f"expected --tolerance above 0, got {tolerance:g}")
     if not 0 < level < 1:
         raise typer.BadParameter(f"expected --level between 0 and 1, got {level:g}")
 
@@ -143,15 +147,17 @@ def _print_result(result: "Result", json_file: Path | None, *head: str) -> None:
 
 def _measure_quantity(
     files: "Sequence[ProfileFile]",
-    index: int,
+    quantity: str,
     reference: float,
     measuring: "Callable[[Profile], Measurement]",
 ) -> tuple[list[float], list[float]]:
     """Return the value and standard uncertainty of each profile with a cylinder, in mm or deg.
 
-    The quantity is ``QUANTITIES[index]``; of several cylinders the one nearest to the reference is
-    taken.
+    The quantity is one of `QUANTITIES`; of several cylinders the one nearest to the reference is
+    taken. A theta is stated within 90 deg of the reference, since theta + 180 deg is the same
+    direction: 179.9 deg is -0.1 deg beside a reference of 0.
     """
+    index = QUANTITIES.index(quantity)
     values, stds = [], []
     for file in files:
         for number, profile in enumerate(file.profiles):
@@ -160,9 +166,12 @@ def _measure_quantity(
             if not estimates:
                 print_error(f"{file.path}, profile {number}: no cylinder, left out")
                 continue
-            nearest = min(estimates, key=lambda estimate: abs(estimate.value - reference))
-            values.append(nearest.value)
-            stds.append(nearest.std)
+            pairs = [(estimate.value, estimate.std) for estimate in estimates]
+            if quantity == "theta":
+                pairs = [(reference + (v - reference + 90) % 180 - 90, std) for v, std in pairs]
+            value, std = min(pairs, key=lambda pair: abs(pair[0] - reference))
+            values.append(value)
+            stds.append(std)
     return values, stds
 
 
@@ -206,15 +215,19 @@ def _read_trials(
                 "with --value, --part or --operator"
             )
     trials: dict[tuple[str, str], list[float]] = {}
-    for line, row in enumerate(rows, 2):
-        cells = {str(name).strip(): cell for name, cell in row.items()}
-        number = cells[value]
+    for row in rows:
+        place = f"{path}, line {rows.line_num}"
+        # A short row has None in place of a cell, a long one has a list of further cells.
+        cells = {str(name).strip(): str(cell or "").strip() for name, cell in row.items()}
+        number, names_of_pair = cells[value], (cells[part], cells[operator])
         try:
             # A comma that does not separate columns is a decimal comma.
             trial = float(number if separator == "," else number.replace(",", "."))
-        except (AttributeError, TypeError, ValueError):  # a short row has None
-            raise UnreadableFile(
-                f"{path}, line {line}: expected a number in {value!r}, got {number!r}"
-            ) from None
-        trials.setdefault((str(cells[part]), str(cells[operator])), []).append(trial)
+        except ValueError:
+            trial = math.nan
+        if not math.isfinite(trial):
+            raise UnreadableFile(f"{place}: expected a number in {value!r}, got {number!r}")
+        if not all(names_of_pair):
+            raise UnreadableFile(f"{place}: expected a name in {part!r} and in {operator!r}")
+        trials.setdefault(names_of_pair, []).append(trial)
     return trials

@@ -1,4 +1,4 @@
-"""``lsvision inspect``, ``job`` and ``study``: tables, files, exit codes, messages."""
+"""``lsvision inspect`` and ``job``: tables, files, exit codes, messages."""
 
 import csv
 import io
@@ -129,6 +129,17 @@ def test_the_golden_part_comes_first(run, job, profile, tmp_path):
     assert [json.loads(line)["passed"] for line in log] == [True]
 
 
+def test_a_golden_part_that_is_missing_has_not_passed(run, job, profile, tmp_path):
+    path = job(INSIDE, "[golden]\nradius_mm = 19\ntolerance_mm = 1\nevery_hours = 8\n")
+    none = run("inspect", path, tmp_path / "golden*.csv", "--golden")
+    some = run("inspect", path, tmp_path / "golden*.csv", profile, "--golden")
+    assert none.exit_code == some.exit_code == 1
+    assert "golden part passed" in some.stdout
+    with_output = run("inspect", path, profile, "--golden", "--csv", "-")
+    assert with_output.exit_code == 2
+    assert "expected --golden without output files" in with_output.stderr
+
+
 def test_a_limit_that_a_profile_does_not_have_is_reported_with_the_file(run, job, profile):
     path = job("max = 21 }\nbow_mm = { max = 1")
     done = run("inspect", path, profile)
@@ -204,60 +215,16 @@ def test_job_new_needs_a_cylinder(run, written):
     flat = written(np.column_stack([np.linspace(-50, 50, 200), np.full(200, -400.0)]))
     done = run("job", "new", flat)
     assert done.exit_code == 1
-    assert "no cylinder for a job" in done.stderr
+    assert "no cylinder for a job: flat: 0.00 mm rms from a straight line" in done.stderr
+    done = run("job", "new", flat, "--tolerance", "inf")
+    assert done.exit_code == 2
+    assert "expected a finite --tolerance in mm, got inf" in done.stderr
 
 
 def test_job_schema_is_json_schema_with_the_units(run):
     schema = json.loads(run("job", "schema").stdout)
     assert "radius_mm" in schema["$defs"]["Part"]["properties"]
     assert schema["additionalProperties"] is False
-
-
-def test_study_repeat_compares_with_the_reference(run, written, tmp_path):
-    angle = np.linspace(2.6, 0.5, 160)
-    circle = 19.0 * np.column_stack([np.cos(angle), np.sin(angle)]) - [0.0, 400.0]
-    paths = [
-        written(circle + np.random.default_rng(k).normal(0, 0.03, circle.shape), f"{k}.csv")
-        for k in range(4)
-    ]
-    out = tmp_path / "out.json"
-    done = run("study", "repeat", *paths, "--reference", "19", "--tolerance", "4", "--json", out)
-    assert done.exit_code == 0, done.output
-    record = json.loads(out.read_text())
-    low, high = record["bias_interval"]
-    assert (record["count"], low < 0 < high) == (4, True)
-    assert done.stdout.startswith("radius in mm:\n4 values, mean")
-    wrong = run("study", "repeat", *paths, "--reference", "19", "--quantity", "colour")
-    assert wrong.exit_code == 2
-    assert "expected --quantity among radius, theta" in wrong.stderr
-
-
-def test_study_grr_reads_a_table(run, tmp_path):
-    rng = np.random.default_rng(3)
-    rows = [
-        f"{part},{operator},{part + rng.normal(0, 0.1):.4f}"
-        for part in range(5)
-        for operator in "ab"
-        for _ in range(3)
-    ]
-    table = tmp_path / "table.csv"
-    table.write_text("\n".join(["part,operator,value", *rows]))
-    done = run("study", "grr", table, "--tolerance", "4")
-    assert done.exit_code == 0, done.output
-    assert "repeatability" in done.stdout
-    assert "% of tolerance" in done.stdout
-    german = [row.replace(",", ";").replace(".", ",") for row in rows]
-    table.write_text("\n".join(["part;operator;value", *german]))
-    assert run("study", "grr", table, "--tolerance", "4").stdout == done.stdout
-    table.write_text("\n".join(["part,operator,value", *rows[:-1]]))
-    short = run("study", "grr", table)
-    assert short.exit_code == 1
-    assert "expected every operator to measure every part equally often" in short.stderr
-    other = run("study", "grr", table, "--value", "height")
-    assert "expected a column 'height', got part, operator, value" in other.stderr
-    table.write_text("part,operator,value\n1,a,x\n")
-    assert "line 2: expected a number in 'value', got 'x'" in run("study", "grr", table).stderr
-    assert run("study", "grr", table, "--level", "95").exit_code == 2
 
 
 def test_no_output_overwrites_the_job(run, job, profile):
