@@ -62,14 +62,24 @@ def _connect(address: str) -> Any:
     """Return a client of the scheduler, or raise `LsvisionError` if there is none."""
     try:
         import distributed
+        from distributed.comm.addressing import resolve_address
     except ModuleNotFoundError:
         raise LsvisionError(
             "--scheduler needs dask: pip install 'lsvision[cluster]' here and on all workers"
         ) from None
     try:
+        # A client with a malformed address would wait for 20 s at the end of the process.
+        with contextlib.suppress(OSError):  # an unknown host, reported by the client
+            resolve_address(address)
+    except ValueError as error:
+        raise LsvisionError(
+            f"{address}: {error}: expected the address of a scheduler such as "
+            "tcp://192.168.0.10:8786"
+        ) from None
+    try:
         open_client: Any = distributed.Client  # without annotations
         return open_client(address, timeout=CONNECT_TIMEOUT_S, set_as_default=False)
-    except (OSError, ValueError, TimeoutError) as error:
+    except (OSError, TimeoutError) as error:
         reason = " ".join(str(error).split())[:100]
         raise LsvisionError(
             f"{address}: no scheduler answers ({reason}): start `dask scheduler` there"

@@ -22,6 +22,7 @@ from lsvision.cli.profile_options import (
 from lsvision.cli.progress import StatusLine, duration_text
 from lsvision.cli.sources import find_sources, suffixes_of_profiles
 from lsvision.errors import LsvisionError
+from lsvision.files.limited_reading import STDIN
 
 if TYPE_CHECKING:
     from lsvision.batch.job import BatchJob
@@ -87,11 +88,11 @@ def batch(
     folders are shared):
       lsvision batch /data/profiles --out /data/cylinders --scheduler tcp://HOST:8786
     """  # noqa: D301 - the backspace makes click keep the line breaks
-    if status is not None:
+    if status is not None and not files and out is None:
         _print_status(status)
         return
-    if not files or out is None:
-        raise typer.BadParameter("expected files and --out DIR, or --status DIR")
+    if status is not None or not files or out is None:
+        raise typer.BadParameter("expected files and --out DIR, or --status DIR alone")
     from lsvision.batch.process_pool import default_jobs
     from lsvision.batch.run import plan_tasks, run_batch
 
@@ -101,6 +102,8 @@ def batch(
     options = reading.parse()
     job = _batch_job(measuring, options, job_file)
     sources, missing = find_sources(files, suffixes_of_profiles(reading.dx))
+    if Path(STDIN) in sources:
+        raise typer.BadParameter("expected files on a disk, got - for standard input")
     for failure in missing:
         print_error(str(failure))
     if not sources:

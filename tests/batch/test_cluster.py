@@ -63,6 +63,15 @@ def test_no_scheduler_is_reported(tmp_path, monkeypatch):
         run_batch(tasks, tmp_path / "out", scheduler="tcp://127.0.0.1:9")
 
 
+@pytest.mark.parametrize("address", ["localhost", "tcp://localhost:", "http://localhost:8786"])
+def test_a_malformed_address_is_reported_before_a_client_is_made(tmp_path, monkeypatch, address):
+    monkeypatch.setattr(distributed, "Client", None)
+    write_parquet(tmp_path / "a.parquet", 2)
+    tasks = plan_tasks([tmp_path / "a.parquet"], tmp_path, tmp_path / "out", BatchJob())
+    with pytest.raises(LsvisionError, match="expected the address of a scheduler such as tcp://"):
+        run_batch(tasks, tmp_path / "out", scheduler=address)
+
+
 @pytest.fixture
 def scheduler(tmp_path):
     """A scheduler with one worker, in processes that can be killed; and its address."""

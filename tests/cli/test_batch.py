@@ -50,11 +50,18 @@ def test_a_broken_file_and_a_missing_one_are_reported_and_the_rest_is_done(run, 
     assert "in/b.csv: expected x and height" in run("batch", "--status", out).stdout
 
 
-@pytest.mark.parametrize("words", [[], ["a.csv"], ["--out", "x"]])
+@pytest.mark.parametrize("words", [[], ["a.csv"], ["--out", "x"], ["--out", "x", "--status", "x"]])
 def test_usage_is_reported(run, words):
     result = run("batch", *words)
     assert result.exit_code == 2
     assert "expected files and --out DIR, or --status DIR" in result.stderr
+
+
+def test_standard_input_is_no_file_of_a_batch(run, tmp_path):
+    result = run("batch", "-", "--out", tmp_path / "out")
+    assert result.exit_code == 2
+    assert "expected files on a disk, got - for standard input" in result.stderr
+    assert not (tmp_path / "out").exists()
 
 
 def test_the_failure_of_another_file_in_an_earlier_run_does_not_count(run, folder):
