@@ -7,7 +7,7 @@ import typer
 
 from lsvision.cli.calibrate_inputs import LineOptions
 from lsvision.cli.option_groups import expand_option_groups
-from lsvision.cli.sources import IMAGE_SUFFIXES
+from lsvision.cli.sources import IMAGE_SUFFIXES, true_path
 from lsvision.cli.target_options import TargetOptions
 from lsvision.errors import LsvisionError, UnwritableFile
 
@@ -48,6 +48,10 @@ def capture(
       lsvision calibrate capture --camera genicam:192.168.1.20 --boards boards --lines lines
     """  # noqa: D301 - the backspace makes click keep the line breaks
     board, line = target_options.parse(), line_options.parse()
+    if true_path(boards) == true_path(lines):
+        raise typer.BadParameter(
+            f"expected different folders for --boards and --lines, got {boards}"
+        )
     for folder in (boards, lines):
         _require_empty(folder)
     from lsvision.calibration.capture_needs import missing_views
@@ -72,9 +76,11 @@ def capture(
 
 
 def _require_empty(folder: Path) -> None:
-    """Raise an error for a folder that holds images already: the pairs would be mixed in."""
-    if not folder.is_dir():
+    """Raise an error for a file, and for a folder with images: the pairs would be mixed in."""
+    if not folder.exists():
         return
+    if not folder.is_dir():
+        raise UnwritableFile(f"{folder}: a file: name a folder that is new or empty")
     images = sorted(path for path in folder.iterdir() if path.suffix.lower() in IMAGE_SUFFIXES)
     if images:
         raise UnwritableFile(

@@ -99,6 +99,8 @@ class HandEyeResultOptions:
             raise typer.BadParameter(
                 f"expected --frames ROBOT:SENSOR such as {DEFAULT_FRAMES}, got {self.frames!r}"
             )
+        if self.frames != DEFAULT_FRAMES and self.easy_handeye is None:
+            raise typer.BadParameter("expected --easy-handeye F.yaml with --frames, got none")
         if self.mounting not in PLACEMENTS:
             raise typer.BadParameter(
                 f"expected --mounting {' or '.join(PLACEMENTS)}, got {self.mounting!r}"

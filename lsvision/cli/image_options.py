@@ -1,5 +1,6 @@
 """Options of the commands that extract a laser line from images."""
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
@@ -67,7 +68,9 @@ def parse_line_settings(laser: str, method: str, bayer: str | None = None) -> "L
         pattern = cast(Any, bayer and bayer.upper())
         return LineSettings(channel=cast(Any, laser), method=cast(Any, method), bayer=pattern)
     except ValueError as error:
-        message = str(error).replace("channel", "--laser").replace("bayer", "--bayer")
+        message = str(error)
+        for field, option in (("channel", "--laser"), ("method", "--method"), ("bayer", "--bayer")):
+            message = message.replace(field, option)
         raise typer.BadParameter(message) from None
 
 
@@ -97,8 +100,10 @@ def parse_imaging(
     LsvisionError
         If the rig or the laser-off frame cannot be used; the message states the file.
     typer.BadParameter
-        If an option of images is given without a rig, or its value is unknown.
+        If an option of images is given without a rig, or its value is unknown or infinite.
     """
+    if math.isinf(other_options.get("surface_std", 0.0)):
+        raise typer.BadParameter("expected a finite --surface-std in mm, got inf")
     if light_section is None:
         _reject_image_options(laser, method, bayer, laser_off, other_options)
         return None

@@ -33,20 +33,26 @@ def build_measure_function(
         Noise of the points.
     paper : bool
         Whether to measure by the paper's pipeline as published, which has no priors and no noise
-        model: of the options only the search range has an effect, or, without one, that about the
-        known radius.
+        model: only with `radius` or with `known_radius`, around which it searches.
 
     Raises
     ------
     typer.BadParameter
-        If a radius is not a number, not positive, or the range is reversed; or if a tilt is not in
-        [0, 90) deg.
+        If a radius is not a number, not positive, or the range is reversed; if a tilt is not in
+        [0, 90) deg; or for a sensor or a tilt with `paper`.
     """
-    # Imports typer, which the processes that run the function do not need.
+    # These import typer, which the processes that run the function do not need.
+    import typer
+
     from lsvision.cli.measure_options import parse_known_phi, parse_known_radius, parse_search_range
 
     search_range, known = parse_search_range(radius), parse_known_radius(known_radius)
     known_phi = parse_known_phi(known_phi_deg)
+    if paper and (sensor is not None or known_phi is not None):
+        raise typer.BadParameter(
+            "expected --paper, or --sensor, --range-std or --known-phi-deg, got both: the paper's "
+            "pipeline uses neither the noise nor a known tilt"
+        )
     if paper:
         return partial(_measure_profiles_paper, radius=search_range, known_radius=known)
     return partial(

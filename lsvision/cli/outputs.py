@@ -29,11 +29,11 @@ def check_outputs(
     Parameters
     ----------
     outputs : sequence of Path or None
-        Output files; None for a file that is not written.
+        Output files, of which none may be ``-``; None for a file that is not written.
     sources : sequence of Path
         All inputs, which no output may overwrite.
     streams : sequence of Path or None
-        Further outputs, of which one may be ``-``, standard output.
+        Further output files, of which one may be ``-``, standard output.
 
     Returns
     -------
@@ -45,13 +45,16 @@ def check_outputs(
     UnwritableFile
         If a folder is missing or not writable, or the file is a folder.
     typer.BadParameter
-        If two outputs, or an output and an input, are the same file, or two inputs are ``-``.
+        If two outputs, or an output and an input, are the same file, two inputs are ``-``, or an
+        output is ``-`` that cannot be.
     """
     command_files = CommandFiles()
     for source in sources:
         if source == STDOUT and source in command_files:
             raise typer.BadParameter("expected one input from standard input (-), got two")
         command_files.add(source, "an input")
+    if STDOUT in outputs:
+        raise typer.BadParameter("expected the name of a file, got - for standard output")
     if streams.count(STDOUT) > 1:
         raise typer.BadParameter("expected one output to standard output (-), got two")
     for output in [*outputs, *(stream for stream in streams if stream != STDOUT)]:

@@ -9,6 +9,8 @@ import typer
 from lsvision.results.tables import text_table
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from lsvision.planning import (
         AccuracyTarget,
         Feed,
@@ -95,7 +97,8 @@ def plan(
 ) -> None:
     """Predict the one-sigma errors of a pipe's radius and direction, without measuring.
 
-    The errors are Cramer-Rao bounds: no unbiased fit has smaller ones.
+    Without errors of the poses (--pose-std, --feed-std-deg) they are Cramer-Rao bounds: no unbiased
+    fit has smaller ones. The effect of pose errors on a fit that takes the poses as exact is added.
 
     \b
     One section of a 19 mm pipe under an LPS 36 HI:
@@ -110,8 +113,10 @@ def plan(
     try:
         view = _build_view(sensor, range_std, standoff=standoff, pitch=pitch)
         target = _build_target(target_phi_deg, target_radius)
-        if spacing is not None and sections is None and target is None:
-            raise ValueError("expected --sections or a target with --spacing, got neither")
+        if (sections is None or sections == 1) and target is None:
+            _reject_scan_options(
+                {"--spacing": spacing, "--feed-std-deg": feed_std_deg, "--pose-std": pose_std}
+            )
         feed = Feed(
             sections=1 if sections is None else sections,
             spacing=1.0 if spacing is None else spacing,
@@ -136,6 +141,15 @@ def plan(
     if scans:
         typer.echo("fewest sections that reach the target accuracy, for each spacing:")
         typer.echo(_format_table(scans))
+
+
+def _reject_scan_options(values: "Mapping[str, float | None]") -> None:
+    """Raise an error for options of a scan beside one section: they would have no effect."""
+    names = [name for name, value in values.items() if value]
+    if names:
+        raise ValueError(
+            f"expected --sections of 2 or more, or a target, with {', '.join(names)}, got neither"
+        )
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from lsvision.calibration.hand_eye_result import HandEye
     from lsvision.geometry import Pose
 
+MAX_STEP_MM = 1e5
+"""Largest --step: coordinates up to 1e9 mm are accepted, so that 10 000 profiles are possible."""
+
 
 @dataclass(frozen=True)
 class Encoder:
@@ -21,7 +24,7 @@ class Encoder:
     Parameters
     ----------
     direction : (float, float, float)
-        Direction of the section's motion in the section frame, of any length above 0.
+        Direction of the section's motion in the section frame, a unit vector.
     step : float
         Feed from one profile to the next; negative for the opposite direction. Units: mm.
     """
@@ -68,8 +71,10 @@ def parse_motion(feed: str | None, step: float | None, robot: RobotOptions) -> E
             "expected --feed X,Y,Z and --step MM, or --poses F and --convention NAME: without "
             "poses the sections cannot be combined"
         )
-    if not (math.isfinite(step) and step != 0):
-        raise typer.BadParameter(f"expected --step in mm other than 0, got {step:g}")
+    if not 0 < abs(step) <= MAX_STEP_MM:
+        raise typer.BadParameter(
+            f"expected --step in mm other than 0, at most {MAX_STEP_MM:g}, got {step:g}"
+        )
     return Encoder(_parse_direction(feed), step)
 
 
@@ -106,11 +111,12 @@ def motion_uncertainty_caption(motion: Encoder | Robot) -> str:
 
 
 def _parse_direction(text: str) -> tuple[float, float, float]:
-    """Return the direction of ``--feed``, of any length above 0, from ``X,Y,Z``."""
+    """Return the unit vector of ``--feed``, from ``X,Y,Z`` of any length above 0."""
     try:
         x, y, z = (float(part) for part in text.split(","))
     except ValueError:
         raise typer.BadParameter(f"expected --feed X,Y,Z such as 0,0,1, got {text!r}") from None
-    if not 0 < math.hypot(x, y, z) < math.inf:
-        raise typer.BadParameter(f"expected --feed of a length above 0, got {text!r}")
-    return x, y, z
+    length = math.hypot(x, y, z)
+    if not 0 < length < math.inf:
+        raise typer.BadParameter(f"expected --feed of a finite length above 0, got {text!r}")
+    return x / length, y / length, z / length

@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from lsvision.cli.messages import print_lines
+
 if TYPE_CHECKING:
     from lsvision.simulate import SimulatedSection, TubeRanges
 
@@ -90,7 +92,8 @@ def simulate(
         write_atomic(f"{stem}.csv", profile_text(section, title))
         write_atomic(f"{stem}.truth.json", truth_text(section, source))
     first, last = f"{kind}_{seed:04d}.csv", f"{kind}_{seed + count - 1:04d}.csv"
-    typer.echo(f"{out}: {first}{'' if count == 1 else f' to {last}'}, each with its .truth.json")
+    names = f"{first} with its" if count == 1 else f"{first} to {last}, each with its"
+    print_lines([f"{out}: {names} .truth.json"])
 
 
 def _tube_ranges(radius: str, theta_deg: str, phi_deg: str) -> "TubeRanges":
@@ -120,7 +123,7 @@ def _parse_range(text: str, option: str) -> tuple[float, float]:
 
 
 def _command(kind: str, seed: int, section: "SimulatedSection", tubes: "TubeRanges") -> str:
-    """Return the command that writes this scene alone, with all options that determine it."""
+    """Return the command that writes this scene alone, except --out, which does not change it."""
     ranges = (("radius", tubes.radius_mm), ("theta-deg", tubes.theta_deg),
               ("phi-deg", tubes.phi_deg))  # fmt: skip
     arguments = [f"--{name} {low!r}:{high!r}" for name, (low, high) in ranges]

@@ -18,6 +18,8 @@ DEFAULT_SQUARE_MM = 15.0
 DEFAULT_MARKER_MM = 11.0
 """Default edge of a marker in a square of `DEFAULT_SQUARE_MM`, as of `ChArUco`; in another square
 it is scaled with the square."""
+DEFAULT_DICTIONARY = "DICT_4X4_100"
+"""Default dictionary of the markers, as of `ChArUco`."""
 DEFAULT_DISC_RATIO, DEFAULT_ASYMMETRIC_DISC_RATIO = 0.5, 0.8
 """Default diameter of a disc relative to the spacing. In an asymmetric grid, that of `CircleGrid`:
 its nearest discs are sqrt(2) spacings apart, so that they may be larger."""
@@ -55,7 +57,7 @@ class TargetOptions:
     ] = None
     dictionary: Annotated[
         str, typer.Option(metavar="NAME", help="Dictionary of a ChArUco board's markers.")
-    ] = "DICT_4X4_100"
+    ] = DEFAULT_DICTIONARY
 
     def parse(self) -> "Target":
         """Return the target that the options describe; lengths in mm.
@@ -73,6 +75,10 @@ class TargetOptions:
             raise typer.BadParameter(f"expected --target {', '.join(TARGETS)}, got {name!r}")
         if name != "charuco" and (self.counts is None or self.square is None):
             raise typer.BadParameter(f"expected --counts NxM and --square MM with --target {name}")
+        if name == "chessboard" and self.marker is not None:
+            raise typer.BadParameter("expected --marker with markers or discs, got a chessboard")
+        if name != "charuco" and self.dictionary != DEFAULT_DICTIONARY:
+            raise typer.BadParameter(f"expected --dictionary with --target charuco, got {name}")
         columns, rows = DEFAULT_COUNTS if self.counts is None else _parse_counts(self.counts)
         square = DEFAULT_SQUARE_MM if self.square is None else self.square
         try:

@@ -99,6 +99,14 @@ def test_circle_grid_and_chessboard_need_counts_and_square(run, tmp_path):
         (("--target", "checkers"), "expected --target charuco, chessboard"),
         (("--counts", "eleven"), "expected --counts NxM, for example 11x8, got 'eleven'"),
         (("--square", "10", "--marker", "12"), "expected 0 < marker < square 10 mm, got 12"),
+        (
+            ("--target", "chessboard", "--counts", "9x6", "--square", "20", "--marker", "5"),
+            "expected --marker with markers or discs, got a chessboard",
+        ),
+        (
+            ("--target", "circles", "--counts", "9x6", "--square", "20", "--dictionary", "DICT_X"),
+            "expected --dictionary with --target charuco, got circles",
+        ),
         (("--dictionary", "DICT_NONE"), "expected a dictionary of cv2.aruco, got 'DICT_NONE'"),
     ],
 )
@@ -327,6 +335,7 @@ def test_one_wrong_pose_is_left_out_by_the_name_of_its_profile(run, out, tmp_pat
         (("--robot-std", "0.05"), "expected --robot-std MM:DEG above 0"),
         (("--radius", "-3"), "expected --radius above 0 mm"),
         (("--frames", "tool0"), "expected --frames ROBOT:SENSOR"),
+        (("--frames", "flange:laser"), "expected --easy-handeye F.yaml with --frames, got none"),
     ],
 )
 def test_slip_in_an_option_is_a_usage_error(run, out, words, error):

@@ -83,8 +83,17 @@ def test_a_folder_that_cannot_be_made_is_named(run, video, tmp_path):
     (tmp_path / "boards").write_text("a file")
     done = run(*words(tmp_path, video))
     assert done.exit_code == 1
-    assert f"{tmp_path / 'boards'}: " in done.stderr
-    assert "name a folder that can be created" in done.stderr
+    assert f"{tmp_path / 'boards'}: a file: name a folder that is new or empty" in done.stderr
+    assert not done.stdout  # before the first picture is taken
+    done = run(*words(tmp_path, video), "--boards", tmp_path / "boards" / "in a file")
+    assert done.exit_code == 1
+    assert "in a file: Not a directory: name a folder that can be created" in done.stderr
+
+
+def test_boards_and_lines_are_not_mixed_in_one_folder(run, video, tmp_path):
+    done = run(*words(tmp_path, video), "--lines", tmp_path / "x" / ".." / "boards")
+    assert done.exit_code == 2
+    assert "expected different folders for --boards and --lines" in done.stderr
 
 
 @pytest.mark.parametrize(

@@ -235,8 +235,12 @@ def test_a_useless_rig_is_rejected_by_name(run, tmp_path, change, words):
             "expected --bayer among RGGB, BGGR, GRBG, GBRG, got 'RGB'",
         ),
         (("--bayer", "RGGB"), "expected --laser red, green or blue beside --bayer"),
-        (("--method", "guess"), "expected method among derivative, gaussian, steger, got 'guess'"),
+        (
+            ("--method", "guess"),
+            "expected --method among derivative, gaussian, steger, got 'guess'",
+        ),
         (("--surface-std", "-1"), "--surface-std"),
+        (("--surface-std", "inf"), "expected a finite --surface-std in mm, got inf"),
         (("--frames", "0"), "--frames"),
     ],
 )

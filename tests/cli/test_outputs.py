@@ -199,6 +199,16 @@ def test_an_output_that_is_an_input_by_another_name_is_rejected(run, written, pi
         assert "it is also an input" in " ".join(result.stderr.split())
 
 
+def test_a_file_that_is_not_for_standard_output_is_not_called_minus(
+    run, written, pipe, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    result = run("scan", written(pipe), "--feed", "0,0,1", "--step", "1", "--points", "-")
+    assert result.exit_code == USAGE
+    assert "expected the name of a file, got - for standard output" in result.stderr
+    assert not Path("-").exists()
+
+
 @pytest.mark.parametrize("option", ["--light-section", "--laser-off"])
 def test_the_rig_and_the_laser_off_frame_are_inputs_too(run, written, pipe, option, tmp_path):
     other = tmp_path / "other.json"

@@ -94,8 +94,10 @@ def test_arcs_that_do_not_meet_ask_for_the_poses(run) -> None:
         ([PAIR], 2, "expected --feed X,Y,Z and --step MM, or --poses F and --convention NAME"),
         ([PAIR, "--feed", "0,0,1"], 2, "expected --feed X,Y,Z and --step MM"),
         ([PAIR, "--feed", "0,1", "--step", 1], 2, "expected --feed X,Y,Z such as 0,0,1, got '0,1'"),
-        ([PAIR, "--feed", "0,0,0", "--step", 1], 2, "expected --feed of a length above 0"),
+        ([PAIR, "--feed", "0,0,0", "--step", 1], 2, "expected --feed of a finite length above 0"),
+        ([PAIR, "--feed", "0,0,inf", "--step", 1], 2, "expected --feed of a finite length above 0"),
         ([PAIR, "--feed", "0,0,1", "--step", 0], 2, "expected --step in mm other than 0"),
+        ([PAIR, "--feed", "0,0,1", "--step", 1e12], 2, "at most 100000, got 1e+12"),
         ([PAIR, *MOTION, "--poses", "p.csv"], 2, "or --poses, got both"),
         ([PAIR, *MOTION, "--convention", "ur"], 2, "expected --poses with --convention"),
         ([PAIR, "--poses", "p.csv"], 2, "expected --convention ur, kuka"),
@@ -110,6 +112,13 @@ def test_slips_are_reported_in_one_line(run, words, code: int, message: str) -> 
     assert result.exit_code == code
     assert message in " ".join(result.stderr.split())
     assert "Traceback" not in result.stderr
+
+
+def test_the_length_of_the_feed_does_not_matter(run) -> None:
+    sections = [PAIR / f"section_0{number}.csv" for number in range(4)]
+    unit, short = (run(*sections, "--feed", f, "--step", 1) for f in ("0,0,1", "0,0,1e-300"))
+    assert unit.exit_code == short.exit_code == 0, short.output
+    assert unit.stdout == short.stdout
 
 
 def test_poses_must_be_as_many_as_profiles(run, tmp_path) -> None:

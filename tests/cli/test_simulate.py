@@ -49,7 +49,8 @@ def test_options_reach_the_scene(run, tmp_path):
 
 
 def test_the_command_in_the_truth_writes_the_same_bytes(run, tmp_path):
-    run("welded_pair", "--seed", "5", "--radius", "12:30.5", "--lost", "0.1", "--noise-mm", "0.04")
+    done = run("welded_pair", "--seed", "5", "--radius", "12:30.5", "--lost", "0.1")
+    assert "welded_pair_0005.csv with its .truth.json" in done.stdout
     before = (tmp_path / "welded_pair_0005.csv").read_bytes()
     truth = (tmp_path / "welded_pair_0005.truth.json").read_bytes()
     command = json.loads(truth)["command"].split()
