@@ -92,7 +92,13 @@ def read_status(folder: Path) -> Status | None:
         raise UnreadableFile(
             f"{path}: expected a manifest of {SCHEMA}, got another file: name another folder"
         )
-    return _status_from_records(records[0], records[1:])
+    try:
+        return _status_from_records(records[0], records[1:])
+    except (KeyError, TypeError, ValueError) as error:
+        raise UnreadableFile(
+            f"{path}: a record lacks a value or has one of another type ({error}): name another "
+            "folder"
+        ) from None
 
 
 def _read_text(path: Path) -> str | None:
@@ -238,11 +244,16 @@ class Manifest:
 
 def _describe_difference(status: Status, job: BatchJob) -> str:
     """Return the settings that differ between a manifest and a job, for an error message."""
-    names = sorted({*status.settings, *job.settings})
+    # The options for reading are a mapping under one name.
+    before, now = (
+        {name: value for name, value in settings.items() if name != "reading"}
+        | settings.get("reading", {})
+        for settings in (status.settings, job.settings)
+    )
     changed = [
-        f"{name} {status.settings.get(name, 'default')}, now {job.settings.get(name, 'default')}"
-        for name in names
-        if status.settings.get(name) != job.settings.get(name)
+        f"{name} {before.get(name, 'default')}, now {now.get(name, 'default')}"
+        for name in sorted({*before, *now})
+        if before.get(name) != now.get(name)
     ]
     return "; ".join(changed)
 

@@ -125,8 +125,10 @@ def file_version(path: Path) -> tuple[int, int]:
     """
     try:
         status = path.stat()
-    except OSError:
+    except FileNotFoundError:
         raise UnreadableFile(f"{path}: no such file: check the name") from None
+    except OSError as error:
+        raise UnreadableFile(f"{path}: {error.strerror}: check the name and the folder") from None
     return status.st_size, status.st_mtime_ns
 
 

@@ -1,6 +1,6 @@
 """Results of a batch as a Parquet table: one cylinder per row."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from lsvision.ellipse.section_table import SECTION_COLUMNS, section_row
@@ -96,20 +96,33 @@ def _repeat_file_columns(
     """Return the other columns of the file, its rows repeated for each cylinder of a profile.
 
     `indices` are those of the profiles in the part, one for each row of the result. A name in
-    `taken` gets the suffix ``_in_file``.
+    `taken` gets the suffix ``_in_file``, twice if the file has a column of that name, too.
     """
     import pyarrow as pa
 
-    table = part.columns
-    if table is None and part.file.attributes:
-        table = pa.Table.from_pylist([dict(attributes) for attributes in part.file.attributes])
-    if table is None:
-        return {}
+    table = _attribute_table(part.file.attributes) if part.columns is None else part.columns
     repeated = table.take(pa.array(indices, type=pa.int64()))
-    return {
-        f"{name}_in_file" if name in taken else name: repeated[name]
-        for name in repeated.column_names
-    }
+    columns: dict[str, pa.ChunkedArray | pa.Array] = {}
+    for name in repeated.column_names:
+        new_name = name
+        while new_name in taken or (new_name != name and new_name in repeated.column_names):
+            new_name += "_in_file"
+        columns[new_name] = repeated[name]
+    return columns
+
+
+def _attribute_table(attributes: Sequence[Mapping[str, Any]]) -> "pa.Table":
+    """Return the attributes of profiles as a table; values of different types become text."""
+    import pyarrow as pa
+
+    columns = {}
+    for name in dict.fromkeys(name for profile in attributes for name in profile):
+        values = [profile.get(name) for profile in attributes]
+        try:
+            columns[name] = pa.array(values)
+        except (pa.ArrowInvalid, pa.ArrowTypeError):
+            columns[name] = pa.array([None if value is None else str(value) for value in values])
+    return pa.table(columns)
 
 
 def _type_of(name: str) -> "pa.DataType":

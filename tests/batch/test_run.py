@@ -10,7 +10,7 @@ import pytest
 
 import lsvision as lsv
 from lsvision.batch.job import BatchJob
-from lsvision.batch.manifest import MANIFEST, read_status, summary
+from lsvision.batch.manifest import MANIFEST, SCHEMA, read_status, summary
 from lsvision.batch.measure_file import TEMPORARY, FileOutcome, measure_file
 from lsvision.batch.run import plan_tasks, run_batch
 from lsvision.errors import LsvisionError, UnreadableFile, UnwritableFile
@@ -120,6 +120,9 @@ def test_results_of_another_job_are_rejected(folder):
     run_batch(tasks_of(folder), folder / "out")
     other = BatchJob(partial(measure_profiles, radius=19.0))
     with pytest.raises(LsvisionError, match=r"another job \(radius default, now 19\.0\)"):
+        run_batch(tasks_of(folder, other), folder / "out")
+    other = BatchJob(reading={"units": "um"})
+    with pytest.raises(LsvisionError, match=r"another job \(units default, now um\)"):
         run_batch(tasks_of(folder, other), folder / "out")
 
 
@@ -272,6 +275,20 @@ def test_another_file_is_no_manifest(tmp_path):
     with pytest.raises(UnreadableFile, match=r"expected a manifest of lsvision\.batch/1"):
         read_status(tmp_path)
     assert read_status(tmp_path / "none") is None
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        [{"schema": SCHEMA}],
+        [{"schema": SCHEMA, "job_hash": "1", "job": {}}, {"name": "a.csv"}],
+        [{"schema": SCHEMA, "job_hash": "1", "job": {}}, {"files": "many"}],
+    ],
+)
+def test_a_manifest_with_other_records_is_rejected(tmp_path, lines):
+    (tmp_path / MANIFEST).write_text("".join(json.dumps(line) + "\n" for line in lines))
+    with pytest.raises(UnreadableFile, match="a record lacks a value or has one of another type"):
+        read_status(tmp_path)
 
 
 def test_without_files_there_is_no_batch(tmp_path):

@@ -1,0 +1,54 @@
+"""Results of a batch as a table: the columns of the input beside those of the result."""
+
+from dataclasses import replace
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+import lsvision as lsv
+from lsvision.batch.result_table import result_table
+from lsvision.io.profiles.streaming import iterate_profiles
+from tests.batch.sources import profiles
+
+
+@pytest.fixture
+def part(tmp_path):
+    """Two profiles of a file, one after the other."""
+    path = tmp_path / "a.npy"
+    np.save(path, np.stack(profiles(2)))
+    (part,) = iterate_profiles(path)
+    return part
+
+
+def table_of(part):
+    return result_table("a", part, [lsv.measure_cylinders(p) for p in part.file.profiles])
+
+
+@pytest.mark.parametrize(
+    ("attributes", "expected"),
+    [
+        (({}, {"part": "A"}), [None, "A"]),
+        (({"part": "A"}, {"part": 7}), ["A", "7"]),
+        (({"part": 1}, {"part": 7}), [1, 7]),
+    ],
+)
+def test_an_attribute_may_be_missing_or_of_another_type_in_a_profile(part, attributes, expected):
+    table = table_of(replace(part, file=replace(part.file, attributes=attributes)))
+    assert dict(zip(*table.select(["profile", "part"]).to_pydict().values(), strict=True)) == dict(
+        enumerate(expected)
+    )
+
+
+def test_no_column_of_the_file_is_lost_by_its_name(part):
+    columns = pa.table({"source": ["x", "y"], "source_in_file": [1, 2], "radius_mm": [3, 4]})
+    row = table_of(replace(part, columns=columns)).to_pylist()[-1]
+    names = ("source", "source_in_file", "source_in_file_in_file", "radius_mm_in_file")
+    assert [row[name] for name in names] == ["a", 2, "y", 4]
+
+
+def test_a_file_without_other_columns_adds_none(part):
+    names = table_of(part).column_names
+    assert names[:3] == ["source", "profile", "cylinder"]
+    assert names[-2:] == ["reason", "rejections"]
+    assert len(set(names)) == len(names)
