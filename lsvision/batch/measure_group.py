@@ -1,5 +1,6 @@
 """Measurement of a group of profiles at once, in which one profile may fail."""
 
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -71,7 +72,7 @@ def holds_cylinders_upside_down(measure: MeasureFunction, profile: Profile) -> b
 
     Heights that grow away from the sensor look like this if they are taken to grow towards it.
     """
-    step = 1 + len(profile) // MAX_FLIP_CHECK_POINTS
+    step = max(math.ceil(len(profile) / MAX_FLIP_CHECK_POINTS), 1)
     mirrored = Profile(profile.points[::step] * (1.0, -1.0), lost=())
     try:
         (measurement,) = measure([mirrored])

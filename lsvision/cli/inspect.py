@@ -1,6 +1,7 @@
 """``lsvision inspect``: a job and profiles in, OK, NG or undecided out."""
 
 import datetime
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -32,6 +33,14 @@ if TYPE_CHECKING:
     from lsvision.results.quantities import Record
     from lsvision.scan import ScanMeasurement
 
+_KEYS_BY_OPTION = {
+    "feed": "feed",
+    "step": "step_mm",
+    "poses": "poses",
+    "convention": "convention",
+    "flange-from-section": "flange_from_section",
+}
+"""Keys of [scan] and [rig] in a job, by the options of ``lsvision scan``."""
 EXIT_CODES = {"OK": 0, "NG": 3, "undecided": 4}
 """Exit code for each verdict, if it is the worst; `FAILED` if a file could not be judged."""
 
@@ -138,7 +147,7 @@ class _Run:
     def __init__(self, job: "Job", path: Path, reading: "ReadOptions") -> None:
         from lsvision.inspection.calibration_files import check_calibration_files
 
-        self.job, self.folder, self.reading = job, path.parent, reading
+        self.job, self.path, self.folder, self.reading = job, path, path.parent, reading
         self.calibration = check_calibration_files(job, path)
         self.failures = 0
         rig = None if job.rig.light_section is None else self.folder / job.rig.light_section
@@ -173,6 +182,11 @@ class _Run:
         """Return `count` poses of a scan's sections, and the hand-eye calibration or None.
 
         The keys of the job are checked like the options of ``lsvision scan``.
+
+        Raises
+        ------
+        LsvisionError
+            If a key is missing or invalid, or a file cannot be used.
         """
         from lsvision.cli.robot_options import RobotOptions
         from lsvision.cli.scan_poses import Robot, parse_motion, scan_poses
@@ -185,9 +199,28 @@ class _Run:
             feed = None if scan.feed is None else ",".join(map(repr, scan.feed))  # as in --feed
             step = scan.step_mm
         robot = RobotOptions(poses=poses, convention=rig.convention, flange_from_section=hand_eye)
-        motion = parse_motion(feed, step, robot)
+        try:
+            motion = parse_motion(feed, step, robot)
+        except typer.BadParameter as error:
+            message = _replace_options_by_keys(str(error))
+            raise LsvisionError(f"{self.path}: [scan] and [rig]: {message}") from None
         calibration = motion.calibration if isinstance(motion, Robot) else None
         return scan_poses(motion, count), calibration
+
+
+def _replace_options_by_keys(message: str) -> str:
+    """Return a message on options of ``lsvision scan`` with the keys of a job in their places.
+
+    Examples
+    --------
+    >>> _replace_options_by_keys("expected --feed X,Y,Z and --step MM, got none")
+    'expected feed and step_mm, got none'
+    """
+    return re.sub(
+        r"--([a-z-]+)( X,Y,Z| MM| in mm| F\b| NAME)?",
+        lambda match: _KEYS_BY_OPTION.get(match[1], match[0]),
+        message,
+    )
 
 
 def _group_files(

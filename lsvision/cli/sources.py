@@ -56,6 +56,11 @@ def find_sources(
     files_by_path: dict[str, Path] = {}
     failures: list[LsvisionError] = []
     for name in names:
+        if not name:  # as of an unset variable; `Path` would take it for the current folder
+            failures.append(
+                UnreadableFile("expected the name of a file or folder, got an empty one")
+            )
+            continue
         try:
             files = find_files(name, suffixes)
             if not files:

@@ -176,8 +176,10 @@ def test_a_report_of_another_kind_is_a_usage_error(run, job, profile, tmp_path):
 
 def test_a_scan_needs_poses(run, job, profile):
     done = run("inspect", job(INSIDE, "[scan]\n"), profile)
-    assert done.exit_code == 2
-    assert "--feed X,Y,Z" in done.stderr
+    assert done.exit_code == 1
+    assert "job.toml: [scan] and [rig]: expected feed and step_mm, or poses and conv" in done.stderr
+    done = run("inspect", job(INSIDE, "[scan]\nfeed = [0, 0, 1]\nstep_mm = 0\n"), profile)
+    assert "[scan] and [rig]: expected step_mm other than 0, at most 100000, got 0" in done.stderr
 
 
 def test_job_check_says_every_slip_or_what_the_job_is(run, job):

@@ -37,6 +37,10 @@ def test_file_is_taken_whatever_its_suffix_and_though_its_name_is_a_pattern(tmp_
     assert names([tmp_path / "p.measured", tmp_path / "p[1].csv"])[0] == ["p.measured", "p[1].csv"]
 
 
+def test_an_empty_name_is_not_the_current_folder():
+    assert names([""]) == ([], ["expected the name of a file or folder, got an empty one"])
+
+
 def test_missing_file_is_left_to_the_reader(tmp_path):
     assert names([tmp_path / "absent.csv"]) == (["absent.csv"], [])
 
