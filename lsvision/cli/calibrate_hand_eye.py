@@ -114,10 +114,11 @@ def board(
     """  # noqa: D301 - the backspace makes click keep the line breaks
     target = target_options.parse()
     files = image_files(images)
-    inputs = [options.poses, camera, *files]
+    from lsvision.io.robot_poses import find_pose_files
+
+    inputs = [*find_pose_files(options.poses), camera, *files]
     options.check_files(inputs)
     from lsvision.calibration.hand_eye import calibrate_hand_eye_board
-    from lsvision.io.robot_poses import find_pose_files
 
     names = [printable(file.name) for file in files]
     flanges = options.read_flanges("image", names)
@@ -133,13 +134,12 @@ def board(
             mounting=options.placement,
             settings=options.settings,
         )
-    used_files = [*find_pose_files(options.poses), camera, *files]
     report_hand_eye(
         calibration,
         flanges,
         names,
         options,
-        used_files,
+        inputs,
         boards.build_report_data(calibration, flanges, names),
     )
 
@@ -185,7 +185,11 @@ def target_poses(
     pose_file = parse_pose_file(RobotOptions(poses=poses, convention=convention))
     if pose_file is None and target_convention is not None:
         raise typer.BadParameter("expected --poses with --target-convention, got none")
-    inputs = [samples] if pose_file is None else [samples, pose_file.path]
+    from lsvision.io.robot_poses import find_pose_files, read_robot_poses
+
+    inputs = [samples]
+    if pose_file is not None:
+        inputs = [*find_pose_files(samples), *find_pose_files(pose_file.path)]
     options.check_files(inputs)
     from lsvision.calibration.hand_eye import calibrate_hand_eye_board
 
@@ -194,8 +198,6 @@ def target_poses(
 
         flanges, targets = read_hand_eye_samples(samples, options.placement)
     else:
-        from lsvision.io.robot_poses import read_robot_poses
-
         target_convention = target_convention or pose_file.convention
         parse_convention(target_convention, "--target-convention")
         targets = read_robot_poses(samples, target_convention)

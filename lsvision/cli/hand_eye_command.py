@@ -239,7 +239,8 @@ def calibrate_from_profiles(
 
     read_options = reading.parse()
     files = profile_files(sources, reading.dx)
-    options.check_files([options.poses, *files], plan.plan_out)
+    inputs = [*find_pose_files(options.poses), *files]
+    options.check_files(inputs, plan.plan_out)
     profiles, names = read_named_profiles(files, read_options)
     flanges = options.read_flanges("profile", names)
     with add_file_names_to_errors(pose=names):
@@ -247,7 +248,7 @@ def calibrate_from_profiles(
             profiles, flanges, mounting=options.placement, settings=options.settings
         )
         planned = _plan_next_poses(hand_eye, flanges, plan.plan_poses) if plan.plan_poses else None
-    report_hand_eye(hand_eye, flanges, names, options, [*find_pose_files(options.poses), *files])
+    report_hand_eye(hand_eye, flanges, names, options, inputs)
     if planned is not None:
         _report_pose_plan(planned, plan.plan_out)
 

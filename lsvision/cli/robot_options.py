@@ -20,7 +20,9 @@ class RobotOptions:
     poses: Annotated[
         Path | None,
         typer.Option(
-            metavar="F", help="File of the flange's poses in the base frame, one per profile."
+            metavar="F",
+            help="File of the flange's poses in the base frame, one per profile; or a folder or "
+            "pattern of files of one pose each.",
         ),
     ] = None
     convention: Annotated[
@@ -41,8 +43,13 @@ class RobotOptions:
 
     @property
     def files(self) -> list[Path]:
-        """Paths given by the options, for the check that no output overwrites an input."""
-        return [file for file in (self.poses, self.flange_from_section) if file is not None]
+        """Files that the options name, for the check that no output overwrites an input."""
+        files = list(filter(None, [self.flange_from_section]))
+        if self.poses is not None:
+            from lsvision.io.robot_poses import find_pose_files
+
+            files += find_pose_files(self.poses)
+        return files
 
 
 def parse_robot_frame(robot: RobotOptions) -> RobotFrame | None:

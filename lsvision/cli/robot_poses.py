@@ -14,7 +14,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PoseFile:
-    """File of robot poses, and the name of its convention of units, axes and rotation angles."""
+    """File (or folder or pattern of files) of robot poses, and the name of its convention.
+
+    The convention is that of units, axes and rotation angles.
+    """
 
     path: Path
     convention: str
@@ -47,7 +50,7 @@ class PoseFile:
 
         flange_poses = read_robot_poses(self.path, self.convention)
         if len(flange_poses) != count:
-            span = f" ({names[0]} to {names[-1]})" if names else ""
+            span = f" ({' to '.join(dict.fromkeys((names[0], names[-1])))})" if names else ""
             article = "an" if item[0] in "aeiou" else "a"
             raise UnreadableFile(
                 f"{self.path}: expected {counted(count, 'pose')}, one for each {item}{span}, got "

@@ -602,6 +602,24 @@ def test_poses_of_target_and_flange_in_two_files(run, recipe, out, tmp_path):
     assert "expected --max-residual above 0, got 0" in error_text(run(*words, *wrong), out, 2)
 
 
+def test_poses_of_target_and_flange_in_two_folders(run, recipe, out, tmp_path):
+    for folder, matrices in zip(("flanges", "targets"), target_samples(recipe), strict=True):
+        (tmp_path / folder).mkdir()
+        for number, matrix in enumerate(matrices):
+            matrix[:3, 3] *= 1000
+            np.savetxt(tmp_path / folder / f"{number}.csv", matrix.reshape(1, 16), delimiter=",")
+    words = ("calibrate", "hand-eye", "poses", tmp_path / "targets", "--convention", "matrix",
+             "--poses", tmp_path / "flanges")  # fmt: skip
+    inside = tmp_path / "flanges" / "3.csv"
+    before = inside.read_bytes()
+    result = run(*words, "--out", inside)
+    assert (result.exit_code, "it is also an input" in result.stderr) == (2, True)
+    assert inside.read_bytes() == before
+    result = run(*words, "--out", out)
+    assert result.exit_code == 0, result.output
+    assert_found(load_hand_eye(out).flange_from_camera, MOUNT)
+
+
 @pytest.mark.parametrize(
     ("text", "error"),
     [

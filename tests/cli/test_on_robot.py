@@ -219,3 +219,15 @@ def test_no_output_overwrites_the_hand_eye_file(on_robot, hand_eye):
     before = hand_eye.read_bytes()
     assert "it is also an input" in on_robot("measure", "--json", hand_eye).stderr
     assert hand_eye.read_bytes() == before
+
+
+@pytest.mark.parametrize("command", ["measure", "scan"])
+def test_no_output_overwrites_one_of_several_pose_files(run, tmp_path, command):
+    head, *rows = POSES.read_text().splitlines()
+    for number, row in enumerate(rows):
+        (tmp_path / f"{number}.csv").write_text(f"{head}\n{row}\n")
+    path = tmp_path / "3.csv"
+    words = ("--poses", tmp_path, "--convention", "kuka", "--csv", path)
+    result = run(command, PIPE, *words)
+    assert (result.exit_code, "it is also an input" in result.stderr) == (2, True), result.output
+    assert path.read_text() == f"{head}\n{rows[3]}\n"
