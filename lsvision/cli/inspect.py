@@ -100,7 +100,8 @@ def inspect(
     has_rig = job.rig.light_section is not None
     suffixes = MEASURED_SUFFIXES if has_rig else suffixes_of_profiles(reading.dx)
     groups, missing = _group_files(files, suffixes)
-    inputs = [job_file, *(source for _, sources in groups for source in sources)]
+    inputs = [job_file, *_files_of_rig(job, job_file.parent)]
+    inputs += [source for _, sources in groups for source in sources]
     check_outputs((parquet, report), inputs, streams=(json_file, csv_file))
     _print_notes_on_job(job, job_file)
     now = datetime.datetime.now(datetime.UTC)
@@ -119,6 +120,16 @@ def inspect(
     if report is not None and inspected:
         _write_report(report, inspected, run, (log, now))
     _print_counts_and_exit(inspected, run.failures + len(missing), to_stderr=to_stderr)
+
+
+def _files_of_rig(job: "Job", folder: Path) -> list[Path]:
+    """Return the files that [rig] of a job names, relative to its folder."""
+    from lsvision.io.robot_poses import find_pose_files
+
+    rig = job.rig
+    poses = [] if rig.poses is None else find_pose_files(folder / rig.poses)
+    names = filter(None, (rig.light_section, rig.flange_from_section))
+    return [*poses, *(folder / name for name in names)]
 
 
 def _print_notes_on_job(job: "Job", path: Path) -> None:

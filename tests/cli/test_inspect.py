@@ -237,6 +237,17 @@ def test_no_output_overwrites_the_job(run, job, profile):
     assert path.read_text() == path.with_suffix(".bak").read_text()
 
 
+@pytest.mark.parametrize(
+    "key", ['light_section = "{}"', 'flange_from_section = "{}"', 'poses = "{}"\nconvention = "ur"']
+)
+def test_no_output_overwrites_a_file_of_the_rig(run, job, profile, tmp_path, key):
+    path = tmp_path / "rig.json"
+    path.write_text("the rig")
+    done = run("inspect", job(INSIDE, "[rig]\n" + key.format(path.name)), profile, "--csv", path)
+    assert (done.exit_code, "it is also an input" in done.stderr) == (2, True), done.output
+    assert path.read_text() == "the rig"
+
+
 def test_tables_of_a_job_that_are_not_used_are_reported_where_it_is_run_or_checked(
     run, job, profile
 ):
