@@ -72,7 +72,9 @@ class _OneLineErrors(TyperGroup):
         except KeyboardInterrupt:
             raise typer.Exit(INTERRUPTED) from None
         except _USAGE_ERROR as error:
-            error.message = printable(plain_usage_message(error))
+            # A group of commands without a command raises its help, of several lines, as an error.
+            if error.ctx is None or error.message != error.ctx.get_help():
+                error.message = printable(plain_usage_message(error))
             raise
         except LsvisionError as error:
             print_error(str(error), debug=ctx.params["debug"])

@@ -179,7 +179,7 @@ def _range_warning(profile: "Profile", sensor: "ProfileSensor | None") -> str | 
     ):
         return None
     return (
-        f"the points lie {distance:.3g} mm from the origin, the sensor measures at "
+        f"the points lie {distance:.0f} mm from the sensor's origin, and it measures at "
         f"{sensor.min_range:g} to {sensor.max_range:g} mm: check that heights start at the sensor"
     )
 

@@ -124,12 +124,13 @@ def inspect(
 
 def _files_of_rig(job: "Job", folder: Path) -> list[Path]:
     """Return the files that [rig] of a job names, relative to its folder."""
-    from lsvision.io.robot_poses import find_pose_files
-
     rig = job.rig
-    poses = [] if rig.poses is None else find_pose_files(folder / rig.poses)
-    names = filter(None, (rig.light_section, rig.flange_from_section))
-    return [*poses, *(folder / name for name in names)]
+    files = [folder / name for name in filter(None, (rig.light_section, rig.flange_from_section))]
+    if rig.poses is not None:
+        from lsvision.io.robot_poses import find_pose_files
+
+        files += find_pose_files(folder / rig.poses)
+    return files
 
 
 def _print_notes_on_job(job: "Job", path: Path) -> None:

@@ -122,6 +122,13 @@ def test_a_file_in_place_of_a_command_is_answered_with_the_command(run, written,
     assert "To measure it" not in run("none.csv").stderr
 
 
+@pytest.mark.parametrize("group", ["job", "study", "calibrate", "calibrate hand-eye"])
+def test_a_group_without_a_command_shows_its_help_in_lines(run, group):
+    result = run(*group.split())
+    assert result.exit_code == 2
+    assert result.stderr == run(*group.split(), "--help").stdout
+
+
 def test_no_command_shows_the_help_as_a_usage_error(run):
     result = run()
     assert result.exit_code == 2

@@ -152,10 +152,10 @@ def test_other_ways_to_measure_find_the_pipe(run, rows, written, pipe, options):
 
 def test_heights_not_counted_from_the_sensor_are_noted(run, written, pipe):
     middle = written(pipe + np.array([0, 400]))
-    warning = "mm from the origin, the sensor measures at 200 to 600 mm: check that heights"
+    warning = "mm from the sensor's origin, and it measures at 200 to 600 mm: check that heights"
     assert warning in run("measure", middle, "--sensor", "lps36hi").stdout
-    assert "from the origin" not in run("measure", middle).stdout
-    assert "from the origin" not in run("measure", written(pipe), "--sensor", "lps36").stdout
+    assert "sensor's origin" not in run("measure", middle).stdout
+    assert "sensor's origin" not in run("measure", written(pipe), "--sensor", "lps36").stdout
 
 
 def test_a_wrong_origin_of_many_profiles_is_reported_once(run, tmp_path, pipe):
@@ -163,7 +163,7 @@ def test_a_wrong_origin_of_many_profiles_is_reported_once(run, tmp_path, pipe):
     np.save(tmp_path / "many.npy", [pipe + np.array([0.0, distance]) for distance in distances])
     shown = run("measure", tmp_path / "many.npy", "--sensor", "lps36").stdout
     assert "3 profiles" in shown
-    assert shown.count("from the origin") == 1
+    assert shown.count("sensor's origin") == 1
 
 
 def test_paper_measures_by_the_chain_of_the_paper(run, written, pipe, monkeypatch):
