@@ -27,6 +27,9 @@ UNDETERMINED_DEG = 50.0
 """Standard deviation from which theta is reported as not determinable: a direction guessed at
 random has 52 deg (180 deg / sqrt(12))."""
 
+MAX_SECTIONS = 2048
+"""Largest --sections, as of `sections_needed`: memory and time grow with them."""
+
 DEFAULT_PITCH_MM = 0.6
 """Default of --pitch with --range-std: the point spacing of the paper's sensor."""
 
@@ -66,7 +69,9 @@ def plan(
     ] = None,
     sections: Annotated[
         int | None,
-        typer.Option(metavar="N", help="Number of parallel sections fitted jointly [1]."),
+        typer.Option(
+            max=MAX_SECTIONS, metavar="N", help="Number of parallel sections fitted jointly [1]."
+        ),
     ] = None,
     spacing: Annotated[
         float | None,

@@ -2,7 +2,8 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from lsvision.cli.plan import plan
+from lsvision.cli.plan import MAX_SECTIONS, plan
+from lsvision.planning.plan import MAX_SECTIONS as MAX_SECTIONS_OF_A_TARGET
 
 FOUND, USAGE = 0, 2
 
@@ -38,6 +39,10 @@ def test_target_answers_with_sections_over_a_length_for_each_spacing():
     assert all(float(row[-1]) <= 0.05 for row in answer)
 
 
+def test_as_many_sections_are_allowed_as_are_proposed():
+    assert MAX_SECTIONS == MAX_SECTIONS_OF_A_TARGET
+
+
 def test_known_radius_betters_phi():
     free, known = (rows(run("--radius", "19", *more))[0] for more in ((), ("--known-radius",)))
     assert known[-3] == "0"
@@ -55,6 +60,7 @@ def test_theta_of_an_upright_pipe_is_not_determinable():
         (["--radius", "19", "--phi-deg", "90"], "(90 deg), got"),
         (["--radius", "19", "--sensor", "lps99"], "lps36hi, lps36"),
         (["--radius", "19", "--sensor", "lps36", "--range-std", "0.1"], "got both"),
+        (["--radius", "19", "--sections", "2049"], "equal to 2048"),
         (["--radius", "19", "--spacing", "2"], "2 or more, or a target, with --spacing, got"),
         (["--radius", "19", "--pose-std", "1", "--sections", "1"], "with --pose-std, got neither"),
         (["--radius", "19", "--feed-std-deg", "1"], "with --feed-std-deg, got neither"),
