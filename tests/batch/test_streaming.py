@@ -84,3 +84,39 @@ def test_a_file_whose_points_are_all_lost_is_an_error(tmp_path, at_once):
     np.save(tmp_path / "a.npy", np.full((3, 40, 2), np.nan))
     with pytest.raises(UnreadableFile, match=r"a\.npy: all .*are lost: check exposure"):
         list(iterate_profiles(tmp_path / "a.npy", at_once=at_once))
+
+
+@pytest.mark.parametrize("columns", [1, 2, 3])
+def test_an_array_of_few_columns_is_one_part_even_with_a_spacing(tmp_path, columns):
+    path = tmp_path / "a.npy"
+    np.save(
+        path,
+        np.column_stack([np.arange(9.0), np.zeros(9), -400 - np.arange(9.0) ** 2 / 9])[
+            :, 3 - columns :
+        ],
+    )
+    (part,) = iterate_profiles(path, at_once=2, dx=0.5)
+    assert part.file.profiles == inspect_profiles(path, dx=0.5).profiles
+
+
+def test_columns_that_the_user_names_make_an_array_one_part(tmp_path):
+    np.save(tmp_path / "a.npy", np.random.default_rng(1).normal(size=(9, 30)))
+    (part,) = iterate_profiles(tmp_path / "a.npy", at_once=2, dx=0.5, columns=(0, 2))
+    assert [len(profile) for profile in part.file.profiles] == [9]
+
+
+def test_a_file_without_profiles_is_reported_as_when_read_whole(tmp_path):
+    np.save(tmp_path / "a.npy", np.zeros((0, 40, 2)))
+    lists = pa.array([], pa.list_(pa.float64()))
+    pq.write_table(pa.table({"x": lists, "z": lists}), tmp_path / "a.parquet")
+    for name in ("a.npy", "a.parquet"):
+        with pytest.raises(UnreadableFile) as whole:
+            inspect_profiles(tmp_path / name)
+        with pytest.raises(UnreadableFile) as in_parts:
+            list(iterate_profiles(tmp_path / name))
+        assert str(in_parts.value) == str(whole.value)
+
+
+def test_a_part_of_no_profile_is_a_slip_of_the_caller(tmp_path):
+    with pytest.raises(ValueError, match="expected at_once of at least 1, got 0"):
+        list(iterate_profiles(tmp_path / "a.npy", at_once=0))

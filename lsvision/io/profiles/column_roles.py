@@ -1,7 +1,7 @@
 """Role of a column, such as x or height, recognised by its name."""
 
 import re
-from collections.abc import Container, Sequence
+from collections.abc import Container, Iterable, Sequence
 
 # Role of a column by its name in lower case, English or German.
 _ROLES = {
@@ -66,6 +66,12 @@ def columns_by_role(names: Sequence[str], texts: Container[int]) -> dict[str, in
 def has_known_role(name: str) -> bool:
     """Return whether a lower-case name is that of a coordinate, an angle or a profile's number."""
     return column_role(name) in {"x", "y", "height", "range", "scan", "angle"}
+
+
+def names_section(names: Iterable[str]) -> bool:
+    """Return whether lower-case names are those of x and of a height, a range or y."""
+    roles = set(map(column_role, names))
+    return "x" in roles and not roles.isdisjoint(("height", "range", "y"))
 
 
 def is_part_name(name: str) -> bool:

@@ -20,7 +20,7 @@ from lsvision.io.profiles.profile_keys import (
     separate_profiles,
 )
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
-from lsvision.io.profiles.stated_units import resolve_units
+from lsvision.io.profiles.stated_units import common_unit, resolve_units, statements_about_axis
 from lsvision.io.profiles.units import split_label
 
 _MAX_CONSTANT_RATIO = 1e-6  # extent of a column that does not vary, relative to the largest extent
@@ -66,11 +66,15 @@ def profiles_from_table(table: NumberTable, settings: ReadSettings) -> RawProfil
     points = table.values
     if choice.coordinates != tuple(range(points.shape[1])):  # a copy takes time for 10^6 points
         points = points[:, choice.coordinates]
-    rows, positions = [np.arange(len(points))], None
+    rows, positions, position_unit = [np.arange(len(points))], None, None
     if choice.key is not None:
         rows, positions = separate_profiles(
             table, choice.key, choice.coordinates, is_travel=choice.travel
         )
+    if choice.key is not None and positions is not None and settings.units is None:
+        position_unit, note = _travel_unit(table, choice.key)
+        if note:
+            positions, choice = None, replace(choice, notes=(*choice.notes, note))
     sections = [points] if len(rows) == 1 else [points[r] for r in rows]
     attributes, ignored = find_profile_attributes(
         table, rows, points=choice.coordinates, key=choice.key, excluded=choice.considered
@@ -80,6 +84,7 @@ def profiles_from_table(table: NumberTable, settings: ReadSettings) -> RawProfil
         units=_resolve_all_units(table, choice, settings),
         away=choice.away,
         positions=positions,
+        position_unit=position_unit,
         notes=table.notes + choice.notes + _note_restarts(sections),
         lost=table.lost,
         limits=table.limits,
@@ -164,6 +169,14 @@ def _resolve_all_units(
             "the same"
         )
     return units
+
+
+def _travel_unit(table: NumberTable, column: int) -> tuple[str | None, str]:
+    """Return the stated unit of the positions along the travel; or a note if it is no length."""
+    stated = table.units[column] if table.units else None
+    if stated is not None and stated.unit is None:
+        return None, f"{table.label(column)} in {stated.text!r}: positions left out"
+    return common_unit(stated, statements_about_axis(table.statements, "y")), ""
 
 
 def _requested_columns(table: NumberTable, columns: Sequence[int | str]) -> _Columns:

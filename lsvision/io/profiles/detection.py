@@ -5,8 +5,16 @@ import re
 import zipfile
 
 from lsvision.errors import UnreadableFile
+from lsvision.io.profiles.column_roles import names_section
 from lsvision.io.profiles.matrix import MIN_COLUMNS
+from lsvision.io.profiles.text_layout import (
+    find_separator,
+    is_comment,
+    is_number_or_lost,
+    split_cells,
+)
 from lsvision.io.profiles.text_table import decode_text
+from lsvision.io.profiles.units import split_label
 
 _MAGIC = (
     (b"\x93NUMPY", "npy"),
@@ -190,9 +198,19 @@ def _text_format(content: bytes) -> str:
 
 
 def _table_format(text: str) -> str:
-    """Return the name of the reader for a table, by the number of cells in its first line."""
-    line = next((line for line in text.splitlines() if line.strip()), "").strip()
-    cells = re.split(r"[,;\t]|\s+", line)
+    """Return the name of the reader for a table, by the cells of its first row of numbers.
+
+    A wide table whose header names x and a height is a list of points.
+    """
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    cells = re.split(r"[,;\t]|\s+", lines[0] if lines else "")
     if len(cells) in _KEYENCE_WIDTHS and all(cell.isdecimal() for cell in cells):
         return "keyence-raw"
-    return "matrix" if len(cells) >= MIN_COLUMNS else "text"
+    for index, line in enumerate(lines):
+        separator = find_separator(line)
+        cells = split_cells(line, separator)
+        if not is_comment(line) and all(map(is_number_or_lost, cells)):
+            labels = split_cells(lines[index - 1], separator) if index else []
+            names = [split_label(label)[0] for label in labels]
+            return "text" if len(cells) < MIN_COLUMNS or names_section(names) else "matrix"
+    return "text"

@@ -91,7 +91,7 @@ def _valid_points(clouds: Sequence[FloatArray]) -> FloatArray:
             "--plane fit needs x, y and z of each point, got x and height: leave --plane out"
         )
     points = np.concatenate(clouds)
-    points = points[np.isfinite(points).all(axis=1)]
+    points = points[~np.isnan(points).any(axis=1)]
     if len(points) < MIN_POINTS:
         raise UnreadableFile(
             f"{len(points)} valid points, --plane fit needs at least {MIN_POINTS}: check exposure"

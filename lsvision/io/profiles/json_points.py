@@ -12,7 +12,7 @@ import numpy as np
 from lsvision.errors import UnreadableFile
 from lsvision.files.json_text import NestedTooDeep, parse_json
 from lsvision.geometry import FloatArray
-from lsvision.io.profiles.column_roles import column_role, has_known_role
+from lsvision.io.profiles.column_roles import column_role, has_known_role, names_section
 from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.json_values import (
     is_point,
@@ -33,7 +33,7 @@ from lsvision.io.profiles.opencv_matrix import (
     table_from_points,
 )
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
-from lsvision.io.profiles.stated_units import common_unit, require_known_unit
+from lsvision.io.profiles.stated_units import add_units, require_known_unit
 from lsvision.io.profiles.text_table import decode_text
 from lsvision.io.profiles.unit_statements import (
     UnitStatement,
@@ -146,12 +146,12 @@ def _from_object(
         return profiles_from_scans([document])
     statements = find_unit_statements(_statement_lines(document))
     columns = {key: values for key, value in document.items() if (values := list_of_numbers(value))}
-    roles = {column_role(split_label(key)[0]) for key in columns}
-    if "x" in roles and roles & {"height", "range", "y"}:
+    names = [split_label(key)[0] for key in columns]
+    if names_section(names):
         named = {k: v for k, v in columns.items() if has_known_role(split_label(k)[0])}
         arrays = {key: to_arrays(value) for key, value in named.items()}
         return profiles_from_named(arrays, settings, statements)
-    if settings.dx is not None and len(columns) == 1 and roles & {"height", "range"}:
+    if settings.dx is not None and [column_role(name) for name in names] in (["height"], ["range"]):
         rows = to_floats(next(iter(columns.values())))
         return profiles_from_matrix(
             NumberTable(np.atleast_2d(rows), statements=statements), settings
@@ -180,10 +180,7 @@ def _from_named_list(
             return None
         return _from_flat(key.lower(), to_floats(value), settings, statements)
     profiles = _find_profiles(value, settings, depth + 1)
-    if profiles is None or profiles.units != (None, None) or settings.units is not None:
-        return profiles
-    unit = common_unit(None, [s for s in statements if s.axis is None])
-    return replace(profiles, units=(unit, unit))
+    return None if profiles is None else add_units(profiles, statements, settings)
 
 
 def _from_list(document: list[Any], settings: ReadSettings, depth: int) -> RawProfiles | None:
@@ -225,8 +222,7 @@ def _from_objects(
         for key in keys
         if not any(isinstance(item.get(key), list | Mapping) for item in document)
     ]
-    roles = {column_role(split_label(key)[0]) for key in scalar_keys}
-    if "x" in roles and roles & {"height", "range", "y"}:
+    if names_section(split_label(key)[0] for key in scalar_keys):
         return profiles_from_table(_table_from_objects(document, scalar_keys), settings)
     item_profiles = [_find_profiles(item, settings, depth + 1) for item in document]
     profiles = _join_profiles(item_profiles)
@@ -260,7 +256,8 @@ def _table_from_objects(document: Sequence[Mapping[str, Any]], keys: Sequence[st
 def _join_profiles(items: Sequence[RawProfiles | None]) -> RawProfiles | None:
     """Return all profiles in one; None if one is missing, or units or directions differ."""
     parts = [item for item in items if item is not None]
-    if len(parts) < len(items) or len({(part.units, part.away) for part in parts}) != 1:
+    kinds = {(part.units, part.position_unit, part.away) for part in parts}
+    if len(parts) < len(items) or len(kinds) != 1:
         return None
     attributes = [row for part in parts for row in part.attributes or [{}] * len(part.sections)]
     positions = [part.positions for part in parts if part.positions is not None]

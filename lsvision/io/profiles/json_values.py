@@ -31,7 +31,19 @@ def to_arrays(value: Any) -> Any:
 
 
 def to_floats(value: Any) -> FloatArray:
-    """Return the array of a list of numbers or of lists of equal length; NaN where one is lost."""
+    """Return the array of a list of numbers or of lists of equal length; NaN where one is lost.
+
+    Raises
+    ------
+    UnreadableFile
+        If there is text in it, or its lists differ in length.
+    """
+    if isinstance(value, list) and value and isinstance(value[0], list):
+        lengths = sorted({len(row) for row in value if isinstance(row, list)})
+        if len(lengths) > 1:
+            raise UnreadableFile(
+                f"rows of {lengths[0]} to {lengths[-1]} numbers: write null for lost points"
+            )
     try:
         array = np.array(_with_nan(value), dtype=np.float64)
     except (ValueError, TypeError, OverflowError):

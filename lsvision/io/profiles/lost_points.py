@@ -132,7 +132,9 @@ def _add_guesses(marked: _MarkedPoints, raw: RawProfiles) -> None:
 
 
 def _holds_marker(points: FloatArray, value: float) -> BoolArray:
-    """Return whether a coordinate of each point is a marker, (n,)."""
+    """Return whether a coordinate of each point is a marker, (n,); 0 only marks as a height."""
+    if value == 0:  # an x of 0 is common
+        points = points[:, -1:]
     marked: BoolArray = np.any(np.abs(points - value) <= _TOLERANCE * abs(value), axis=1)
     return marked
 

@@ -6,7 +6,7 @@ from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
 from lsvision.io.profiles.number_table import NumberTable
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
-from lsvision.io.profiles.stated_units import common_unit
+from lsvision.io.profiles.stated_units import common_unit, statements_about_axis
 from lsvision.io.profiles.text_table import decode_text, parse_table
 from lsvision.results.summaries import counted
 
@@ -26,6 +26,11 @@ def read_matrix(content: bytes, settings: ReadSettings) -> RawProfiles:
     return profiles_from_matrix(table, settings)
 
 
+def are_heights(width: int, settings: ReadSettings) -> bool:
+    """Return whether rows of `width` numbers without names are heights, not one point each."""
+    return width >= MIN_COLUMNS or (settings.dx is not None and width not in (2, 3))
+
+
 def profiles_from_matrix(table: NumberTable, settings: ReadSettings) -> RawProfiles:
     """Return the profiles of a matrix of heights, or of one row of x over rows of heights.
 
@@ -40,22 +45,24 @@ def profiles_from_matrix(table: NumberTable, settings: ReadSettings) -> RawProfi
     if settings.dx is None and len(heights) > 2 and _is_x_row(heights):
         return RawProfiles(
             sections=[np.column_stack([heights[0], row]) for row in heights[1:]],
-            units=(height_unit(table, settings),) * 2,
+            units=_units_of_rows(table, settings),
             notes=(*table.notes, "the first row is evenly spaced: read as x"),
             lost=table.lost,
+            limits=table.limits,
         )
     if settings.dx is None and len(heights) == 2 and is_monotonic(heights[0]):
         return RawProfiles(
             sections=[heights.T],
-            units=(height_unit(table, settings),) * 2,
+            units=_units_of_rows(table, settings),
             notes=(*table.notes, "two rows: the first read as x, the other as z"),
             lost=table.lost,
+            limits=table.limits,
         )
     hint = "" if settings.transpose else _transpose_hint(*heights.shape)
     x, notes = column_positions(heights.shape[1], len(heights), settings)
     return RawProfiles(
         sections=[np.column_stack([x, row]) for row in heights],
-        units=("mm", height_unit(table, settings)),
+        units=("mm", settings.count_unit or _stated_unit(table, settings)),
         notes=table.notes + notes + ((hint,) if hint else ()),
         lost=table.lost,
         limits=table.limits,
@@ -83,17 +90,20 @@ def column_positions(
     return x, () if settings.x0 is not None else ("x of the first column taken as 0 mm",)
 
 
-def height_unit(table: NumberTable, settings: ReadSettings) -> str | None:
-    """Return the unit of the heights: `z_unit` of the user, or the one that the file states.
-
-    None if the user states another with `units`, or nobody states one.
-    """
-    if settings.count_unit is not None:
-        return settings.count_unit
+def _stated_unit(table: NumberTable, settings: ReadSettings) -> str | None:
+    """Return the unit of heights that the file states; None if the user states one in `units`."""
     if settings.units is not None:
         return None
-    statements = [s for s in table.statements if s.axis in (None, "height")]
+    statements = statements_about_axis(table.statements, "height")
     return common_unit(next(filter(None, table.units), None), statements)
+
+
+def _units_of_rows(table: NumberTable, settings: ReadSettings) -> tuple[str | None, str | None]:
+    """Return the units of a row of x and of the heights below it; `z_unit` is that of heights."""
+    unit = _stated_unit(table, settings)
+    if settings.count_unit is None:
+        return unit, unit
+    return unit or settings.units or "mm", settings.count_unit
 
 
 def _transpose_hint(rows: int, columns: int) -> str:

@@ -1,6 +1,7 @@
 """Profiles in columns that have names: one point per row, or one profile per row."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.matrix import column_positions
 from lsvision.io.profiles.number_table import NumberTable
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
-from lsvision.io.profiles.stated_units import common_unit
+from lsvision.io.profiles.stated_units import common_unit, statements_about_axis
 from lsvision.io.profiles.unit_statements import UnitStatement
 from lsvision.io.profiles.units import split_label
 
@@ -101,7 +102,7 @@ def _from_points(
     statements: tuple[UnitStatement, ...],
 ) -> RawProfiles:
     """Return the profiles of columns with one point per row."""
-    number_labels = [label for label in columns if np.ndim(columns[label]) == 1]
+    number_labels = [label for label, column in columns.items() if _is_1d(column)]
     lengths = {label: len(columns[label]) for label in number_labels}
     count = max(lengths.values(), default=0)
     if not count or set(lengths.values()) != {count}:
@@ -119,7 +120,10 @@ def _from_points(
         statements=statements,
         texts={len(number_labels) + k: texts[label] for k, label in enumerate(text_labels)},
     )
-    return profiles_from_table(table, settings)
+    raw = profiles_from_table(table, settings)
+    used = {*number_labels, *text_labels}
+    unused = tuple(label for label in (*columns, *texts) if label not in used)
+    return replace(raw, ignored=raw.ignored + unused)
 
 
 def _from_rows(
@@ -139,9 +143,9 @@ def _from_rows(
         raise UnreadableFile(f"{x} and {height} differ in length: expected an x for each height")
     units: tuple[str | None, str | None] = (None, None)
     if settings.units is None:
-        by_axis = [[s for s in statements if s.axis in (None, axis)] for axis in ("x", "height")]
-        x_unit = "mm" if x is None else common_unit(split_label(x)[1], by_axis[0])
-        units = x_unit, common_unit(split_label(height)[1], by_axis[1])
+        about_x, about_height = (statements_about_axis(statements, a) for a in ("x", "height"))
+        x_unit = "mm" if x is None else common_unit(split_label(x)[1], about_x)
+        units = x_unit, common_unit(split_label(height)[1], about_height)
     if x is None and settings.count_unit is not None:
         units = "mm", settings.count_unit
     attributes = _row_attributes(columns, texts, {x, height}, len(rows))

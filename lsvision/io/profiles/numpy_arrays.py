@@ -6,7 +6,8 @@ import tokenize
 import warnings
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO, Literal
 
@@ -17,13 +18,17 @@ from lsvision.errors import UnreadableFile
 from lsvision.files.limited_reading import current_size_limit
 from lsvision.io.profiles.column_roles import has_known_role
 from lsvision.io.profiles.columns import profiles_from_table
-from lsvision.io.profiles.matrix import MIN_COLUMNS, profiles_from_matrix
+from lsvision.io.profiles.matrix import MIN_COLUMNS, are_heights, profiles_from_matrix
 from lsvision.io.profiles.named_columns import profiles_from_named
 from lsvision.io.profiles.number_cells import floats_from
 from lsvision.io.profiles.number_table import NumberTable
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
-from lsvision.io.profiles.stated_units import common_unit
-from lsvision.io.profiles.unit_statements import UnitStatement, find_unit_statements
+from lsvision.io.profiles.stated_units import add_units
+from lsvision.io.profiles.unit_statements import (
+    UnitStatement,
+    find_lost_values,
+    find_unit_statements,
+)
 
 # What `np.load`, its parser of headers, and zipfile raise for damaged files.
 _NUMPY_ERRORS = (
@@ -66,7 +71,7 @@ def read_npy(content: bytes, settings: ReadSettings) -> RawProfiles:
 def read_npz(content: bytes, settings: ReadSettings) -> RawProfiles:
     """Return the profiles of arrays ``x`` and ``z`` (or ``range``), or of one as `read_npy`.
 
-    A scalar states a unit under a name such as ``unit``.
+    A scalar states a unit or a marker of lost points under a name such as ``unit`` or ``nodata``.
 
     Raises
     ------
@@ -79,7 +84,18 @@ def read_npz(content: bytes, settings: ReadSettings) -> RawProfiles:
         for name, array in loaded.items()
         if _is_text(array) or (_is_number(array) and not has_known_role(name))
     }
-    statements = find_unit_statements(f"{name}: {text}" for name, text in scalars.items())
+    lines = [f"{name}: {text}" for name, text in scalars.items()]
+    profiles = _profiles_from_arrays(loaded, scalars, settings, find_unit_statements(lines))
+    return replace(profiles, lost=profiles.lost + find_lost_values(lines))
+
+
+def _profiles_from_arrays(
+    loaded: Mapping[str, npt.NDArray[np.generic]],
+    scalars: Container[str],
+    settings: ReadSettings,
+    statements: tuple[UnitStatement, ...],
+) -> RawProfiles:
+    """Return the profiles of the arrays that are not scalars."""
     arrays = {name: array for name, array in loaded.items() if name not in scalars}
     key = next((key for key in _KEYS if key in arrays), None)
     if key is None and len(arrays) == 1:
@@ -88,7 +104,7 @@ def read_npz(content: bytes, settings: ReadSettings) -> RawProfiles:
         return profiles_from_array(arrays[key], settings, statements)
     rows = {name: array for name, array in arrays.items() if array.ndim} or arrays
     return profiles_from_named(
-        {name: _as_floats(array) for name, array in rows.items()}, settings, statements
+        {name: _as_floats(array, name) for name, array in rows.items()}, settings, statements
     )
 
 
@@ -178,9 +194,9 @@ def _check_size(stream: BinaryIO, size: int) -> None:
             raise ValueError(f"an array of shape {shape} needs {needed} bytes, got {available}")
 
 
-def _as_floats(array: npt.NDArray[np.generic]) -> npt.NDArray[np.float64]:
+def _as_floats(array: npt.NDArray[np.generic], name: str = "") -> npt.NDArray[np.float64]:
     if array.dtype.kind not in "iufb":
-        raise UnreadableFile(f"an array of {array.dtype}: expected numbers")
+        raise UnreadableFile(f"an array{name and f' {name!r}'} of {array.dtype}: expected numbers")
     return floats_from(array)
 
 
@@ -193,14 +209,13 @@ def profiles_from_array(
     if array.dtype.names:
         records: Any = array
         return profiles_from_named(
-            {name: _as_floats(records[name]) for name in array.dtype.names}, settings, statements
+            {name: _as_floats(records[name], name) for name in array.dtype.names},
+            settings,
+            statements,
         )
     values = _as_floats(array)
     if values.ndim == 3 and values.shape[2] == 2 and len(values):
-        unit = None
-        if settings.units is None:
-            unit = common_unit(None, [s for s in statements if s.axis is None])
-        return RawProfiles(sections=list(values), units=(unit, unit))
+        return add_units(RawProfiles(sections=list(values)), statements, settings)
     if values.ndim == 3 and values.shape[2] == 3 and len(values):  # y may separate profiles, too
         number = np.repeat(np.arange(float(len(values))), values.shape[1])
         rows = np.column_stack([number, values.reshape(-1, 3)])
@@ -214,8 +229,8 @@ def profiles_from_array(
     if is_row_per_axis and settings.dx is None and not settings.transpose:
         values = values.T
     table = NumberTable(values, statements=statements, limits=_limits(array.dtype))
-    is_matrix = settings.transpose or values.shape[1] >= MIN_COLUMNS or len(values) == 1
-    if settings.columns is None and (is_matrix or (values.shape[1] == 1 and settings.dx)):
+    is_matrix = settings.transpose or are_heights(values.shape[1], settings) or len(values) == 1
+    if settings.columns is None and is_matrix:
         return profiles_from_matrix(table, settings)
     return profiles_from_table(table, settings)
 

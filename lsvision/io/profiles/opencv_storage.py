@@ -60,8 +60,9 @@ def read_opencv_storage(content: bytes, settings: ReadSettings) -> RawProfiles:
         for key, cells in lists.items()
         if has_known_role(key.lower())
     }
+    statements, lost = find_unit_statements(lines), find_lost_values(lines)
     if len(columns) > 1:
-        return profiles_from_named(columns, settings, find_unit_statements(lines))
+        return replace(profiles_from_named(columns, settings, statements), lost=lost)
     key = min(lists, key=_rank, default=None)
     if key is not None and (key in _POINT_KEYS or len(lists[key]) >= _MIN_NUMBERS):
         values = numbers_from_cells(lists[key])
@@ -73,8 +74,7 @@ def read_opencv_storage(content: bytes, settings: ReadSettings) -> RawProfiles:
     else:
         key, values = _first_node(text)
     table = table_from_points(key, np.squeeze(values))
-    table = replace(table, statements=find_unit_statements(lines), lost=find_lost_values(lines))
-    return profiles_from_table(table, settings)
+    return profiles_from_table(replace(table, statements=statements, lost=lost), settings)
 
 
 def _lines_of_words(text: str) -> list[str]:

@@ -83,12 +83,15 @@ def _unreadable(error: Exception) -> UnreadableFile:
 
 
 def _iterate_tables(file: BinaryIO, rows: int | None) -> "Iterator[pa.Table]":
-    """Yield the batches of a file, all in one table where a point is a row or `rows` is None."""
+    """Yield the batches of a file; all in one table if a row is a point or `rows` is None.
+
+    A file without rows is one table, too.
+    """
     pyarrow = _pyarrow()
     try:
         with pyarrow.parquet.ParquetFile(file) as source:
             schema = source.schema_arrow
-            if rows is None or not any(map(_is_list, schema.types)):
+            if rows is None or not (source.metadata.num_rows and any(map(_is_list, schema.types))):
                 yield _limited_table(source)
                 return
             for batch in source.iter_batches(batch_size=rows):

@@ -293,8 +293,8 @@ def convert_to_section_frame(
     x_scale, height_scale = mm_per_unit(x_unit), mm_per_unit(height_unit)
     sections, markers = remove_lost(raw, settings)
     fitted = None
-    if settings.plane is not None:
-        fitted = fit_section_plane([section * x_scale for section in sections])
+    if settings.plane is not None:  # x, y and z have one unit
+        fitted = fit_section_plane(_scale(sections, (x_scale, x_scale, x_scale)))
         sections = _scale(fitted.sections, (1.0, -1.0 if away else 1.0))
     else:
         sections = _scale(sections, (x_scale, -height_scale if away else height_scale))
@@ -312,7 +312,7 @@ def convert_to_section_frame(
         units=", ".join(unit_names),
         units_assumed=assumed,
         flipped=away,
-        positions=raw.positions and tuple(position * x_scale for position in raw.positions),
+        positions=_scaled_positions(raw, settings.units or raw.position_unit or x_unit),
         notes=raw.notes + guessed + ((fitted.note,) if fitted else ()) + unit_warnings + hints,
         unit_warnings=unit_warnings,
         markers=markers,
@@ -322,20 +322,25 @@ def convert_to_section_frame(
     )
 
 
-def _scale(sections: Sequence[FloatArray], factors: tuple[float, float]) -> list[FloatArray]:
-    """Return the sections with x and height multiplied by a factor each."""
-    if factors == (1.0, 1.0):
+def _scale(sections: Sequence[FloatArray], factors: tuple[float, ...]) -> list[FloatArray]:
+    """Return the sections with each coordinate multiplied by its factor."""
+    if set(factors) == {1.0}:
         return list(sections)
     with np.errstate(over="ignore", invalid="ignore"):  # overflow makes a point lost
         return [section * factors for section in sections]
+
+
+def _scaled_positions(raw: RawProfiles, unit: str) -> tuple[float, ...] | None:
+    """Return the positions along the travel, stated in a unit, in mm."""
+    return raw.positions and tuple(position * mm_per_unit(unit) for position in raw.positions)
 
 
 def _resolve_units(raw: RawProfiles, settings: ReadSettings) -> tuple[str, str, bool]:
     """Return the units of x and of height, and whether mm, or the unit of the other, is assumed."""
     x_unit = "mm" if raw.x_in_mm else settings.units or raw.units[0]
     height_unit = settings.units or raw.units[1]
-    if raw.x_in_mm and settings.z_unit is not None:  # more specific than a unit of all coordinates
-        height_unit = raw.units[1]
+    if settings.count_unit is not None and raw.units[1] == settings.count_unit:
+        height_unit = raw.units[1]  # more specific than a unit of all coordinates
     assumed = x_unit is None or height_unit is None
     if not raw.x_in_mm:  # the unit of one axis is the best guess of the other
         x_unit, height_unit = x_unit or height_unit, height_unit or x_unit

@@ -1,6 +1,7 @@
 """Reading options of a profile file, and the raw profiles that a reader returns."""
 
 import math
+import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypedDict
@@ -70,8 +71,9 @@ class ReadSettings:
         True where heights grow away from the sensor (ranges), False where they grow towards it.
     lost : float, str or sequence, optional
         Value in the file that marks a lost point, in the units of the file, such as ``-9999`` or
-        ``"-9999,ERR"``; ``"none"`` if every number is a height. By default values that repeat far
-        from the rest are read as lost points, with a note.
+        ``"-9999,ERR"``; 0 only as a height, since an x of 0 is common; ``"none"`` if every number
+        is a height. By default values that repeat far from the rest are read as lost points, with
+        a note.
     transpose : bool
         True if each column of the matrix is a profile.
     x0, dx : float, optional
@@ -79,8 +81,8 @@ class ReadSettings:
     x_start, x_pitch : float, optional
         For raw Keyence counts: XStart and XPitch as the controller states them. Units: 0.01 um.
     z_unit : float or str, optional
-        Size of one count of heights in rows without x: a number in 0.01 um, the unit of ZUnit in
-        Keyence controllers, or a length such as ``"0.5um"``.
+        Size of one count in rows of heights: a number in 0.01 um, the unit of ZUnit in Keyence
+        controllers, or a length such as ``"0.5um"``.
     topic : str, optional
         Topic of a ROS bag in which several hold profiles, such as ``"/scan"``.
     plane : str, optional
@@ -90,8 +92,10 @@ class ReadSettings:
     Raises
     ------
     ValueError
-        For an unknown format, unit or plane, a spacing or count of 0, a number that is not finite,
-        or columns that are not two or three, or below 0.
+        For an unknown format, unit or plane, a spacing of 0, a count that is not above 0, a number
+        that is not finite, or columns that are not two or three, below 0 or stated twice.
+    TypeError
+        For a column that is neither a whole number nor a name.
 
     Examples
     --------
@@ -120,9 +124,11 @@ class ReadSettings:
             object.__setattr__(self, "units", _parse_units(self.units))
         if self.z_unit is not None:
             object.__setattr__(self, "z_unit", _parse_count_size(self.z_unit))
-        for name in ("dx", "x_pitch", "z_unit"):
+        for name in ("dx", "x_pitch"):
             if getattr(self, name) == 0:
                 raise ValueError(f"expected {name} other than 0, got 0")
+        if self.z_unit is not None and float(self.z_unit) <= 0:
+            raise ValueError(f"expected z_unit above 0, got {self.z_unit:g}")
         for name in ("x0", "dx", "x_start", "x_pitch", "z_unit"):
             value = getattr(self, name)
             if value is not None and not math.isfinite(value):
@@ -173,7 +179,9 @@ class RawProfiles:
     away : bool
         True where heights grow away from the sensor.
     positions : tuple of float, optional
-        Position of each profile along the travel, in the units of x.
+        Position of each profile along the travel.
+    position_unit : str, optional
+        Unit of `positions`; None if it is that of x.
     notes : tuple of str
         Guesses and omissions, as text for users.
     x_in_mm : bool
@@ -192,6 +200,7 @@ class RawProfiles:
     units: tuple[str | None, str | None] = (None, None)
     away: bool = False
     positions: tuple[float, ...] | None = None
+    position_unit: str | None = None
     notes: tuple[str, ...] = ()
     x_in_mm: bool = False
     lost: tuple[float, ...] = ()
@@ -256,10 +265,22 @@ def _parse_markers(lost: float | str | Sequence[float | str]) -> tuple[float | s
 def _parse_columns(columns: str | Sequence[int | str]) -> tuple[int | str, ...]:
     """Return two or three columns: indices from 0, or names."""
     cells = columns.split(",") if isinstance(columns, str) else columns
-    words = [cell.strip() if isinstance(cell, str) else int(cell) for cell in cells]
-    parsed = tuple(int(w) if isinstance(w, str) and w.isdecimal() else w for w in words)
-    if len(parsed) not in (2, 3) or any(isinstance(c, int) and c < 0 for c in parsed):
+    parsed = tuple(map(_parse_column, cells))
+    if (
+        len(parsed) not in (2, 3)
+        or len(set(parsed)) < len(parsed)
+        or any(isinstance(column, int) and column < 0 for column in parsed)
+    ):
         raise ValueError(
-            f"expected columns of x and height (or x, travel and height) from 0, got {columns!r}"
+            "expected columns of x and height (or x, travel and height), all different, from 0, "
+            f"got {columns!r}"
         )
     return parsed
+
+
+def _parse_column(cell: int | str) -> int | str:
+    """Return the index of a column, as a number or a text such as ``-1``, or its name."""
+    if not isinstance(cell, str):
+        return operator.index(cell)
+    word = cell.strip()
+    return int(word) if word.removeprefix("-").isdecimal() else word

@@ -1,11 +1,12 @@
 """Units of x and height from all statements in a file."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 from lsvision.errors import UnreadableFile
 from lsvision.io.profiles.column_roles import column_role
 from lsvision.io.profiles.number_table import NumberTable
-from lsvision.io.profiles.settings import ReadSettings
+from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.unit_statements import UnitStatement, find_unit_mentions
 from lsvision.io.profiles.units import StatedUnit, mm_per_unit
 
@@ -100,6 +101,25 @@ def common_unit(
     return next(iter(sizes.values())).unit if sizes else None
 
 
+def add_units(
+    profiles: RawProfiles, statements: Iterable[UnitStatement], settings: ReadSettings
+) -> RawProfiles:
+    """Return the profiles with the units that statements beside them give where they have none.
+
+    Raises
+    ------
+    UnreadableFile
+        As `common_unit`.
+    """
+    if settings.units is not None:
+        return profiles
+    statements = tuple(statements)
+    x_unit, height_unit = profiles.units
+    x_unit = x_unit or common_unit(None, statements_about_axis(statements, "x"))
+    height_unit = height_unit or common_unit(None, statements_about_axis(statements, "height"))
+    return replace(profiles, units=(x_unit, height_unit))
+
+
 def _statements_about(
     statements: Iterable[UnitStatement], role: str, default: str
 ) -> list[UnitStatement]:
@@ -108,4 +128,9 @@ def _statements_about(
     The axis is that of its role; `default` if the role is not that of a coordinate.
     """
     axis = {"range": "height"}.get(role, role) if role in ("x", "y", "height", "range") else default
-    return [s for s in statements if s.axis is None or s.axis == axis]
+    return statements_about_axis(statements, axis)
+
+
+def statements_about_axis(statements: Iterable[UnitStatement], axis: str) -> list[UnitStatement]:
+    """Return the statements about all lengths, or about ``"x"``, ``"y"`` or ``"height"``."""
+    return [s for s in statements if s.axis in (None, axis)]

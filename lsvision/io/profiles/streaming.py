@@ -11,6 +11,7 @@ import numpy as np
 from lsvision.errors import UnreadableFile
 from lsvision.files.file_kinds import is_regular
 from lsvision.files.limited_reading import STDIN, check_readable
+from lsvision.io.profiles.matrix import are_heights
 from lsvision.io.profiles.numpy_arrays import NPY_MAGIC, open_npy, profiles_from_array
 from lsvision.io.profiles.parquet import PARQUET_MAGIC, iterate_tables
 from lsvision.io.profiles.parquet import profiles_from_table as profiles_from_parquet
@@ -81,6 +82,8 @@ def iterate_profiles(
     UnreadableFile
         If the file or a part of it cannot be read (the message has the index of the part's first
         profile), or all points are lost.
+    ValueError, TypeError
+        If `at_once` is below 1, or as `read_profile`.
 
     Examples
     --------
@@ -92,6 +95,8 @@ def iterate_profiles(
     """
     settings, file = ReadSettings(**options), Path(path)
     at_once = PROFILES_PER_PART if at_once is None else at_once
+    if at_once < 1:
+        raise ValueError(f"expected at_once of at least 1, got {at_once}")
     file_format = _streamed_format(file, settings)
     if file_format is None:
         yield ProfilePart(0, inspect_profiles(file, **options))
@@ -151,7 +156,13 @@ def _npy_parts(
 ) -> Iterator[tuple[RawProfiles, None]]:
     """Yield the profiles of each part of an array; the array as one part if it is one profile."""
     array = open_npy(file)
-    is_stack = array.ndim == 3 or (array.ndim == 2 and settings.dx is not None)
-    for start in range(0, len(array), at_once) if is_stack else (0,):
+    is_stack = array.ndim == 3 or (
+        array.ndim == 2
+        and settings.columns is None
+        and settings.dx is not None  # without it, the first row may be x
+        and array.shape[1] > 1  # one column is one profile
+        and are_heights(array.shape[1], settings)
+    )
+    for start in range(0, len(array), at_once) if is_stack and len(array) else (0,):
         part = array[start : start + at_once] if is_stack else array
         yield profiles_from_array(np.array(part), settings), None  # read from the file here

@@ -269,9 +269,10 @@ def _find_table_end(
 ) -> int:
     """Return the index behind the last line of the table; what follows is a footer."""
     stop = len(lines)
+    blanks = " \r\n" if separator == "\t" else None  # a line of tabs is a lost point
     while stop > first + 1:
         line = lines[stop - 1]
-        if line.strip() and not is_comment(line):
+        if line.strip(blanks) and not is_comment(line):
             cells = split_cells(line.strip() if separator is None else line, separator)
             if not _is_footer(cells, numeric, width, stop - 1 - first):
                 break

@@ -9,8 +9,10 @@ from itertools import islice, pairwise
 from lsvision.io.profiles.units import (
     COUNT_WORD,
     FRACTION_WORDS,
+    MM_PER_UNIT,
     NOT_LENGTHS,
     StatedUnit,
+    mm_per_unit,
     parse_unit,
     state_unit,
 )
@@ -190,7 +192,8 @@ def _parse_statements(line: str) -> Iterator[UnitStatement]:
     if not text:
         return
     bare_unit = parse_unit(text.strip("[](){} "))
-    if bare_unit is not None:
+    if bare_unit is not None and (bare_unit in MM_PER_UNIT or mm_per_unit(bare_unit) < 1):
+        # "0.1 mm" is a unit, but "100 mm" a length, such as the range
         yield UnitStatement(StatedUnit(text, bare_unit))
         return
     key_value = _KEY_VALUE.match(text) or _KEY_BLANK_VALUE.match(text)

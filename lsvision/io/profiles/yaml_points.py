@@ -5,14 +5,13 @@ Lists are parsed as JSON, which is much faster than the YAML parser of `lsvision
 """
 
 import re
-from dataclasses import replace
 from typing import Any
 
 from lsvision.errors import UnreadableFile
 from lsvision.files.json_text import parse_json
 from lsvision.io.profiles.json_points import profiles_from_document
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
-from lsvision.io.profiles.stated_units import common_unit, require_known_unit
+from lsvision.io.profiles.stated_units import add_units, require_known_unit
 from lsvision.io.profiles.text_table import decode_text
 from lsvision.io.profiles.unit_statements import find_unit_statements
 
@@ -40,10 +39,7 @@ def read_yaml(content: bytes, settings: ReadSettings) -> RawProfiles:
     document = documents[0] if len(documents) == 1 else documents
     profiles = profiles_from_document(document, settings, "YAML")
     comments = [line for part in parts for line in part.splitlines() if line.lstrip()[:1] == "#"]
-    stated = [s for s in find_unit_statements(comments) if s.axis is None]
-    if stated and profiles.units == (None, None) and settings.units is None:
-        unit = common_unit(None, stated)
-        profiles = replace(profiles, units=(unit, unit))
+    profiles = add_units(profiles, find_unit_statements(comments), settings)
     require_known_unit(profiles.units, comments, settings)
     return profiles
 

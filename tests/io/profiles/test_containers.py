@@ -9,6 +9,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from lsvision.errors import UnreadableFile
 from lsvision.io.profiles import inspect_profiles, read_profile, read_profiles
 
 RNG = np.random.default_rng(7)
@@ -192,3 +193,37 @@ def test_an_array_that_python_2_wrote_is_read_without_a_warning(tmp_path):
     assert old != content
     (tmp_path / "a.npy").write_bytes(old)
     assert read_profile(tmp_path / "a.npy").points.tolist()[2] == [2.0, -398.0]
+
+
+def test_units_of_each_axis_and_the_lost_marker_of_an_npz_count(write):
+    stack = np.stack([POINTS[1:17], POINTS[18:34]])
+    stack[0, 3, 1] = -401.5
+    scalars = {"x_unit": "cm", "z_unit": "mm", "nodata": -401.5}
+    file = inspect_profiles(write(saved(np.savez, points=stack, **scalars), "a.npz"))
+    npt.assert_allclose(file.profiles[1].points, stack[1] * (10.0, 1.0))
+    assert [profile.lost for profile in file.profiles] == [1, 0]
+
+
+def test_an_array_of_an_npz_that_holds_no_numbers_is_named(write):
+    arrays = {"x": POINTS[:, 0], "z": POINTS[:, 1], "label": np.array(["a", "b"])}
+    with pytest.raises(UnreadableFile, match="an array 'label' of <U1: expected numbers"):
+        read_profile(write(saved(np.savez, **arrays), "a.npz"))
+
+
+def test_arrays_beside_the_points_of_an_npz_are_listed_as_ignored(write):
+    arrays = {"x": POINTS[:, 0], "z": POINTS[:, 1], "camera": np.eye(3)}
+    assert inspect_profiles(write(saved(np.savez, **arrays), "a.npz")).ignored == ("camera",)
+
+
+def test_lists_of_different_length_beside_the_points_of_parquet_are_ignored(write):
+    stream = io.BytesIO()
+    lists = [[0.0] * (k % 3 + 1) for k in range(40)]
+    pq.write_table(pa.table({"x": POINTS[:, 0], "z": POINTS[:, 1], "echo": lists}), stream)
+    file = inspect_profiles(write(stream.getvalue(), "a.parquet"))
+    npt.assert_array_equal(file.profiles[0].points, POINTS)
+    assert file.ignored == ("echo",)
+
+
+def test_the_lost_marker_beside_lists_of_opencv_counts(write):
+    text = "%YAML:1.0\n---\nnodata: -401.5\nx: [1., 2., 3.]\nz: [-400., -401.5, -401.]\n"
+    assert read_profile(write(text, "a.yml")).lost == 1

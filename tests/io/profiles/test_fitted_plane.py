@@ -209,3 +209,9 @@ def test_command_measures_points_of_a_plane(write):
     wrong = CliRunner().invoke(app, ["measure", str(path), "--plane", "xz"])
     assert wrong.exit_code == 2
     assert "expected plane among fit" in wrong.stderr
+
+
+def test_coordinates_that_overflow_in_mm_are_rejected(write):
+    content = "x,y,z\n" + "".join(f"{k}e306,{k * k},1\n" for k in range(9))
+    with pytest.raises(UnreadableFile, match="coordinates reach inf mm"):
+        inspect_profiles(write(content), plane="fit", units="m", lost="none")

@@ -156,3 +156,38 @@ def test_a_column_of_another_length_than_the_profiles_is_reported_as_ignored(tmp
     file = inspect_profiles(path)
     assert [attributes["exposure"] for attributes in file.attributes] == [0.0, 1.0, 2.0]
     assert file.ignored == ("scale",)
+
+
+@pytest.mark.parametrize("columns", [5, 10, 20])
+def test_few_columns_are_heights_if_their_spacing_is_given(write, columns):
+    rows = HEIGHTS[:, 1:columns].copy()
+    rows[:, 6:7] = -140.0
+    text = "\n".join(",".join(map(str, row)) for row in rows)
+    for content in (text, saved(np.save, rows)):
+        profiles = read_profiles(write(content), x0=0.5, dx=0.1)
+        assert [len(profile) for profile in profiles] == [columns - 1] * 3
+        npt.assert_array_equal(profiles[1].points[:, 1], rows[1])
+
+
+def test_the_size_of_a_count_is_that_of_heights_below_a_row_of_x(write):
+    counts_of_profile = np.random.default_rng(2).integers(-9000, -8000, (3, 40))
+    table = np.vstack([0.5 * np.arange(40), counts_of_profile])
+    text = "\n".join(",".join(map(str, row)) for row in table)
+    (first, *_) = read_profiles(write(text), z_unit="10um")
+    npt.assert_allclose(first.points, np.column_stack([table[0], 0.01 * table[1]]), rtol=1e-12)
+
+
+@pytest.mark.parametrize("line", ["# " + "word " * 30, "word " * 30])
+def test_a_line_of_many_words_above_points_makes_no_matrix(write, line):
+    file = inspect_profiles(write(f"{line}\n0,-400\n1,-399\n"))
+    npt.assert_array_equal(file.profiles[0].points, [[0, -400], [1, -399]])
+    assert file.reader == "text"
+
+
+def test_a_wide_table_with_x_and_z_in_its_header_has_one_point_per_line(write):
+    names = ["x", "z", *(f"c{k}" for k in range(25))]
+    rows = np.random.default_rng(3).normal(size=(6, 27)).round(3)
+    text = "\n".join([",".join(names), *(",".join(map(str, row)) for row in rows)])
+    file = inspect_profiles(write(text))
+    npt.assert_array_equal(file.profiles[0].points, rows[:, :2])
+    assert file.ignored == tuple(names[2:])

@@ -227,3 +227,35 @@ def test_numbers_that_only_opencv_writes_into_json_are_read(write, options):
     profile = read_profile(write(f'{{"m": {{ {matrix} }}}}'), **options)
     npt.assert_array_equal(profile.points[:2], [[0.0, 0.5], [1.0, 1.5]])
     assert profile.lost == 1
+
+
+@pytest.mark.parametrize(
+    "units", [{"x_unit": "m", "z_unit": "m"}, {"x_unit": "m", "z_unit": "um"}, {"z_unit": "cm"}]
+)
+def test_units_of_each_axis_beside_a_list_of_points_count(write, arc, units):
+    lines = "\n".join(f"{key}: {unit}" for key, unit in units.items())
+    pairs = "\n".join(f"- [{x}, {z}]" for x, z in arc.tolist())
+    mm = {"m": 1000.0, "um": 1e-3, "cm": 10.0}
+    height = mm[units["z_unit"]]
+    comments = "\n".join(
+        f"# {axis} in {units.get(f'{axis}_unit', units['z_unit'])}" for axis in "xz"
+    )
+    expected = arc * (mm.get(units.get("x_unit", ""), height), height)
+    for content in (
+        json.dumps(units | {"points": arc.tolist()}),
+        json.dumps(units | {"profile": {"points": arc.tolist()}}),
+        f"{lines}\npoints:\n{pairs}\n",
+        f"{comments}\npoints:\n{pairs}\n",
+    ):
+        npt.assert_allclose(read_profile(write(content)).points, expected, rtol=1e-12)
+
+
+def test_the_unit_beside_an_object_with_heights_counts(write):
+    content = json.dumps({"unit": "um", "data": {"z": [-4000, -4100, -4050]}})
+    file = inspect_profiles(write(content), dx=0.5)
+    npt.assert_allclose(file.profiles[0].points, [[0, -4], [0.5, -4.1], [1, -4.05]], rtol=1e-12)
+
+
+def test_rows_of_different_length_are_named(write):
+    with pytest.raises(UnreadableFile, match="rows of 2 to 3 numbers: write null for lost points"):
+        read_profile(write(json.dumps({"z": [[1, 2, 3], [1, 2]]})), dx=0.5)

@@ -183,3 +183,11 @@ def test_of_distances_a_single_one_that_is_none_is_a_marker(odd, markers):
     distances = np.repeat(np.linspace(168.0, 172.0, 12), 4)
     values = np.append(distances, [odd, odd])
     assert find_lost_markers(values, is_range=True) == markers
+
+
+def test_a_stated_marker_of_0_leaves_the_point_at_x_0(write, arc):
+    points = arc.round(3)
+    points[40] = 0.0, -130.0
+    rows = [f"{x},{0 if k in (3, 7) else z}" for k, (x, z) in enumerate(points.tolist())]
+    file = inspect_profiles(write("\n".join(rows)), lost=0)
+    assert np.flatnonzero(np.isnan(file.profiles[0].points[:, 0])).tolist() == [3, 7]

@@ -71,6 +71,10 @@ def test_lost_points_before_the_first_valid_one_keep_their_rows(write, separator
     assert lost.tolist() == [True, True, False, False, True, True]
 
 
+def test_lines_of_tabs_at_the_end_are_lost_points_beside_a_comment(write):
+    assert read_profile(write("x\tz\n1\t5\n# a comment\n2\t6\n\t\n\t\n")).lost == 2
+
+
 def test_a_long_run_of_lost_points_at_the_start_is_no_preamble(write):
     (profile,) = read_profiles(write("nan,nan\n" * 500 + "1.5,2\n2,2.5\n"))
     assert (len(profile), profile.lost) == (502, 500)

@@ -89,8 +89,16 @@ def test_the_keywords_are_the_fields_of_the_settings():
         ({"dx": 0.0}, "expected dx other than 0, got 0"),
         ({"columns": (0,)}, r"expected columns of x and height .*, got \(0,\)"),
         ({"columns": (0, -1)}, r"expected columns .* from 0, got \(0, -1\)"),
+        ({"columns": "0,-1"}, "expected columns .* from 0, got '0,-1'"),
+        ({"columns": "x,x"}, "all different, .* got 'x,x'"),
+        ({"z_unit": -50}, "expected z_unit above 0, got -50"),
     ],
 )
 def test_a_slip_in_the_options_is_rejected(options, message):
     with pytest.raises(ValueError, match=message):
         ReadSettings(**options)
+
+
+def test_a_column_that_is_no_whole_number_is_rejected():
+    with pytest.raises(TypeError, match="'float' object"):
+        ReadSettings(columns=(0.5, 1))  # type: ignore[arg-type] # what a user may pass

@@ -218,3 +218,26 @@ def test_metres_of_a_lidar_are_hinted_at(write):
 def test_a_coordinate_beyond_all_sensors_names_the_unit_that_would_fit(write, arc, scale, unit):
     file = inspect_profiles(write(written((arc * scale).round())))
     assert file.unit_warnings[0].endswith(f"see --units {unit}")
+
+
+def test_a_length_alone_in_a_comment_is_no_unit(write, arc):
+    assert find_unit_statements(["# 100 mm", "# 5 m"]) == ()
+    assert [s.unit.unit for s in find_unit_statements(["# 0.1 mm", "# m"])] == ["0.1 mm", "m"]
+
+
+@pytest.mark.parametrize(
+    ("header", "positions", "note"),
+    [
+        ("x [um],y [mm],z [um]", (0.0, 1.0, 2.0), ""),
+        ("x [um],y,z [um]", (0.0, 0.001, 0.002), ""),
+        ("x,y [m],z", (0.0, 1000.0, 2000.0), ""),
+        ("# x in mm\n# y in cm\n# z in mm\nx,y,z", (0.0, 10.0, 20.0), ""),
+        ("x [mm],y [counts],z [mm]", None, "y in 'counts': positions left out"),
+    ],
+)
+def test_positions_along_the_travel_have_the_unit_of_their_column(write, header, positions, note):
+    rows = [f"{x}e3,{y},{z}e3\n" for y in range(3) for x, z in enumerate((7, 5, 6, 8, 9))]
+    file = inspect_profiles(write(f"{header}\n{''.join(rows)}"))
+    assert file.positions == positions
+    assert len(file.profiles) == 3
+    assert not note or note in file.notes
