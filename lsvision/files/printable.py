@@ -8,7 +8,8 @@ import unicodedata
 _HIDDEN = frozenset(["Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"])
 # First characters of a spreadsheet's formula.
 _FORMULA_MARKS = ("=", "+", "-", "@")
-_NUMBER = re.compile(r"[-+]?[0-9]*[.,]?[0-9]*(?:[eE][-+]?[0-9]+)?")
+# A number, or a sign alone as the mark of an empty cell; -E5 is the formula of a cell.
+_NUMBER = re.compile(r"[-+]?(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:[eE][-+]?[0-9]+)?|[-+]")
 
 
 def printable(text: str) -> str:

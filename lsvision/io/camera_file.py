@@ -69,7 +69,9 @@ def _parse_camera(text: str, source: Path, size: tuple[int, int] | None = None) 
     """Return the camera of a file's text; see `read_camera`."""
     try:
         if text.lstrip().startswith("{"):
-            return camera_from_json(parse_document(text, source, _SCHEMAS)["camera"])
+            camera = camera_from_json(parse_document(text, source, _SCHEMAS)["camera"])
+            _check_size(camera.size, size)
+            return camera
         return _camera_from_yaml(text, size)
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise UnreadableFile(f"{source} holds no camera: {error}") from error
@@ -131,7 +133,7 @@ def write_camera_yaml(path: str | os.PathLike[str], camera: Camera) -> None:
 
 def _camera_from_yaml(text: str, size: tuple[int, int] | None) -> Camera:
     """Return the camera of a ROS or OpenCV YAML file."""
-    model = re.search(r"^distortion_model:[ \t]*[\"']?([^\"'\s]*)", text, re.MULTILINE)
+    model = re.search(r"^[ \t]*distortion_model:[ \t]*[\"']?([^\"'\s]*)", text, re.MULTILINE)
     if model and model.group(1) not in MODELS:
         raise ValueError(
             f"its lens model is {model.group(1)!r}; expected {MODELS[0]} or {MODELS[1]}: "
@@ -142,14 +144,20 @@ def _camera_from_yaml(text: str, size: tuple[int, int] | None) -> Camera:
         raise ValueError(f"expected a camera matrix of 9 numbers, got {len(matrix)}")
     distortion = _find_numbers(text, DISTORTION_KEYS, "distortion coefficients")
     stated_size = _find_size(text)
-    if stated_size is not None and size not in (None, stated_size):
-        raise ValueError(f"it is for images of {stated_size} px, not {size}")
+    if stated_size is not None:
+        _check_size(stated_size, size)
     size = size or stated_size
     if size is None:
         raise ValueError("it does not state the size of the images: give size=(width, height)")
     return camera_from_json(
         {"matrix": np.reshape(matrix, (3, 3)), "distortion": distortion, "size": size}
     )
+
+
+def _check_size(stated: tuple[int, int], expected: tuple[int, int] | None) -> None:
+    """Raise ValueError if a file is for images of another size than the caller expects, if any."""
+    if expected not in (None, stated):
+        raise ValueError(f"it is for images of {stated} px, not {expected}")
 
 
 def _find_numbers(text: str, keys: Iterable[str], quantity: str) -> list[float]:

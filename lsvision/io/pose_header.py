@@ -17,7 +17,7 @@ _ALIASES = {
 """Other spellings of fields."""
 _ABB_QUATERNION = {"qw": "q1", "qx": "q2", "qy": "q3", "qz": "q4"}
 """ABB's names of the components of a quaternion."""
-_ANGLE_UNITS: dict[str, AngleUnit] = {
+ANGLE_UNITS: dict[str, AngleUnit] = {
     **dict.fromkeys(["deg", "degree", "degrees", "°"], "deg"),
     "grad": "deg",  # German for degree
     **dict.fromkeys(["rad", "radian", "radians"], "rad"),
@@ -87,7 +87,7 @@ def read_pose_header(
             )
         return PoseHeader()
     columns = tuple(names.index(field) for field in pose_convention.fields)
-    units = ["" if stated is None else stated.text.lower() for _, stated in labels]
+    units = ["" if stated is None else stated.unit or stated.text.lower() for _, stated in labels]
     by_field = [units[column] for column in columns]
     lengths, angles = by_field[:3], by_field[3:]
     if pose_convention.rotation == "matrix":
@@ -127,7 +127,7 @@ def _common_angle_unit(units: set[str]) -> AngleUnit | None:
     """Return the unit of all angles of a header; None if it states none."""
     if not units:
         return None
-    known = {_ANGLE_UNITS.get(unit) for unit in units}
+    known = {ANGLE_UNITS.get(unit) for unit in units}
     if known == {"deg"}:
         return "deg"
     if known == {"rad"}:

@@ -9,7 +9,7 @@ from typing import Any
 from lsvision.errors import UnreadableFile
 from lsvision.files.json_text import parse_json
 from lsvision.files.limited_reading import read_text
-from lsvision.io.pose_header import PoseHeader, common_length_unit, read_pose_header
+from lsvision.io.pose_header import ANGLE_UNITS, PoseHeader, common_length_unit, read_pose_header
 from lsvision.io.pose_programs import read_program_rows
 from lsvision.io.profiles.unit_statements import find_unit_statements
 from lsvision.io.profiles.units import split_label
@@ -27,11 +27,14 @@ class PoseRows:
         Numbers of each pose, in the order of the convention's fields.
     length_unit, angle_unit : str or None
         None where the file states none.
+    may_state_units : bool
+        Whether the format of the file has a place for units: JSON and YAML have none.
     """
 
     rows: list[list[float]]
     length_unit: LengthUnit | None = None
     angle_unit: AngleUnit | None = None
+    may_state_units: bool = True
 
 
 def read_pose_rows(path: Path, pose_convention: PoseConvention, skip_columns: int) -> PoseRows:
@@ -53,15 +56,15 @@ def read_pose_rows(path: Path, pose_convention: PoseConvention, skip_columns: in
     """
     text = read_text(path)
     suffix = path.suffix.lower()
-    if suffix in {".json", ".rob"}:
-        return PoseRows(_structured_rows(_parse(path, text, parse_json), pose_convention, path))
-    if suffix in {".yaml", ".yml"}:
-        return PoseRows(_structured_rows(_parse(path, text, parse_yaml), pose_convention, path))
+    if suffix in {".json", ".rob", ".yaml", ".yml"}:
+        parse = parse_json if suffix in {".json", ".rob"} else parse_yaml
+        rows = _structured_rows(_parse(path, text, parse), pose_convention, path)
+        return PoseRows(rows, may_state_units=False)
     program = read_program_rows(path, text, pose_convention)
     return (
         _text_rows(path, text, pose_convention, skip_columns)
         if program is None
-        else PoseRows(program)
+        else PoseRows(program, "mm", "deg")  # as KUKA and FANUC write all programs
     )
 
 
@@ -145,12 +148,15 @@ def _commented_header(lines: Sequence[str], numbered: Sequence[tuple[int, list[s
 
 
 def _stated_length_unit(lines: Sequence[str]) -> LengthUnit | None:
-    """Return the unit of length that the comments state; None without a statement."""
+    """Return the unit of length that the comments state; None without a statement.
+
+    Statements on angles, such as ``all in deg``, do not count.
+    """
     comments = [line for line in lines if line.lstrip().startswith(("#", "%", "//"))]
     stated = {
         statement.unit.unit or statement.unit.text
         for statement in find_unit_statements(comments)
-        if statement.axis is None
+        if statement.axis is None and statement.unit.text.lower() not in ANGLE_UNITS
     }
     return common_length_unit(stated)
 
@@ -173,10 +179,12 @@ def _parse_row(cells: list[str], pose_convention: PoseConvention, location: str)
 def _split_cells(line: str) -> list[str]:
     """Return the cells of a line without its comment and brackets; empty if nothing remains."""
     line = line.split("#", maxsplit=1)[0].strip()
-    if ";" in line:  # European spreadsheets: decimal comma
-        return [cell.strip().replace(",", ".") for cell in line.rstrip("; ").split(";")]
     line = re.sub(r"\bp\[", "[", line)  # as Universal Robots write a pose
     bare = re.sub(r"[()\[\]]", " ", line).strip().rstrip(",")
+    if ";" in line:  # European spreadsheets: decimal comma
+        is_header = re.search(r"[^\W\d_eE]", line) is not None  # brackets are those of units
+        text = line if is_header else bare
+        return [cell.strip().replace(",", ".") for cell in text.rstrip("; ").split(";")]
     return [cell.strip() for cell in bare.split(",")] if "," in bare else bare.split()
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TextIO
 
 from lsvision.ellipse.section_table import SECTION_COLUMNS, section_row
-from lsvision.files.printable import printable_cell, printable_name
+from lsvision.files.printable import printable_cell
 from lsvision.results.quantities import Record, coordinate_columns, finite_or_none
 
 if TYPE_CHECKING:
@@ -19,6 +19,10 @@ RECORD_SCHEMA = "lsvision.measurement/1"
 """Name and version of one record."""
 FILE_SCHEMA = "lsvision.measurements/1"
 """Name and version of a JSON file of records."""
+
+MAX_CELL_LENGTH = 2**31 - 1
+"""Largest length of a cell that the CSV module reads back: a text of a file may be of any length,
+and a C long has 32 bits on Windows. Units: characters."""
 
 FRAMES = ("base", "flange")
 """Frames of a robot in which cylinders are placed."""
@@ -163,13 +167,13 @@ class CsvFormat:
         Attributes without a column are left out of the rows.
         """
         previous_count = len(self._attributes)
-        reserved = {*self._fixed, "reason"}
         for record in records:
             for name in _attributes(record):
-                column = printable_name(name)
-                if column in reserved:
-                    column = f"{column}_in_file"
-                self._attributes.setdefault(name, column)
+                if name not in self._attributes:
+                    column = printable_cell(name)
+                    while column in self._columns:
+                        column = f"{column}_in_file"
+                    self._attributes[name] = column
         return len(self._attributes) > previous_count
 
     def item(self, record: Record) -> str:
@@ -187,9 +191,13 @@ class CsvFormat:
 
     def convert(self, text: TextIO, head: str) -> Iterator[str]:
         """Yield rows written under another header with the columns of the present one."""
-        (columns,) = csv.reader([head])
-        for row in csv.DictReader(text, columns):
-            yield self._lines([row])
+        limit = csv.field_size_limit(MAX_CELL_LENGTH)
+        try:
+            (columns,) = csv.reader([head])
+            for row in csv.DictReader(text, columns):
+                yield self._lines([row])
+        finally:
+            csv.field_size_limit(limit)
 
     @property
     def _columns(self) -> list[str]:

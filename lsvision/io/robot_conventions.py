@@ -105,6 +105,13 @@ def find_convention(name: str) -> PoseConvention:
     return CONVENTIONS[name]
 
 
+def check_units(length_unit: str | None, angle_unit: str | None) -> None:
+    """Raise ValueError if a unit is neither None nor one of the units of poses."""
+    for unit, sizes in ((length_unit, MM_PER_UNIT), (angle_unit, RAD_PER_UNIT)):
+        if unit is not None and unit not in sizes:
+            raise ValueError(f"expected a unit, one of {', '.join(sizes)}; got {unit!r}")
+
+
 def pose_from_numbers(
     numbers: Sequence[float],
     convention: str,
@@ -136,7 +143,7 @@ def pose_from_numbers(
     Raises
     ------
     ValueError
-        If the convention is unknown, the count is wrong, a number is not finite or above
+        If the convention or a unit is unknown, the count is wrong, a number is not finite or above
         `MAX_NUMBER`, a quaternion is not of length 1, or a matrix is not that of a rotation and a
         translation.
 
@@ -157,6 +164,7 @@ def pose_from_numbers(
         raise ValueError(f"expected finite numbers, got {_format_value(values)}")
     if np.abs(values).max() > MAX_NUMBER:
         raise ValueError(f"expected numbers up to {MAX_NUMBER:g}, got {_format_value(values)}")
+    check_units(length_unit, angle_unit)
     mm_per_unit = MM_PER_UNIT[length_unit or pose_convention.length_unit]
     if pose_convention.rotation == "matrix":
         return _pose_from_matrix(values.reshape(4, 4), mm_per_unit)

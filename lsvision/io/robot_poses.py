@@ -17,6 +17,7 @@ from lsvision.io.robot_conventions import (
     AngleUnit,
     LengthUnit,
     PoseConvention,
+    check_units,
     find_convention,
     pose_from_numbers,
 )
@@ -38,6 +39,8 @@ MAX_ANGLE_RAD = 2 * np.pi * 1.001
 larger number is in deg."""
 MIN_ANGLE_RAD = np.radians(1)
 """Angles that are all below it, as numbers, are nearly 0 both in rad and in deg."""
+
+_STATE_UNIT = "state the unit"  # in messages
 
 
 def read_robot_poses(
@@ -78,7 +81,7 @@ def read_robot_poses(
     Raises
     ------
     ValueError
-        If the convention is unknown.
+        If the convention or a unit is unknown.
     UnreadableFile
         If the file is missing or cannot be parsed, a count of numbers is wrong, a rotation is
         invalid, units are implausible, or the robot did not move.
@@ -90,6 +93,7 @@ def read_robot_poses(
     (6, (3,))
     """
     pose_convention = find_convention(convention)
+    check_units(length_unit, angle_unit)
     table = _read_files(path, pose_convention, skip_columns)
     length_unit = length_unit or table.length_unit
     angle_unit = angle_unit or table.angle_unit
@@ -107,7 +111,12 @@ def read_robot_poses(
         _find_motion_problem(poses, length_unit),
     ):
         if problem:
-            raise UnreadableFile(f"{path}: {problem}")
+            advice = (
+                _STATE_UNIT
+                if table.may_state_units
+                else f"write the poses as CSV and {_STATE_UNIT}"
+            )
+            raise UnreadableFile(f"{path}: {problem.replace(_STATE_UNIT, advice)}")
     return poses
 
 
@@ -141,6 +150,7 @@ def _read_files(path: str | Path, pose_convention: PoseConvention, skip_columns:
         rows,
         _common_unit(path, [table.length_unit for table in tables]),
         _common_unit(path, [table.angle_unit for table in tables]),
+        all(table.may_state_units for table in tables),
     )
 
 
@@ -219,11 +229,11 @@ def _angle_unit_remedy(pose_convention: PoseConvention, unit: AngleUnit) -> str:
         pose_convention.fields[:3]
         + tuple(f"{name} [{unit}]" for name in pose_convention.fields[3:])
     )
-    return f"state the unit in a header, {header} (in Python angle_unit='{unit}')"
+    return f"{_STATE_UNIT} in a header, {header} (in Python angle_unit='{unit}')"
 
 
 def _length_unit_remedy(unit: LengthUnit) -> str:
-    return f"state the unit in a first line, # lengths in {unit} (in Python length_unit='{unit}')"
+    return f"{_STATE_UNIT} in a first line, # lengths in {unit} (in Python length_unit='{unit}')"
 
 
 def _find_motion_problem(poses: Iterable[Pose], stated: LengthUnit | None) -> str | None:

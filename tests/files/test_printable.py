@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lsvision.files.printable import printable, printable_name
+from lsvision.files.printable import printable, printable_cell, printable_name
 from tests.strategies import PROPERTY
 
 
@@ -31,6 +31,16 @@ def test_what_does_not_print_is_escaped(text, shown):
 def test_a_name_that_a_spreadsheet_takes_for_a_formula_gets_its_folder(mark):
     assert printable_name(f"{mark}1.csv") == f"./{mark}1.csv"
     assert printable_name(f"/data/{mark}1.csv") == f"/data/{mark}1.csv"
+
+
+@pytest.mark.parametrize("text", ["-E5", "+e5", "-A1", "=1", "@x", "-.e5"])
+def test_a_text_that_a_spreadsheet_takes_for_a_formula_is_marked_as_text(text):
+    assert printable_cell(text) == f"'{text}"
+
+
+@pytest.mark.parametrize("text", ["-", "+1", "-1.5", "+1,5e-3", "-.5", "-5.", "x", ""])
+def test_numbers_and_other_texts_are_unchanged(text):
+    assert printable_cell(text) == text
 
 
 @PROPERTY

@@ -197,6 +197,10 @@ def test_provenance_tells_the_inputs_apart(tmp_path):
     ("text", "match"),
     [
         (ROS_FILE.replace("plumb_bob", "equidistant"), "lens model is 'equidistant'"),
+        (
+            "left:\n" + ROS_FILE.replace("plumb_bob", "equidistant").replace("\n", "\n  "),
+            "lens model is 'equidistant'",
+        ),
         (ROS_FILE.replace("camera_matrix", "matrix"), "expected camera matrix under one of"),
         (ROS_FILE.replace("0., 0., 1.]", "0.]"), "matrix of 9 numbers, got 7"),
         (ROS_FILE.replace("distortion_coefficients", "x"), "expected distortion coefficients"),
@@ -216,6 +220,9 @@ def test_size_that_contradicts_the_file_is_rejected(tmp_path):
     (tmp_path / "a.yaml").write_text(ROS_FILE)
     with pytest.raises(UnreadableFile, match=r"images of \(640, 480\) px, not \(5, 5\)"):
         read_camera(tmp_path / "a.yaml", size=(5, 5))
+    LightSection(CAMERA, Plane((0, 0.8, 0.6), 100.0)).save(tmp_path / "a.json")
+    with pytest.raises(UnreadableFile, match=r"a\.json .*images of .* px, not \(5, 5\)"):
+        read_camera(tmp_path / "a.json", size=(5, 5))
 
 
 def test_missing_files_and_folders_are_named(camera_calibration, tmp_path):

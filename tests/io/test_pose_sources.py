@@ -168,3 +168,27 @@ def test_poses_as_universal_robots_write_them(write):
     marked = "\n".join(f"p[{', '.join(map(str, row))}]" for row in rows)
     expected = read_robot_poses(write(plain, "plain.txt"), "ur")
     assert_same(read_robot_poses(write(marked, "marked.txt"), "ur"), expected)
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "X [millimetre],Y [mm],Z [Millimeter],A [deg],B [deg],C [deg]",
+        "# x y z in mm, everything in deg",
+        "# all in deg",
+    ],
+)
+def test_units_in_words_and_units_of_angles_are_understood(write, expected, head):
+    lines = [",".join(map(str, row)) for row in ROWS]
+    assert_same(read_robot_poses(write("\n".join([head, *lines])), "kuka"), expected())
+
+
+def test_brackets_around_cells_with_semicolons_are_ignored(write, expected):
+    lines = ["[" + ";".join(str(cell).replace(".", ",") for cell in row) + "]" for row in ROWS]
+    assert_same(read_robot_poses(write("\n".join(lines)), "kuka"), expected())
+
+
+def test_angles_of_a_program_are_in_degrees_however_small(write):
+    text = "{X 300, Y 0, Z 0, A 2, B 0, C 0}\n{X 350, Y 0, Z 0, A 3, B 0, C 0}\n"
+    poses = read_robot_poses(write(text), "kuka")
+    assert poses[1].rotation[1, 0] == pytest.approx(np.sin(np.radians(3)))

@@ -208,3 +208,22 @@ def test_a_long_file_lies_on_the_disk_and_reads_the_same(tmp_path, monkeypatch, 
     assert {row["source"] for row in rows} == {"a,\n.csv"}
     document = json.loads((tmp_path / "o.json").read_text())
     assert [record["profile"] for record in document["measurements"]] == [0, 1, 2]
+
+
+def test_columns_of_attributes_are_distinct_and_no_formulas(tmp_path, record):
+    values = {"reason": 1, "reason_in_file": 2, "reason_in_file_in_file": 3, "=x": 4}
+    write_csv(tmp_path / "o.csv", [with_attributes(record, **values)])
+    header, row = csv.reader((tmp_path / "o.csv").read_text().splitlines())
+    assert len(set(header)) == len(header)
+    assert row[-5:-1] == ["1", "2", "3", "4"]
+    assert header[-2:] == ["'=x", "reason"]
+
+
+def test_a_column_may_come_after_a_long_text(tmp_path, record):
+    files = ResultFiles(None, tmp_path / "o.csv")
+    files.add([with_attributes(record, image="0" * 200_000)])
+    files.add([with_attributes(record, part="P7")])
+    files.finish()
+    first, second = (tmp_path / "o.csv").read_text().splitlines()[1:]
+    assert len(first) > 200_000
+    assert ",P7," in second

@@ -203,6 +203,22 @@ def test_a_unit_can_be_stated_in_the_file_as_the_message_says(tmp_path, case):
     assert 100 < reach < 5000
 
 
+@pytest.mark.parametrize("name", ["p.json", "p.yaml"])
+def test_where_a_file_cannot_state_units_the_message_says_so(tmp_path, name):
+    (tmp_path / name).write_text(json.dumps([[0.3, 0, 0, 90, 0, 0], [0.35, 0, 0, 80, 0, 0]]))
+    with pytest.raises(UnreadableFile, match="write the poses as CSV and state the unit in a "):
+        read_robot_poses(tmp_path / name, "kuka")
+
+
+@pytest.mark.parametrize("options", [{"length_unit": "cm"}, {"angle_unit": "grad"}])
+def test_an_unknown_unit_is_a_slip_of_the_caller(tmp_path, options):
+    (tmp_path / "p.csv").write_text("300,0,0,90,0,0\n350,0,0,80,0,0\n")
+    with pytest.raises(ValueError, match=r"expected a unit, one of .*; got '(cm|grad)'"):
+        read_robot_poses(tmp_path / "p.csv", "kuka", **options)
+    with pytest.raises(ValueError, match=r"expected a unit, one of .*; got '(cm|grad)'"):
+        pose_from_numbers([300, 0, 0, 90, 0, 0], "kuka", **options)
+
+
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(UnreadableFile, match=r"nowhere\.csv"):
         read_robot_poses(tmp_path / "nowhere.csv", "kuka")
