@@ -21,12 +21,16 @@ def read_keyence_raw(content: bytes, settings: ReadSettings) -> RawProfiles:
     Raises
     ------
     UnreadableFile
-        If `settings` lack the controller's scales, which the file does not hold.
+        If `settings` lack the controller's scales, which the file does not hold, or state a unit.
     """
     if settings.x_start is None or settings.x_pitch is None or settings.height_scale is None:
         raise UnreadableFile(
             "raw Keyence counts without their scale: give XStart, XPitch and ZUnit of the "
             "controller (0.01 um) with --x-start, --x-pitch and --z-unit"
+        )
+    if settings.units is not None:
+        raise UnreadableFile(
+            "raw Keyence counts, whose scale is given by --x-pitch and --z-unit: leave --units out"
         )
     counts = parse_table(decode_text(content)).values
     x = (settings.x_start + settings.x_pitch * np.arange(counts.shape[1])) * MM_PER_KEYENCE_STEP

@@ -112,7 +112,10 @@ def numbers_from_cells(cells: Sequence[str]) -> FloatArray:
     """
     column = parse_column(cells, decimal_comma=False)
     if column.first_invalid is not None:
-        raise UnreadableFile(f"{column.first_invalid.text!r} {column.first_invalid.reason}")
+        raise UnreadableFile(
+            f"{column.first_invalid.text[:40]!r} is not a number: export it again, with empty "
+            "cells or nan for lost points"
+        )
     return column.values
 
 

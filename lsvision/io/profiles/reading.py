@@ -301,7 +301,8 @@ def convert_to_section_frame(
     profiles = tuple(Profile(section, lost=()) for section in sections)  # markers are removed
     unit_names = tuple(dict.fromkeys((x_unit, height_unit)))
     extent = find_extent(profiles)
-    stated = "" if assumed else ", ".join(unit_names)
+    # A unit other than mm is stated, at least for one axis.
+    stated = "" if assumed and unit_names == ("mm",) else ", ".join(unit_names)
     unit_warnings = () if extent is None else find_unit_warnings(*extent, stated)
     hints = () if extent is None else find_other_problems(*extent, profiles, assumed=assumed)
     guessed = tuple(marker.note for marker in markers if marker.guessed)
@@ -353,7 +354,8 @@ def require_plausible_units(file: ProfileFile) -> None:
         marked = [f"{marker.count} by {marker.text}" for marker in file.markers]
         lost = f" (without {file.lost} lost points, {', '.join(marked)})" if marked else ""
         raise UnreadableFile(
-            f"{file.path}: {'; '.join(file.unit_warnings)}, or --units mm if it is correct{lost}"
+            f"{file.path}: {'; '.join(file.unit_warnings)}, or --units {file.units} if it is "
+            f"correct{lost}"
         )
 
 

@@ -95,8 +95,11 @@ def _has_known_roles(parsed: Sequence[tuple[str, StatedUnit | None]]) -> bool:
 
 def _is_not_header(line: str, text: str, labels: Sequence[str], separator: str | None) -> bool:
     """Return whether a line with one word per column does not hold their names."""
-    if all(map(is_number_or_lost, labels)) or states_unit(line):
+    if all(map(is_number_or_lost, labels)):
         return True
+    if states_unit(line):  # unless it names columns, as "x_mm,z in um" without a comment's mark
+        is_comment_line = line.lstrip().startswith(COMMENT_MARKS)
+        return is_comment_line or not _has_known_roles(list(map(split_label, labels)))
     return separator is None and _is_key_value(text, labels)
 
 
@@ -144,8 +147,10 @@ def _unit_row(labels: Sequence[str]) -> list[StatedUnit | None] | None:
             row.append(StatedUnit(word, None))
         else:
             return None
-    # 'x m' names two columns rather than giving the unit of one
-    return row if any(row) and not any(has_known_role(label.lower()) for label in labels) else None
+    words = [label.lower() for label in labels]
+    # 'x m' names two columns rather than giving the unit of one; px is a unit, and a name of x
+    names_columns = any(has_known_role(word) and word not in NOT_LENGTHS for word in words)
+    return row if any(row) and not names_columns else None
 
 
 def _names_above(

@@ -22,7 +22,7 @@ MAX_PREAMBLE_LINES = 200
 SAMPLE_LINES = 60
 """Number of lines of cells that decide whether the table begins with the line above them."""
 MIN_TEXT_TABLE_FRACTION = 0.5
-"""Smallest fraction of lines with the same cells in a text table with words."""
+"""Smallest fraction of lines with the same number of cells in a text table with words."""
 
 _ANY_NUMBER = re.compile(f"{POINT_NUMBER.pattern}|{COMMA_NUMBER.pattern}|{THOUSANDS.pattern}")
 _RULE = re.compile(r"[-=_*~]{3,}")
@@ -60,17 +60,23 @@ class Layout:
 
 def may_state_size(line: str, separator: str | None) -> bool:
     """Return whether a line may be the numbers of rows and columns that follow, like ``2 60``."""
-    cells = [cell.strip() for cell in split_cells(line.strip(), separator)]
-    return len(cells) == 2 and all(cell.isdecimal() for cell in cells) and 2 in map(int, cells)
+    counts = [_parse_count(cell) for cell in split_cells(line.strip(), separator)]
+    return len(counts) == 2 and None not in counts and 2 in counts
+
+
+def _parse_count(cell: str) -> int | None:
+    """Return the whole number in a cell; None for other cells, and for more than 9 digits."""
+    word = cell.strip()
+    return int(word) if word.isdecimal() and len(word) <= 9 else None
 
 
 def _states_size(lines: Sequence[str], first: int, stop: int, separator: str | None) -> bool:
     """Return whether the first line of numbers is a count of rows and columns, like ``2 60``."""
     if not may_state_size(lines[first], separator):
         return False
-    cells = split_cells(lines[first].strip(), separator)
+    counts = map(_parse_count, split_cells(lines[first].strip(), separator))
     below = [line for line in lines[first + 1 : stop] if line.strip() and not is_comment(line)]
-    return len(below) > 1 and sorted(map(int, cells)) == sorted((2, len(below)))
+    return len(below) > 1 and set(counts) == {2, len(below)}
 
 
 def split_cells(line: str, separator: str | None) -> list[str]:
@@ -284,8 +290,10 @@ def _is_footer(cells: Sequence[str], numeric: tuple[int, ...], width: int, rows:
     """Return whether a row is below the table: words, a rule, or the number of its rows."""
     if len(cells) in (width, width + 1):
         return not is_number_or_lost(cells[numeric[0]])
-    words = [cell for cell in cells if not is_number_or_lost(cell)]
-    counts_rows = len(cells) == 1 and cells[0].strip().isdecimal()
-    if len(cells) == 1 and _RULE.fullmatch(cells[0].strip()):
+    if not all(map(is_number_or_lost, cells)):
         return True
-    return bool(words) or (counts_rows and abs(int(cells[0].strip()) - rows) <= 1)
+    if len(cells) != 1:
+        return False
+    count = _parse_count(cells[0])
+    is_row_count = count is not None and abs(count - rows) <= 1
+    return is_row_count or _RULE.fullmatch(cells[0].strip()) is not None

@@ -75,9 +75,9 @@ _AXIS_UNIT = re.compile(
 _UNIT_AXIS = re.compile(rf"{_UNIT_GROUP}\s*[\[(]\s*{_AXIS_GROUP}\b[^\])]*[\])]")
 # "heights are stated in um".
 _PHRASE = re.compile(
-    r"\b(lateral|depth|values?|coordinates?|lengths?|distances?|dimensions?|data|numbers?|points?|"
+    r"\b((?:lateral|depth|values?|coordinates?|lengths?|distances?|dimensions?|data|numbers?|points?|"
     r"heights?|ranges?|positions?|profiles?|everything|all|columns?|x|y|z)\b"
-    r"(?:\s*(?:,|/|and|und|&|are|is|given|stated|expressed|measured|values?|coordinates?|x|y|z))*"
+    r"(?:\s*(?:,|/|and|und|&|are|is|given|stated|expressed|measured|values?|coordinates?|x|y|z))*)"
     r"\s+in\s+([0-9./^*-]*\s?[^\W\d_%]+)"
 )
 # "per count" or "/digit".
@@ -95,10 +95,11 @@ _FRACTION = re.compile(
     rf"(?<![^\W_])(?:{'|'.join(FRACTION_WORDS)})\s+(?:of\s+an?\s+|d\w*\s*)?(?:mm|m[ei]\w+)"
     r"|1/10+\s?mm"
 )
-# "multiply by 0.01", "converted to mm" or "counts per mm".
+# "multiply by 0.01", "converted to mm", "counts per mm" or "scale factor 0.01".
 _CONVERSION = re.compile(
     rf"\b(?:multiply|multiplied|divide\w*)\b.*?[0-9]|\bto\s+(?:mm|m|um)\b"
     rf"|{COUNT_WORD}\s*(?:/|per|pro)\s*[^\W\d_]+"
+    r"|\b(?:scale|scaling|multiplier)(?:\s+factor)?\s+(?!1(?:\.0*)?$)[0-9.]"
 )
 
 
@@ -213,7 +214,7 @@ def _parse_statements(line: str) -> Iterator[UnitStatement]:
     if line.lstrip().startswith(("#", "%", "//", "!", "*")) or key_value or " in " in text:
         for subject, unit in _PHRASE.findall(text.lower()):
             if parse_unit(unit) is not None or unit.strip() in NOT_LENGTHS:
-                yield UnitStatement(state_unit(unit), _AXES.get(subject))
+                yield UnitStatement(state_unit(unit), _axis(set(re.findall(r"\w+", subject))))
 
 
 def _split_key(key: str) -> set[str]:

@@ -70,13 +70,17 @@ NOT_LENGTHS = frozenset(
 
 _REMARKS = frozenset(
     "sensor lateral height range distance depth axis horizontal vertical left right "  # noqa: SIM905
-    "towards away filtered smoothed corrected calibrated absolute relative float double "
-    "int integer".split()
+    "towards away up down top bottom filtered smoothed corrected calibrated absolute relative "
+    "float double int integer".split()
 )
 """Text in round brackets after a name that is not a unit."""
 # Labels such as "x [mm]"; "x_mm", "x in mm" or "x/mm"; "xmm".
 _BRACKETED = re.compile(r"^(.*?)\s*([\[({<])\s*([^\])}>]*?)\s*[\])}>]\s*(.*)$")
 _SUFFIXED = re.compile(r"^(.+?)(\s+in\s+|[\s_/:-]+)([^\s_/:]+)$")
+# Labels such as "z_0.1_mm" or "z in 1/10 mm"; the 2 of "z_2_mm" is rather a number of the column.
+_SCALED_SUFFIX = re.compile(
+    r"^([^\W\d_]+)(?:\s+in\s+|[\s_:/-]+)([0-9]*[./,^][0-9.,^-]*[\s_]*[^\W\d_]+)$"
+)
 _SHORT = re.compile(r"^([xyzhrd])(mm|um|µm|μm|nm|cm)$")
 
 
@@ -169,15 +173,14 @@ def split_label(label: str) -> tuple[str, StatedUnit | None]:
     short = _SHORT.match(word)
     if short:
         return short[1], state_unit(short[2])
+    scaled = _SCALED_SUFFIX.match(word)
+    if scaled and parse_unit(scaled[2].replace("_", " ")) is not None:
+        return scaled[1], state_unit(scaled[2].replace("_", " "))
     suffixed = _SUFFIXED.match(word)
     if suffixed:
         name, mark, suffix = suffixed.groups()
         if parse_unit(suffix) is not None or suffix in NOT_LENGTHS or "/" in mark:
             return name.strip(" _:-/"), state_unit(suffix)
-        # "z_0.1_mm" or "z 1/10 mm": the unit begins with a scale
-        scaled = re.match(r"^([^\W\d]+)[\s_:/-]+(\S*\d\S*[\s_]*\S+)$", word)
-        if scaled and parse_unit(scaled[2].replace("_", " ")) is not None:
-            return scaled[1], state_unit(scaled[2].replace("_", " "))
     return word, None
 
 

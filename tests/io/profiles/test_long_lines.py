@@ -46,3 +46,15 @@ def test_long_texts_without_points_are_rejected(write, text):
     with pytest.raises(UnreadableFile) as message:
         read_profile(write(text))
     assert "\n" not in str(message.value)
+
+
+@pytest.mark.parametrize(
+    "text", ["x,z\n1,2\n2,3\n{}\n", "2,{}\n1,2\n2,3\n", "{} 2\n1 2\n2 3\nend\n"]
+)
+def test_a_number_of_thousands_of_digits_is_no_count(write, text):
+    path = write(text.format("9" * 5000))
+    if text.startswith("x"):
+        with pytest.raises(UnreadableFile, match="line 4 has 1 cells"):
+            read_profile(path)
+    else:
+        assert read_profile(path).points[1:].tolist() == [[1, 2], [2, 3]]

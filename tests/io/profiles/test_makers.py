@@ -100,3 +100,10 @@ def test_the_keyence_exporter_writes_utf_16_and_mm(write):
     file = inspect_profiles(write(text.encode("utf-16"), "export.csv"))
     npt.assert_array_equal(file.profiles[0].points, [[-1.5, 0.25], [NAN, NAN], [-0.5, 0.75]])
     assert (file.reader, file.units_assumed) == ("keyence", False)
+
+
+def test_a_unit_for_raw_keyence_counts_is_rejected(write):
+    text = "\n".join("\t".join(["32768"] * 800) for _ in range(2))
+    scales = {"x_start": 0, "x_pitch": 10, "z_unit": 50}
+    with pytest.raises(UnreadableFile, match="leave --units out"):
+        inspect_profiles(write(text), units="um", **scales)

@@ -6,6 +6,7 @@ import pytest
 
 from lsvision.errors import UnreadableFile
 from lsvision.io.profiles import ReadSettings, inspect_profiles, read_profile
+from lsvision.io.profiles.reading import require_plausible_units
 from lsvision.io.profiles.unit_statements import find_unit_statements
 from lsvision.io.profiles.units import mm_per_unit, parse_unit, split_label
 
@@ -241,3 +242,43 @@ def test_positions_along_the_travel_have_the_unit_of_their_column(write, header,
     assert file.positions == positions
     assert len(file.profiles) == 3
     assert not note or note in file.notes
+
+
+@pytest.mark.parametrize("label", ["z_0.1_mm", "z 1/10 mm", "z in 0.1 mm", "z_10^-4_m", "z/0.1 mm"])
+def test_a_unit_with_a_scale_behind_a_name_keeps_its_scale(write, label):
+    assert split_label(label)[0] == "z"
+    file = inspect_profiles(write(f"x_mm,{label}\n1,-4000\n2,-3990\n"))
+    npt.assert_allclose(file.profiles[0].points, [[1, -400], [2, -399]])
+    assert split_label("z_2_mm")[0] == "z_2"
+
+
+def test_pixels_below_the_names_are_no_names(write):
+    with pytest.raises(UnreadableFile, match="the unit 'px' is stated in it and not understood"):
+        read_profile(write("x,z\npx,px\n1,2\n2,3\n"))
+
+
+def test_a_scale_in_free_text_is_not_passed_over(write, arc):
+    for line in ("# scale factor 1000", "# Scaling 0.01"):
+        with pytest.raises(UnreadableFile, match="mentions a unit that is not understood"):
+            read_profile(write(f"{line}\n{written(arc)}"))
+    read_profile(write(f"# scale factor 1.0\n{written(arc)}"))
+
+
+def test_where_one_axis_states_its_unit_no_unit_finer_than_mm_is_suggested(write):
+    file = inspect_profiles(write("x [m],z\n10,-400\n12,-399\n"))
+    (warning,) = file.unit_warnings
+    assert warning.endswith("check the stated unit (m), see --units")
+    with pytest.raises(UnreadableFile, match="or --units m if it is correct"):
+        require_plausible_units(file)
+
+
+def test_a_header_that_states_a_unit_in_words_is_still_a_header(write):
+    file = inspect_profiles(write("x_mm,z in um\n1,-4000\n2,-3990\n"))
+    npt.assert_allclose(file.profiles[0].points, [[1, -4], [2, -3.99]])
+
+
+def test_a_phrase_about_several_axes_is_about_all_of_them():
+    for line in ("# x,z in um", "# x and z are given in um", "# coordinates x, y, z in um"):
+        assert [(s.unit.unit, s.axis) for s in find_unit_statements([line])] == [("um", None)]
+    (statement,) = find_unit_statements(["# z values in um"])
+    assert statement.axis == "height"
