@@ -71,6 +71,8 @@ def _find_pairs(document: Any) -> tuple[list[tuple[Any, Any]], bool]:
             raise ValueError(f"{len(flanges)} poses of the hand and {len(targets)} of the marker")
         return list(zip(flanges, targets, strict=True)), True
     rows = document["samples"]
+    if not isinstance(rows, list) or not all(isinstance(row, Mapping) for row in rows):
+        raise TypeError("samples that are no list of mappings")
     target_key = "optical" if rows and "optical" in rows[0] else "tracking"
     return [(row["robot"], row[target_key]) for row in rows], True
 

@@ -36,17 +36,21 @@ def write_ply(
     Raises
     ------
     ValueError
-        If the shapes do not match or a number is not finite.
+        If the shapes do not match, a number is not finite in single precision, a colour is not
+        from 0 to 1, or a corner of a triangle is no row of `points`.
     UnwritableFile
         If the file cannot be written.
     """
     points, colours = np.asarray(points, dtype=np.float64), np.asarray(colours, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != 3 or colours.shape != points.shape:
         raise ValueError(f"expected (n, 3) points and colours, got {points.shape}, {colours.shape}")
+    is_finite = bool((np.abs(points) <= np.finfo(np.float32).max).all())
     in_range = colours.min(initial=0.0) >= 0 and colours.max(initial=1.0) <= 1
-    if not (np.isfinite(points).all() and in_range):
+    if not (is_finite and in_range):
         raise ValueError("expected finite points and colours from 0 to 1")
-    faces = np.zeros((0, 3), dtype=np.int64) if triangles is None else triangles
+    faces = np.zeros((0, 3), dtype=np.int64) if triangles is None else np.asarray(triangles)
+    if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":
+        raise ValueError(f"expected (m, 3) whole numbers as triangles, got {faces.shape}")
     if faces.size and not (faces.min() >= 0 and faces.max() < len(points)):
         raise ValueError(
             f"expected triangles of rows from 0 to below {len(points)}, got {faces.min()} to "

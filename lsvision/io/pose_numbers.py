@@ -142,11 +142,18 @@ def frame_rows(hand_eye: HandEye, convention: str) -> list[Row]:
         (f"{name} {field}", format_value(float(value), float(sigma)), unit)
         for field, value, sigma, unit in zip(fields, values, std, units, strict=True)
     ]
-    values = values + 0.0  # 0 instead of -0
-    cells = [f"{value:.{DECIMALS[unit]}f}" for value, unit in zip(values, units, strict=True)]
+    cells = [
+        _format_fixed(value, DECIMALS[unit])
+        for value, unit in zip(values.tolist(), units, strict=True)
+    ]
     text = _ROBOT_FORMATS.get(pose_convention.name, ", ".join(["{}"] * len(cells))).format(*cells)
     unit_text = ", ".join(dict.fromkeys(unit for unit in units if unit))
     return [*rows, (f"to type in, {pose_convention.name}", text, unit_text)]
+
+
+def _format_fixed(value: float, decimals: int) -> str:
+    """Return a number with some decimals, 0 without a sign."""
+    return f"{round(value, decimals) + 0.0:.{decimals}f}"
 
 
 def _matrix_rows(name: str, matrix: FloatArray, covariance: FloatArray) -> list[Row]:
@@ -155,10 +162,10 @@ def _matrix_rows(name: str, matrix: FloatArray, covariance: FloatArray) -> list[
     rows: list[Row] = [
         (
             f"{name}, row {number}",
-            ", ".join(f"{value:.{count}f}" for value, count in zip(row, decimals, strict=True)),
+            ", ".join(map(_format_fixed, row, decimals)),
             "mm" if number < 4 else "",
         )
-        for number, row in enumerate(matrix + 0.0, start=1)  # 0 instead of -0
+        for number, row in enumerate(matrix.tolist(), start=1)
     ]
     std = np.sqrt(np.diag(covariance))
     position = ", ".join(format_std(value) for value in std[:3].tolist())

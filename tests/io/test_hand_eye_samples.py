@@ -24,7 +24,9 @@ def test_lengths_are_converted_to_mm(tmp_path, suffix):
         ({"samples": [{"robot": "abc", "tracking": POSE}]}, "a str instead of a pose"),
         ({"samples": [{"robot": None, "tracking": POSE}]}, "a NoneType instead of a pose"),
         ({"samples": [{"robot": POSE}]}, "no 'tracking'"),
-        ({"samples": "abc"}, "samples of MoveIt"),
+        ({"samples": "abc"}, "samples that are no list of mappings"),
+        ({"samples": {"a": 1}}, "samples that are no list of mappings"),
+        ({"samples": [1]}, "samples that are no list of mappings"),
         ("abc", "got: a str"),
     ],
 )

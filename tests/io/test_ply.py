@@ -55,6 +55,10 @@ def test_a_surface_without_triangles_is_a_whole_file(tmp_path: Path) -> None:
         (np.nan * POINTS, COLOURS, None, "finite points"),
         (POINTS, COLOURS, np.array([[0, 1, 3]]), "rows from 0 to below 3, got 0 to 3"),
         (POINTS, COLOURS, np.array([[0, 1, -1]]), "got -1 to 1"),
+        (POINTS, COLOURS, np.array([0, 1, 2]), r"\(m, 3\) whole numbers as triangles, got \(3,\)"),
+        (POINTS, COLOURS, np.array([[0, 1, 2, 1]]), r"as triangles, got \(1, 4\)"),
+        (POINTS, COLOURS, np.array([[0, 1, 1.5]]), "whole numbers as triangles"),
+        (POINTS + 1e39, COLOURS, None, "finite points"),
     ],
 )
 def test_what_is_no_cloud_is_rejected(

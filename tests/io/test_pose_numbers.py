@@ -170,6 +170,16 @@ def test_matrix_is_given_row_by_row_with_its_sigmas(solved):
     )
 
 
+@pytest.mark.parametrize("convention", ["kuka", "ur", "matrix"])
+def test_a_number_that_rounds_to_0_has_no_sign(solved, convention):
+    tilted = Rotation.from_rotvec((-1e-10, -1e-10, -1e-10)).as_matrix()
+    mount = Pose(tilted, (-1e-6, 5.0, -1e-7))
+    rows = frame_rows(replace(solved, mount_from_sensor=mount), convention)
+    texts = [text for name, text, _ in rows if ", row " in name or name.startswith("to type in")]
+    assert texts
+    assert not re.search(r"-0\.0+(?![0-9])", " ".join(texts))
+
+
 def test_unknown_convention_is_a_slip_of_the_caller():
     with pytest.raises(ValueError, match="expected a pose convention, one of ur, kuka"):
         numbers_from_pose(Pose(), "kawasky")

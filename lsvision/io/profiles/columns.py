@@ -223,7 +223,8 @@ def _choose_by_name(table: NumberTable) -> _Columns | None:
 def _choose_by_role(table: NumberTable) -> _Columns | None:
     """Return the columns of x and height and the key by their roles; None if one is missing.
 
-    Without a column of heights or ranges, y is the height. With x, y and height, y is the travel.
+    Without a column of heights or ranges, y is the height; without x, y is x. With x, y and height,
+    y is the travel.
     """
     by_role = columns_by_role(table.names, table.texts)
     away = "range" in by_role and "height" not in by_role

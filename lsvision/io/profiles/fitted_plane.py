@@ -74,7 +74,7 @@ def fit_section_plane(clouds: Sequence[FloatArray]) -> FittedSections:
     to_section = pose.inverse()
     distances = plane.signed_distances(points)
     rms, largest = float(np.sqrt(np.mean(distances**2))), float(np.abs(distances).max())
-    normal = ", ".join(f"{component:.4f}" for component in pose.rotation[:, 2] + 0.0)
+    normal = ", ".join(f"{component:.4f}" for component in pose.rotation[:, 2].round(4) + 0.0)
     return FittedSections(
         sections=tuple(to_section.apply(cloud)[:, :2] for cloud in clouds),
         file_from_section=pose,

@@ -294,7 +294,7 @@ def flat_width(key: str, values: FloatArray) -> int | None:
     Parameters
     ----------
     key : str
-        Key of the matrix; ``scan_line`` holds triples.
+        Key of the list; ``scan_line`` holds triples if its length is a multiple of 3.
     values : (n,) ndarray
         The numbers.
     """

@@ -105,7 +105,7 @@ def table_from_points(key: str, values: FloatArray) -> NumberTable:
     Parameters
     ----------
     key : str
-        Key of the matrix; ``scan_line`` holds triples.
+        Key of the matrix; ``scan_line`` holds triples if its length is a multiple of 3.
     values : (n,) or (n, k) ndarray
         Numbers in turn, or rows of points; (k, n) if n is larger.
 

@@ -2,7 +2,7 @@
 
 import math
 import operator
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypedDict
 
@@ -244,7 +244,7 @@ def _parse_markers(lost: float | str | Sequence[float | str]) -> tuple[float | s
     if isinstance(lost, str):
         cells: Sequence[float | str] = lost.split(",")
     else:
-        cells = lost if isinstance(lost, Sequence) else (lost,)
+        cells = list(lost) if isinstance(lost, Iterable) else [lost]
     markers: list[float | str] = []
     for cell in cells:
         word = str(cell).strip()

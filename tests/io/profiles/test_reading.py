@@ -99,6 +99,10 @@ def test_a_slip_in_the_options_is_rejected(options, message):
         ReadSettings(**options)
 
 
+def test_markers_may_be_an_array():
+    assert ReadSettings(lost=np.array([-9999.0, 0.0])).lost_values == (-9999.0, 0.0)  # type: ignore[arg-type] # what a user may pass
+
+
 def test_a_column_that_is_no_whole_number_is_rejected():
     with pytest.raises(TypeError, match="'float' object"):
         ReadSettings(columns=(0.5, 1))  # type: ignore[arg-type] # what a user may pass
