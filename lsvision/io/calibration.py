@@ -15,8 +15,7 @@ from lsvision.errors import UnwritableFile
 from lsvision.files.atomic_files import write_atomic
 from lsvision.files.limited_reading import read_bytes
 from lsvision.files.printable import printable
-from lsvision.sensors import rig_file
-from lsvision.sensors.rig_file import camera_as_json, plane_as_json
+from lsvision.sensors.rig_file import camera_as_json, format_json, plane_as_json
 
 CAMERA_SCHEMA = "lsvision/camera-calibration/1"
 """Name and version of the format of a camera's calibration."""
@@ -56,7 +55,7 @@ def write_calibration(
         "provenance": dict(provenance),
     }
     try:
-        text = rig_file.format_json(schema, {**values, **details})
+        text = format_json(schema, {**values, **details})
     except ValueError as error:
         raise UnwritableFile(f"{path}: the calibration has numbers that are not finite") from error
     write_atomic(path, text)

@@ -12,8 +12,8 @@ from lsvision.files.atomic_files import write_atomic
 from lsvision.files.limited_reading import current_size_limit, read_bytes, size_limit
 from lsvision.geometry import FloatArray, as_readonly_array
 from lsvision.io.calibration import CAMERA_SCHEMA, LASER_PLANE_SCHEMA
-from lsvision.sensors import rig_file
 from lsvision.sensors.camera import Camera
+from lsvision.sensors.rig_file import SCHEMA as RIG_SCHEMA
 from lsvision.sensors.rig_file import camera_from_json, parse_document
 
 # Keys of the camera matrix, the coefficients and the size in the files of different tools.
@@ -27,7 +27,7 @@ WIDTH_KEYS, HEIGHT_KEYS = ("image_width", "width"), ("image_height", "height")
 MAX_SIZE = 64 * 10**6
 """Largest camera file; residuals of 100 views take 2 MB. Units: bytes."""
 
-_SCHEMAS = (CAMERA_SCHEMA, LASER_PLANE_SCHEMA, rig_file.SCHEMA)
+_SCHEMAS = (CAMERA_SCHEMA, LASER_PLANE_SCHEMA, RIG_SCHEMA)
 
 MODELS = ("plumb_bob", "rational_polynomial", "")
 """ROS's names of the lens models whose coefficients are those of OpenCV; empty if not stated."""
@@ -74,7 +74,7 @@ def _parse_camera(text: str, source: Path, size: tuple[int, int] | None = None) 
             return camera
         return _camera_from_yaml(text, size)
     except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise UnreadableFile(f"{source} holds no camera: {error}") from error
+        raise UnreadableFile(f"{source} holds no camera as expected: {error}") from error
 
 
 def read_camera_covariance(path: str | os.PathLike[str]) -> FloatArray | None:

@@ -120,3 +120,14 @@ def test_a_file_without_profiles_is_reported_as_when_read_whole(tmp_path):
 def test_a_part_of_no_profile_is_a_slip_of_the_caller(tmp_path):
     with pytest.raises(ValueError, match="expected at_once of at least 1, got 0"):
         list(iterate_profiles(tmp_path / "a.npy", at_once=0))
+
+
+def test_attributes_of_parts_are_those_of_the_whole_array(tmp_path):
+    cube = np.zeros((5, 9, 3))
+    cube[:, :, 0], cube[:, :, 1] = np.arange(9.0), np.arange(5.0)[:, np.newaxis]
+    cube[:, :, 2] = -400 - cube[:, :, 0] ** 2 / 9
+    np.save(tmp_path / "a.npy", cube)
+    whole = inspect_profiles(tmp_path / "a.npy").attributes
+    parts = iterate_profiles(tmp_path / "a.npy", at_once=2)
+    assert [row for part in parts for row in part.file.attributes] == list(whole)
+    assert list(whole) == [{"y": float(y)} for y in range(5)]

@@ -93,6 +93,27 @@ def profiles_from_table(table: NumberTable, settings: ReadSettings) -> RawProfil
     )
 
 
+def profiles_from_rows_of_points(
+    points: NumberTable, count: int, settings: ReadSettings
+) -> RawProfiles:
+    """Return the profiles of `count` equal parts of a table; see `profiles_from_table`."""
+    part = np.repeat(np.arange(float(count)), len(points.values) // count)
+    numbered = replace(
+        points,
+        values=np.column_stack([points.values, part]),
+        names=(*points.names, "scan"),
+        units=(*points.units, None),
+    )
+    raw = profiles_from_table(numbered, settings)
+    # The number of a part is no data of the file.
+    attributes = [{k: v for k, v in row.items() if k != "scan"} for row in raw.attributes]
+    return replace(
+        raw,
+        attributes=tuple(attributes) if any(attributes) else (),
+        ignored=tuple(label for label in raw.ignored if label != "scan"),
+    )
+
+
 def _choose_columns(table: NumberTable, settings: ReadSettings) -> _Columns:
     """Return the columns that the user requests, or that names or positions suggest."""
     if table.values.shape[1] - len(table.texts) < 2 and settings.columns is None:

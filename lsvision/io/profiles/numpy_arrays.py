@@ -17,7 +17,7 @@ import numpy.typing as npt
 from lsvision.errors import UnreadableFile
 from lsvision.files.limited_reading import current_size_limit
 from lsvision.io.profiles.column_roles import has_known_role
-from lsvision.io.profiles.columns import profiles_from_table
+from lsvision.io.profiles.columns import profiles_from_rows_of_points, profiles_from_table
 from lsvision.io.profiles.matrix import MIN_COLUMNS, are_heights, profiles_from_matrix
 from lsvision.io.profiles.named_columns import profiles_from_named
 from lsvision.io.profiles.number_cells import floats_from
@@ -214,13 +214,11 @@ def profiles_from_array(
             statements,
         )
     values = _as_floats(array)
-    if values.ndim == 3 and values.shape[2] == 2 and len(values):
-        return add_units(RawProfiles(sections=list(values)), statements, settings)
-    if values.ndim == 3 and values.shape[2] == 3 and len(values):  # y may separate profiles, too
-        number = np.repeat(np.arange(float(len(values))), values.shape[1])
-        rows = np.column_stack([number, values.reshape(-1, 3)])
-        table = NumberTable(rows, ("scan", "x", "y", "z"), (None,) * 4, statements)
-        return profiles_from_table(table, settings)
+    if values.ndim == 3 and values.shape[2] in (2, 3) and len(values):
+        if values.shape[2] == 2 and settings.columns is None:
+            return add_units(RawProfiles(sections=list(values)), statements, settings)
+        points = NumberTable.of_points(values.reshape(-1, values.shape[2]), statements)
+        return profiles_from_rows_of_points(points, len(values), settings)
     if values.ndim == 1:
         values = values.reshape(1, -1)
     if values.ndim != 2 or values.size == 0:

@@ -52,9 +52,7 @@ def read_opencv_storage(content: bytes, settings: ReadSettings) -> RawProfiles:
         If the file cannot be parsed or contains no list of points.
     """
     text = decode_text(content)
-    lines = _lines_of_words(text)
-    # Long lists are split here: a YAML parser needs microseconds per number.
-    lists = {key: body.split(",") for key, body in _FLAT_LIST.findall(text) if key != "data"}
+    lists, lines = _find_lists(text)
     columns = {
         key: numbers_from_cells(cells)
         for key, cells in lists.items()
@@ -77,9 +75,19 @@ def read_opencv_storage(content: bytes, settings: ReadSettings) -> RawProfiles:
     return profiles_from_table(replace(table, statements=statements, lost=lost), settings)
 
 
-def _lines_of_words(text: str) -> list[str]:
-    """Return lines like ``unit: um``, without lists and nested content."""
-    return [line for line in text.splitlines() if _KEY_WORD.match(line)]
+def _find_lists(text: str) -> tuple[dict[str, list[str]], list[str]]:
+    """Return the cells of each list that contains no other one, and lines like ``unit: um``."""
+    if text.lstrip().startswith("<"):
+        lists = {key: node for key, node in _parse_nodes(text).items() if _is_list_of_words(node)}
+        lines = [f"{key}: {' '.join(words)}" for key, words in lists.items()]
+        return lists, [line for line in lines if _KEY_WORD.match(line)]
+    # Long lists are split here: a YAML parser needs microseconds per number.
+    lists = {key: body.split(",") for key, body in _FLAT_LIST.findall(text) if key != "data"}
+    return lists, [line for line in text.splitlines() if _KEY_WORD.match(line)]
+
+
+def _is_list_of_words(node: Any) -> bool:
+    return isinstance(node, list) and all(isinstance(word, str) for word in node)
 
 
 def _rank(key: str) -> int:
@@ -89,12 +97,7 @@ def _rank(key: str) -> int:
 
 def _first_node(text: str) -> tuple[str, FloatArray]:
     """Return the key of lowest rank that holds points, and its numbers."""
-    try:
-        nodes = _parse(text)
-    except ValueError as error:
-        raise UnreadableFile(
-            f"not a FileStorage of OpenCV ({str(error)[:200]}): write it again with cv2.FileStorage"
-        ) from None
+    nodes = _parse_nodes(text)
     for key in sorted(nodes, key=_rank):
         values = _numbers(key, nodes[key])
         is_pairs = values.ndim == 2 and values.shape[1] == 2
@@ -104,6 +107,16 @@ def _first_node(text: str) -> tuple[str, FloatArray]:
         f"no list of points among its keys ({', '.join(nodes)[:200] or 'none'}): "
         "expected scan_line: [x, y, z, ...]"
     )
+
+
+def _parse_nodes(text: str) -> dict[str, Any]:
+    """Return the nodes under the root; an error names what `_parse` does not accept."""
+    try:
+        return _parse(text)
+    except ValueError as error:
+        raise UnreadableFile(
+            f"not a FileStorage of OpenCV ({str(error)[:200]}): write it again with cv2.FileStorage"
+        ) from None
 
 
 def _parse(text: str) -> dict[str, Any]:

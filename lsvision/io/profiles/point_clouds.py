@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
-from lsvision.io.profiles.columns import profiles_from_table
+from lsvision.io.profiles.columns import profiles_from_rows_of_points, profiles_from_table
 from lsvision.io.profiles.number_cells import floats_from, numbers_from_cells
 from lsvision.io.profiles.number_table import NumberTable
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
@@ -65,12 +65,10 @@ def read_pcd(content: bytes, settings: ReadSettings) -> RawProfiles:
     header = {words[0]: words[1:] for words in map(str.split, lines) if words}
     layout, rows = _parse_pcd_layout(header)
     table = _parse_points(content[match.end() :], layout, ascii_=match[1] == b"ascii")
+    table = _with_comments(table, content[: match.start()], "#")
     if rows > 1:
-        scan = np.repeat(np.arange(float(rows)), layout.count // rows)
-        table = NumberTable(
-            np.column_stack([table.values, scan]), (*table.names, "scan"), (None,) * 4
-        )
-    return profiles_from_table(_with_comments(table, content[: match.start()], "#"), settings)
+        return profiles_from_rows_of_points(table, rows, settings)
+    return profiles_from_table(table, settings)
 
 
 def _with_comments(table: NumberTable, head: bytes, mark: str) -> NumberTable:

@@ -227,3 +227,32 @@ def test_lists_of_different_length_beside_the_points_of_parquet_are_ignored(writ
 def test_the_lost_marker_beside_lists_of_opencv_counts(write):
     text = "%YAML:1.0\n---\nnodata: -401.5\nx: [1., 2., 3.]\nz: [-400., -401.5, -401.]\n"
     assert read_profile(write(text, "a.yml")).lost == 1
+
+
+def test_columns_of_a_stack_count_from_its_last_axis(write):
+    stack = np.stack([IN_SPACE[1:17], IN_SPACE[18:34]])
+    stack[1, :, 1] += 1
+    for array, columns in ((stack, (2, 0)), (stack, "z,x"), (stack[:, :, ::2], "1,0")):
+        file = inspect_profiles(write(saved(np.save, array), "a.npy"), columns=columns)
+        assert [len(profile) for profile in file.profiles] == [16, 16]
+        npt.assert_array_equal(file.profiles[1].points, stack[1][:, [2, 0]])
+
+
+def test_lists_and_units_of_opencv_xml_count(write, tmp_path):
+    path = str(tmp_path / "a.xml")
+    storage = cv2.FileStorage(path, cv2.FileStorage_WRITE)
+    storage.write("unit", "0.1 mm")
+    for name, numbers in (("x", (1.0, 2.0, 3.0)), ("z", (-400.0, -399.0, -398.0))):
+        storage.startWriteStruct(name, cv2.FileNode_SEQ)
+        for number in numbers:
+            storage.write("", number)
+        storage.endWriteStruct()
+    storage.release()
+    expected = [[0.1, -40], [0.2, -39.9], [0.3, -39.8]]
+    npt.assert_allclose(read_profile(path).points, expected)
+    matrix = (
+        '<profile type_id="opencv-matrix"><rows>3</rows><cols>2</cols><dt>d</dt>'
+        "<data>1 -400 2 -399 3 -398</data></profile>"
+    )
+    text = f"<?xml version='1.0'?><opencv_storage><unit>0.1 mm</unit>{matrix}</opencv_storage>"
+    npt.assert_allclose(read_profile(write(text, "b.xml")).points, expected)
