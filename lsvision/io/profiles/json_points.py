@@ -1,7 +1,7 @@
 """Points in JSON: lists under names, pairs, objects, matrices of OpenCV, ROS LaserScan."""
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import chain
@@ -14,6 +14,7 @@ from lsvision.files.json_text import NestedTooDeep, parse_json
 from lsvision.geometry import FloatArray
 from lsvision.io.profiles.column_roles import column_role, has_known_role, names_section
 from lsvision.io.profiles.columns import profiles_from_table
+from lsvision.io.profiles.json_statements import lines_of_scalars, lines_on_units
 from lsvision.io.profiles.json_values import (
     is_point,
     is_scalar,
@@ -91,11 +92,7 @@ def profiles_from_document(document: Any, settings: ReadSettings, kind: str) -> 
             f"{kind} without a list of points ({_describe_contents(document)}): {_EXPECTED_KEYS}"
         )
     if isinstance(document, Mapping):
-        require_known_unit(profiles.units, _statement_lines(document), settings)
-        stated = find_lost_values(
-            f"{key}: {value}" for key, value in document.items() if isinstance(value, int | float)
-        )
-        profiles = replace(profiles, lost=profiles.lost + stated)
+        require_known_unit(profiles.units, lines_on_units(document), settings)
     return profiles
 
 
@@ -127,7 +124,9 @@ def _find_profiles(document: Any, settings: ReadSettings, depth: int) -> RawProf
     if depth > MAX_DEPTH:
         return None
     if isinstance(document, Mapping):
-        return _from_object(document, settings, depth)
+        profiles = _from_object(document, settings, depth)
+        lost = find_lost_values(lines_of_scalars(document))
+        return None if profiles is None else replace(profiles, lost=profiles.lost + lost)
     if isinstance(document, list) and document:
         return _from_list(document, settings, depth)
     return None
@@ -144,13 +143,11 @@ def _from_object(
     """
     if is_laser_scan(document):
         return profiles_from_scans([document])
-    statements = find_unit_statements(_statement_lines(document))
+    statements = find_unit_statements(lines_on_units(document))
     columns = {key: values for key, value in document.items() if (values := list_of_numbers(value))}
     names = [split_label(key)[0] for key in columns]
     if names_section(names):
-        named = {k: v for k, v in columns.items() if has_known_role(split_label(k)[0])}
-        arrays = {key: to_arrays(value) for key, value in named.items()}
-        return profiles_from_named(arrays, settings, statements)
+        return _from_columns(document, columns, settings, statements)
     if settings.dx is not None and [column_role(name) for name in names] in (["height"], ["range"]):
         rows = to_floats(next(iter(columns.values())))
         return profiles_from_matrix(
@@ -165,6 +162,28 @@ def _from_object(
         if profiles is not None:
             return profiles
     return None
+
+
+def _from_columns(
+    document: Mapping[str, Any],
+    columns: Mapping[str, Any],
+    settings: ReadSettings,
+    statements: tuple[UnitStatement, ...],
+) -> RawProfiles:
+    """Return the profiles of lists with known names, and of lists that are as long as these."""
+    known = {key: values for key, values in columns.items() if has_known_role(split_label(key)[0])}
+    lengths = set(map(len, known.values()))
+    arrays = {k: to_arrays(v) for k, v in columns.items() if k in known or len(v) in lengths}
+    texts = {
+        key: value
+        for key, value in document.items()
+        if key not in columns and _is_list_of_texts(value) and len(value) in lengths
+    }
+    return profiles_from_named(arrays, settings, statements, texts)
+
+
+def _is_list_of_texts(value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(item, str) for item in value)
 
 
 def _from_named_list(
@@ -254,11 +273,21 @@ def _table_from_objects(document: Sequence[Mapping[str, Any]], keys: Sequence[st
 
 
 def _join_profiles(items: Sequence[RawProfiles | None]) -> RawProfiles | None:
-    """Return all profiles in one; None if one is missing, or units or directions differ."""
+    """Return all profiles in one; None if one is missing.
+
+    Raises
+    ------
+    UnreadableFile
+        If units or directions differ.
+    """
     parts = [item for item in items if item is not None]
-    kinds = {(part.units, part.position_unit, part.away) for part in parts}
-    if len(parts) < len(items) or len(kinds) != 1:
+    if len(parts) < len(items):
         return None
+    if len({(part.units, part.position_unit, part.away) for part in parts}) > 1:
+        raise UnreadableFile(
+            "its profiles differ in their units, or in the direction of heights: write all alike, "
+            "or one file per profile"
+        )
     attributes = [row for part in parts for row in part.attributes or [{}] * len(part.sections)]
     positions = [part.positions for part in parts if part.positions is not None]
     return replace(
@@ -342,27 +371,6 @@ def _opencv_matrix(
     return replace(
         table_from_points("", np.squeeze(matrix_from_node("", document))), statements=statements
     )
-
-
-def _statement_lines(document: Mapping[str, Any]) -> Iterator[str]:
-    """Yield lines ``key: value`` that may state a unit, from the entries and their sub-entries."""
-    for key, value in document.items():
-        if isinstance(value, str):
-            yield f"{key}: {value}"
-        elif isinstance(value, Mapping) and "unit" in key.lower():
-            yield from (f"unit_{axis}: {unit}" for axis, unit in value.items())
-        elif isinstance(value, Mapping):
-            yield from (f"{name}: {text}" for name, text in value.items() if isinstance(text, str))
-            yield from (
-                line
-                for name, inner in value.items()
-                if isinstance(inner, Mapping) and "unit" in name.lower()
-                for line in _statement_lines({name: inner})
-            )
-        elif isinstance(value, int | float) and not isinstance(value, bool):
-            yield f"{key}: {value}"
-        elif isinstance(value, list) and "unit" in key.lower():
-            yield f"{key}: {', '.join(map(str, value))}"
 
 
 def _key_rank(key: str) -> int:

@@ -73,7 +73,7 @@ def parse_plain_yaml(text: str) -> dict[str, Any] | list[Any]:
             document[key] = _parse_value(body)
         elif body:
             return _parse_items(body)
-        key, body = match[1].strip("\"' \t"), [match[2]] if match[2] else []
+        key, body = match[1].strip(), [match[2]] if match[2] else []
     return document
 
 

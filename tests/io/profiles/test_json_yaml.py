@@ -259,3 +259,36 @@ def test_the_unit_beside_an_object_with_heights_counts(write):
 def test_rows_of_different_length_are_named(write):
     with pytest.raises(UnreadableFile, match="rows of 2 to 3 numbers: write null for lost points"):
         read_profile(write(json.dumps({"z": [[1, 2, 3], [1, 2]]})), dx=0.5)
+
+
+@pytest.mark.parametrize(
+    "wrap",
+    [
+        lambda points: {"nodata": -130} | points,
+        lambda points: {"nodata": "-130"} | points,
+        lambda points: {"meta": {"nodata": -130}} | points,
+        lambda points: {"profile": {"nodata": -130} | points},
+        lambda points: [{"nodata": -130} | points],
+    ],
+)
+def test_a_lost_marker_counts_wherever_it_stands(write, wrap):
+    points = {"x": [1, 2, 3, 4], "z": [-129, -130, -131, -130.5]}
+    profile = read_profile(write(json.dumps(wrap(points))))
+    assert np.isnan(profile.points[:, 0]).tolist() == [False, True, False, False]
+
+
+def test_lists_beside_x_and_z_are_columns_as_in_a_table(write):
+    lists = {"x": [1, 2, 3], "z": [4, 5, 6], "h2": [7, 8, 9], "size": [1, 2], "unit": "mm"}
+    path = write(json.dumps(lists))
+    npt.assert_array_equal(read_profile(path, columns="x,h2").points, [[1, 7], [2, 8], [3, 9]])
+    assert inspect_profiles(path).ignored == ("h2",)
+    rows = {"x": [1, 2, 3], "z": [[4, 5, 6], [4, 6, 8]], "part": ["a", "b"], "run": [5, 6]}
+    file = inspect_profiles(write(json.dumps(rows)))
+    assert file.attributes == ({"run": 5, "part": "a"}, {"run": 6, "part": "b"})
+
+
+def test_profiles_in_different_units_are_named_as_such(write):
+    profiles = [{"unit": unit, "x": [1, 2, 3], "z": [4, 5, 6]} for unit in ("um", "mm")]
+    with pytest.raises(UnreadableFile, match="its profiles differ in their units"):
+        read_profiles(write(json.dumps(profiles)))
+    assert len(read_profiles(write(json.dumps(profiles)), units="mm")) == 2
