@@ -107,23 +107,24 @@ def _read_profile_block(lines: Sequence[str]) -> Iterator[tuple[float, FloatArra
     """Yield y and points (x, z) of each row with Z in the column Axis.
 
     Their x are those of the last row with X in it (raw profiles), else the names of the columns
-    behind Axis. The cell before Axis is y; without one, y is 0. A row of another length than x,
-    such as the last of a truncated file, is left out.
+    behind Axis. Without a column Y, y is 0. A row of another length than x, such as the last of a
+    truncated file, is left out.
     """
-    axis = -1
+    axis, y_column = -1, -1
     x = np.empty(0)
     for line in lines:
         cells = line.split(",")
         if "Axis" in cells:
             axis = cells.index("Axis")
+            y_column = cells.index("Y") if "Y" in cells[:axis] else -1
             x = numbers_from_cells(cells[axis + 1 :])
         elif 0 <= axis < len(cells) and cells[axis] in ("X", "Z"):
             row = numbers_from_cells(cells[axis + 1 :])
             if cells[axis] == "X":
                 x = row
             elif len(row) == len(x):
-                y = numbers_from_cells(cells[axis - 1 : axis])
-                yield (float(y[0]) if len(y) else 0.0), np.column_stack([x, row])
+                y = float(numbers_from_cells([cells[y_column]])[0]) if y_column >= 0 else 0.0
+                yield y, np.column_stack([x, row])
 
 
 _BLOCK_READERS = {

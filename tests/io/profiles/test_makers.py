@@ -58,6 +58,13 @@ def test_each_section_of_a_gocator_recording_gives_the_same_profiles(write, sect
     assert (file.reader, file.units, file.units_assumed) == ("gocator", "mm", False)
 
 
+def test_profiles_of_a_gocator_recording_without_y_are_at_0(write):
+    text = GOCATOR_HEAD + RAW.replace(",Y,Axis", ",Axis").replace("80,10.0,", "80,")
+    file = inspect_profiles(write(text.replace("80,10.5,", "80,"), "replay.csv"))
+    assert file.positions == (0.0, 0.0)
+    npt.assert_array_equal(file.profiles[1].points[2], [0.5, 2.5])
+
+
 def test_a_gocator_recording_without_its_last_end_still_reads(write):
     cut = (GOCATOR_HEAD + SURFACE).removesuffix("End\n")
     assert len(read_profiles(write(cut))) == 2
