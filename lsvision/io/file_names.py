@@ -43,7 +43,7 @@ def find_files(name: str, suffixes: frozenset[str] = PROFILE_SUFFIXES) -> list[P
         If a folder cannot be listed.
     """
     path = Path(name)
-    if name == STDIN:
+    if name in (STDIN, ""):  # Path("") is the current folder, which an empty name does not mean
         return [path]
     if is_directory(path):
         visible = [file for file in _list_folder(path) if not file.name.startswith(".")]

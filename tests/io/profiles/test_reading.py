@@ -6,6 +6,7 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
+from lsvision.errors import UnreadableFile
 from lsvision.io.profiles import (
     ReadOptions,
     ReadSettings,
@@ -106,3 +107,11 @@ def test_markers_may_be_an_array():
 def test_a_column_that_is_no_whole_number_is_rejected():
     with pytest.raises(TypeError, match="'float' object"):
         ReadSettings(columns=(0.5, 1))  # type: ignore[arg-type] # what a user may pass
+
+
+def test_an_empty_name_is_not_the_current_folder(tmp_path, monkeypatch):
+    (tmp_path / "a.csv").write_text("1,2\n2,3\n")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(UnreadableFile, match="a directory: name a file in it"):
+        read_profiles("")
+    assert len(read_profiles(".")) == 1
