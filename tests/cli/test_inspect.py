@@ -178,8 +178,8 @@ def test_a_scan_needs_poses(run, job, profile):
     done = run("inspect", job(INSIDE, "[scan]\n"), profile)
     assert done.exit_code == 1
     assert "job.toml: [scan] and [rig]: expected feed and step_mm, or poses and conv" in done.stderr
-    done = run("inspect", job(INSIDE, "[scan]\nfeed = [0, 0, 1]\nstep_mm = 0\n"), profile)
-    assert "[scan] and [rig]: expected step_mm other than 0, at most 100000, got 0" in done.stderr
+    done = run("inspect", job(INSIDE, "[scan]\nfeed = [0, 0, 1]\nstep_mm = 1e12\n"), profile)
+    assert "[scan] and [rig]: expected step_mm other than 0, at most 100000, got 1" in done.stderr
 
 
 def test_job_check_says_every_slip_or_what_the_job_is(run, job):
