@@ -137,7 +137,7 @@ def _passes_limits(
     passed: BoolArray = circles.convex & (circles.rms < circles.line_rms)
     # The radius of curvature of an ellipse is between b^2 / a and a^2 / b.
     passed &= circles.radius >= low / MAX_AXIS_RATIO
-    passed &= circles.radius <= high * MAX_AXIS_RATIO**2
+    passed &= circles.radius / MAX_AXIS_RATIO**2 <= high
     passed &= circles.rms <= max_circle_rms(circles.radius, noise_std)
     return passed
 

@@ -41,12 +41,13 @@ def write_atomic(path: str | os.PathLike[str], content: str | bytes | Iterable[b
     data = content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
     chunks = [data] if isinstance(data, bytes) else data
     try:
-        target = Path(os.path.realpath(path))
-        if target.is_symlink():  # realpath stops at a loop
-            raise OSError(errno.ELOOP, "a loop of symbolic links")
-        if target.exists() and not target.is_file() and not target.is_dir():
-            with target.open("wb") as file:
+        given, target = Path(path), Path(os.path.realpath(path))
+        # The real path of /dev/stdout does not exist if that is a pipe.
+        if given.exists() and not given.is_file() and not given.is_dir():
+            with given.open("wb") as file:
                 file.writelines(chunks)
+        elif target.is_symlink():  # realpath stops at a loop
+            raise OSError(errno.ELOOP, "a loop of symbolic links")
         else:
             _replace(target, chunks)
     except (OSError, ValueError) as error:

@@ -44,6 +44,10 @@ def wavy(amplitude):
     return points * (1 + amplitude / 20 * np.tile([1, -1], 30))[:, None]
 
 
+def test_the_search_range_may_be_as_wide_as_numbers_go():
+    assert len(candidates_of(line(dome(0, 20)), (1e-300, 1e308))) > 0
+
+
 def test_the_best_candidate_of_a_dome_is_its_circle():
     profile = line(flat(-40, -20), dome(0, 20), flat(20, 40))
     best = candidates_of(profile)[0]

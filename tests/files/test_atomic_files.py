@@ -59,6 +59,15 @@ def test_a_device_is_written_to_not_replaced():
     assert not Path("/dev/null").is_file()
 
 
+@pytest.mark.skipif(not Path("/dev/fd").exists(), reason="no such folder here")
+def test_standard_output_may_be_a_pipe():
+    reader, writer = os.pipe()
+    write_atomic(f"/dev/fd/{writer}", "{}")
+    os.close(writer)
+    with os.fdopen(reader) as file:
+        assert file.read() == "{}"
+
+
 @pytest.mark.parametrize(
     ("name", "message"),
     [
