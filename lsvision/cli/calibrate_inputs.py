@@ -45,6 +45,7 @@ class LineOptions:
         float,
         typer.Option(
             min=0,
+            max=20,  # a wider border may reach the horizon of a tilted board's plane
             metavar="SQUARES",
             help="Width of the flat white border around the board's pattern.",
         ),

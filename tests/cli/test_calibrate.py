@@ -164,6 +164,14 @@ def test_what_does_not_exist_is_named(run, boards, out, tmp_path):
     assert "missing.png: no such file" in error_text(run("calibrate", *words, "--out", out), out)
 
 
+@pytest.mark.parametrize("margin", ["-1", "21", "inf"])
+def test_a_margin_that_no_board_has_is_a_usage_error(run, margin):
+    words = ("--boards", "b.png", "--lines", "l.png", "--camera", "c.json", "--margin", margin)
+    result = run("calibrate", "laser-plane", *words)
+    assert result.exit_code == 2
+    assert "--margin" in result.stderr
+
+
 @pytest.fixture
 def laser_plane_error(run, boards, camera_json, out):
     """The error of `calibrate laser-plane` for `boards` and a folder of line images."""
