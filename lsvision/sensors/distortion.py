@@ -21,10 +21,11 @@ NEWTON_TOLERANCE = 1e-13
 MAX_NEWTON_STEP = 0.5
 """Largest change of a coordinate in one step, against divergence. Units: focal lengths."""
 FAR_RADIUS = 1.0
-"""Distance from the optical axis beyond which a point may lie beyond two folds. Units: focal
-lengths."""
+"""Distance from the optical axis from which each point is checked for folds between it and the
+axis. Of nearer points the farthest is checked; if a checked point is beyond a fold, all are.
+Units: focal lengths."""
 FOLD_SAMPLES = 16
-"""Points between the optical axis and such a point at which the model is checked for folds."""
+"""Intervals between the optical axis and a point; the model is checked for folds at their ends."""
 MIN_DETERMINANT = 1e-12
 """Smallest modulus of the determinant of a regular Jacobian."""
 
@@ -102,11 +103,12 @@ def undistort(distorted: Points, coefficients: FloatArray) -> tuple[Points, Floa
             break
         step = np.einsum("nij,nj->ni", invert_2x2(jacobian), residual)
         normalised = normalised - np.clip(step, -MAX_NEWTON_STEP, MAX_NEWTON_STEP)
-    # Beyond a fold the model mirrors the image: its determinant is negative.
+    # Beyond a fold the model mirrors the image: its determinant is negative. Beyond two it is not.
     valid = (largest <= NEWTON_TOLERANCE) & (_determinants(jacobian) > 0)
-    far = np.flatnonzero(valid & (np.hypot(*normalised.T) > FAR_RADIUS))
-    if len(far):
-        valid[far] = ~_beyond_folds(normalised[far], coefficients)
+    radii = np.where(valid, np.hypot(*normalised.T), -1.0)
+    far = radii >= min(FAR_RADIUS, radii.max(initial=0.0))
+    if far.any() and _beyond_folds(normalised[far], coefficients).any():
+        valid[valid] = ~_beyond_folds(normalised[valid], coefficients)
     normalised[~valid], jacobian[~valid] = np.nan, np.nan
     return normalised, jacobian
 

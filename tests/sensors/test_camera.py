@@ -105,3 +105,13 @@ def test_pixels_beyond_a_second_fold_have_no_ray():
     camera = Camera([[100, 0, 0], [0, 100, 0], [0, 0, 1]], [-0.4, 0.05, 0, 0], (400, 400))
     rays = camera.rays([[64.0, 0.0], [195.0, 0.0], [0.0, 198.0]])
     assert np.isnan(rays[:, 0]).tolist() == [False, True, True]
+
+
+@pytest.mark.parametrize("lens", [[-2.0, 1.5, 0, 0], [-8.0, 0, 0, 0]])
+def test_pixels_beyond_a_second_fold_near_the_axis_have_no_ray(lens):
+    """The image of the first fold ends at 0.30 and 0.14 focal lengths."""
+    camera = Camera([[100, 0, 0], [0, 100, 0], [0, 0, 1]], lens, (200, 200))
+    rays = camera.rays([[10.0, 0.0], [35.0, 0.0], [0.0, 45.0]])
+    assert np.isnan(rays[:, 0]).tolist() == [False, True, True]
+    assert np.isnan(camera.rays([[35.0, 0.0]])).all()
+    assert np.isnan(camera.rays([[1000.0, 0.0]])).all()
