@@ -30,8 +30,8 @@ def plan_section(
     """Predict the standard uncertainties of a tube measured in one section.
 
     The steep flanks carry most information, so that the result depends on the position of the
-    outermost point within a pitch: for a tube of 19 mm by up to 18 % in the default view, 29 % at a
-    pitch of 0.6 mm (largest to smallest); for one of 10 mm by twice as much.
+    outermost point within a pitch: for a radius of 19 mm by up to 18 % in the default view, 29 % at
+    a pitch of 0.6 mm (largest to smallest); for one of 10 mm by twice as much.
 
     Parameters
     ----------
@@ -166,9 +166,9 @@ def _visible_section(
 def _pose_error_jacobian(
     normals: FloatArray, point_sections: IntArray, feed: Feed
 ) -> "csr_array[np.float64] | None":
-    """Return the `shared_errors` (n, 3 sections + 2) of `scan_bound` by the errors of the poses.
+    """Return the errors of the poses as `shared_errors` (n, k) of `scan_bound`; None if all are 0.
 
-    None if the poses have no errors.
+    k is 3 for the position of each section, and 2 for the direction of the feed.
     """
     if feed.pose_std == feed.feed_std == 0:
         return None
@@ -240,6 +240,11 @@ def sections_needed(  # noqa: PLR0913 - the parameters of `plan_scan`, and the t
 ) -> ScanPrediction:
     """Return the shortest scan, with the spacing of the feed, that reaches a target accuracy.
 
+    The uncertainties need not decrease with the number of sections: they fluctuate with the
+    positions of the points within a pitch, and an error of the feed direction may make them grow.
+    Numbers are tried in steps of a half and then bisected: a scan may be missed that is shorter, or
+    that alone reaches the target by 2 % or less.
+
     Parameters
     ----------
     radius, theta, phi
@@ -261,7 +266,8 @@ def sections_needed(  # noqa: PLR0913 - the parameters of `plan_scan`, and the t
     Raises
     ------
     DegenerateGeometry
-        If 2048 sections do not reach the target, or two do not determine the cylinder.
+        If no number of sections up to 2048 is found to reach the target, or two do not determine
+        the cylinder.
     TooFewPoints
         If fewer than five points are visible in two sections together.
     ValueError
@@ -288,11 +294,12 @@ def sections_needed(  # noqa: PLR0913 - the parameters of `plan_scan`, and the t
         prediction = plan(2)
     insufficient, sufficient = prediction.sections - 1, prediction.sections
     while not target.met_by(prediction):
-        insufficient, sufficient = sufficient, 2 * sufficient
-        if sufficient > MAX_SECTIONS:
+        if sufficient == MAX_SECTIONS:
             raise DegenerateGeometry(_describe_unreachable(prediction))
+        # No larger steps, since the uncertainties may have a minimum.
+        larger = min(sufficient + (sufficient + 1) // 2, MAX_SECTIONS)
+        insufficient, sufficient = sufficient, larger
         prediction = plan(sufficient)
-    # Bisection: the uncertainties decrease with the number of sections.
     while sufficient - insufficient > 1:
         middle = (insufficient + sufficient) // 2
         candidate = plan(middle)
@@ -303,10 +310,10 @@ def sections_needed(  # noqa: PLR0913 - the parameters of `plan_scan`, and the t
     return prediction
 
 
-def _describe_unreachable(best: ScanPrediction) -> str:
+def _describe_unreachable(longest: ScanPrediction) -> str:
     return (
-        f"{best.sections} sections over {best.length:g} mm reach radius "
-        f"{best.radius_std:.2g} mm, direction {math.degrees(best.direction_std):.2g} deg, "
-        f"phi {math.degrees(best.phi_std):.2g} deg, theta {math.degrees(best.theta_std):.2g}"
+        f"{longest.sections} sections over {longest.length:g} mm reach radius "
+        f"{longest.radius_std:.2g} mm, direction {math.degrees(longest.direction_std):.2g} deg, "
+        f"phi {math.degrees(longest.phi_std):.2g} deg, theta {math.degrees(longest.theta_std):.2g}"
         " deg and not the target: increase the spacing, or reduce the uncertainty of the poses"
     )

@@ -182,6 +182,20 @@ def test_sections_needed_is_the_least_number_that_reaches_the_target(spacing):
     assert answer.length == pytest.approx((answer.sections - 1) * spacing)
 
 
+def test_sections_needed_finds_a_target_that_longer_scans_miss():
+    """With an error of the feed, phi_std has its minimum at 22 sections: 16 and 32 miss it."""
+    tube, feed = (18.4, 2.78, 1.0), Feed(feed_std=1e-3)
+    stds = {
+        n: plan_scan(*tube, feed=replace(feed, sections=n), known_radius_std=0.0).phi_std
+        for n in (16, 22, 32)
+    }
+    target = AccuracyTarget(phi_std=1.02 * stds[22])
+    assert min(stds[16], stds[32]) > target.phi_std
+    answer = sections_needed(*tube, target=target, feed=feed, known_radius_std=0.0)
+    assert 16 < answer.sections <= 22
+    assert answer.phi_std <= target.phi_std
+
+
 def test_sections_needed_of_a_tube_along_the_normal_is_two_or_more():
     """One section does not determine its direction at all."""
     answer = sections_needed(19.0, 0.3, 0.0, target=AccuracyTarget(radius_std=1.0))
