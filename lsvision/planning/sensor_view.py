@@ -66,7 +66,8 @@ class SensorView(ShowsChanges):
         else:
             depth = self.standoff + sensor.origin[1]
             half_at_depth = half * depth / sensor.max_range
-            count = half_at_depth // self.pitch
+            # A standoff behind the sensor's origin has no rays.
+            count = half_at_depth // self.pitch if depth > 0 else -1.0
             x = self.pitch * np.arange(-count, count + 1)
             targets = np.column_stack([x, np.full(len(x), -depth)])
         rays: FloatArray = targets / np.linalg.norm(targets, axis=1, keepdims=True)
@@ -156,7 +157,7 @@ def visible_points(cylinder: Cylinder, view: SensorView) -> Points:
     hit = np.isfinite(ranges)
     rays, ranges = rays[hit], ranges[hit]
     points: Points = sensor.origin + rays * ranges[:, None]
-    # The measuring range is along -Y, as the width at its far limit is.
+    # The limits of the measuring range are depths along -Y, not distances along the ray.
     depths = sensor.origin[1] - points[:, 1]
     cosines = -np.sum(cylinder_normals(cylinder, points)[:, :2] * rays, axis=1)
     visible: BoolArray = (
@@ -179,7 +180,8 @@ def cylinder_normals(cylinder: Cylinder, points: Points) -> FloatArray:
 
 def _first_hits(ellipse: Ellipse, origin: FloatArray, rays: FloatArray) -> FloatArray:
     """Return the range at which each ray first meets the ellipse, or NaN. Units: mm."""
-    # In the ellipse frame, with each coordinate divided by its semi-axis, it is the unit circle.
+    # In the ellipse frame, with each coordinate divided by its semi-axis, the ellipse is the unit
+    # circle. Directions are only rotated to that frame: adding the centre cancels the shift.
     axes = (ellipse.semi_major, ellipse.semi_minor)
     start = (ellipse.to_ellipse_frame(origin[None]) / axes)[0]
     direction = ellipse.to_ellipse_frame(rays + ellipse.centre) / axes

@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lsvision.errors import TooFewPoints
 from lsvision.geometry import Cylinder
-from lsvision.planning import SensorView
+from lsvision.planning import SensorView, plan_section
 from lsvision.planning.sensor_view import cylinder_normals, visible_points
 from lsvision.sensors.profile_sensor import LPS36HI
 from tests.planning.views import ROUNDING, VIEW, pipe_and_points, rays_to
@@ -33,6 +34,14 @@ def test_incidence_limit_shortens_the_arc():
     assert short / wide == pytest.approx(
         math.sin(math.pi / 4) / math.sin(math.radians(70)), abs=0.1
     )
+
+
+@pytest.mark.parametrize("origin_y", [-400.0, -450.0])
+def test_a_tube_beside_or_behind_the_sensor_has_no_points(origin_y):
+    view = SensorView(sensor=replace(LPS36HI, origin=(0.0, origin_y)), pitch=0.6)
+    assert len(view.rays) == 0
+    with pytest.raises(TooFewPoints, match="check standoff"):
+        plan_section(19.0, 0.3, 0.3, view=view)
 
 
 def test_the_measuring_range_is_along_y_over_the_whole_width():
