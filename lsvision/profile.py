@@ -245,13 +245,18 @@ def require_several(profiles: Any) -> None:
     """
     if isinstance(profiles, str | bytes | os.PathLike):
         hint = f"{type(profiles).__name__} {str(profiles)!r}: lsvision.read_profiles reads files"
-    elif isinstance(profiles, Profile) or hasattr(profiles, "columns"):
+    elif isinstance(profiles, Profile) or _is_table(profiles):
         hint = f"one {type(profiles).__name__}: put it into a list"
     elif not isinstance(profiles, Iterable):
         hint = type(profiles).__name__
     else:
         return
     raise TypeError(f"expected a sequence of profiles, got {hint}")
+
+
+def _is_table(profiles: Any) -> bool:
+    """Return whether an object is a data frame or an array of the points of one profile."""
+    return hasattr(profiles, "columns") or getattr(profiles, "ndim", 0) == 2
 
 
 def _mark_lost(points: Points, lost: BoolArray) -> Points:
@@ -298,8 +303,8 @@ class PreparedProfile:
     sensor_columns : (n,) int ndarray
         Index of each of `points` in the `Profile`.
     noise_std : float
-        Median standard deviation of a point's error along its ray: the root of the trace of its
-        covariance. Units: mm.
+        Median standard deviation of a point's error along its ray: estimated, or the root of the
+        trace of its covariance (exact if the error lies along the ray). Units: mm.
     pitch : float
         Median spacing of neighbouring points along X; always positive. Units: mm.
     min_variance_factor : float

@@ -260,6 +260,7 @@ def test_zeros_of_lost_points_are_reported_and_can_be_named(profile, measured):
         ("scans/", "got str 'scans/': lsvision.read_profiles reads files"),
         (lsv.Profile([[0.0, -400.0], [1.0, -400.0]]), "got one Profile: put it into a list"),
         (pd.DataFrame({"x": [0.0, 1.0], "z": [1.0, 1.0]}), "got one DataFrame: put it into a list"),
+        (np.array([[0.0, -400.0], [1.0, -400.0]]), "got one ndarray: put it into a list"),
         (None, "got NoneType"),
     ],
 )
