@@ -50,12 +50,12 @@ class BoardInPlane(Result):
         return rms_distance(self.residuals)
 
     def to_dict(self) -> Record:
-        """Return the plane and the residuals, ready for JSON.
+        """Return the plane, and the rms and number of the residuals, ready for JSON.
 
         Returns
         -------
         dict
-            Camera frame; lengths in ``*_mm``, residuals in ``*_px``.
+            Camera frame; lengths in ``*_mm``, the rms in ``*_px``.
         """
         plane = self.light_section.laser_plane
         return {
@@ -146,7 +146,8 @@ def _equivalent_pinhole_camera(view: TargetView) -> tuple[Camera, Pose]:
         raise DegenerateGeometry(
             "the camera looks along the board in the laser plane: look at it at an angle"
         )
-    # A board point X seen along d = X - centre is (X, Y, 1) = B d, hence pixel ~ H B d = K R d.
+    # A board point (X, Y, 0), seen along d = (X, Y, 0) - centre, has (X, Y, 1) = B d. Hence its
+    # pixel ~ H (X, Y, 1) = H B d, and H B ~ K R.
     B = np.array([[1, 0, -a / h], [0, 1, -b / h], [0, 0, -1 / h]])
     K, R = _rq_decomposition(homography @ B)
     return Camera(K, np.empty(0), view.size), Pose(R, -R @ centre)

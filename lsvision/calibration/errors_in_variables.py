@@ -26,7 +26,7 @@ from lsvision.statistics.normal_matrix import invert_normal_matrix
 
 NOMINAL_ROBOT_STD = (0.05, float(np.radians(0.01)))
 """Standard deviation of position (mm) and orientation (rad) of a repeatable six-axis arm: the
-units of the scales, and their most likely ratio."""
+units of the scales where none is stated, and the most likely ratio of the two."""
 ROBOT_STD_SCALE_BOUNDS = (1e-3, 1e3)
 """Smallest and largest scale that is considered, in units of `NOMINAL_ROBOT_STD`."""
 ROBOT_STD_SCALE_PRIOR = 10.0
@@ -123,14 +123,14 @@ class ErrorsInVariablesFit:
     def leave_one_out_residuals(self) -> FloatArray:
         """Return the residual (n, m) of each pose with respect to a fit without it.
 
-        In the units of the observation. Exact for the linearised problem; residuals of poses that
-        were not used are unchanged.
+        Units are those of the observation. Exact for the linearised problem; residuals of poses
+        that were not used are unchanged.
         """
         whitened = np.linalg.solve(
             self.redundancy + 1e-12 * np.eye(self.residuals.shape[1]), self.residuals[..., None]
         )
-        predicted: FloatArray = np.linalg.solve(self.whitening, whitened)[..., 0]
-        return predicted
+        residuals: FloatArray = np.linalg.solve(self.whitening, whitened)[..., 0]
+        return residuals
 
 
 def fit_errors_in_variables(
@@ -264,10 +264,8 @@ def _estimate_robot_std_scales(
     # Both scales are the geometric mean times such a factor; their ratio is ROBOT_RATIO_PRIOR^z.
     ratio_factors = ROBOT_RATIO_PRIOR ** (0.5 * np.stack([z, -z], axis=-1))
     means = np.geomspace(*ROBOT_STD_SCALE_BOUNDS, 30)
-    mean_log_likelihoods = likelihood(means[:, None, None] * ratio_factors).max(axis=1)
-    relevant = np.flatnonzero(
-        mean_log_likelihoods > mean_log_likelihoods.max() - LOG_LIKELIHOOD_CUTOFF
-    )
+    largest = likelihood(means[:, None, None] * ratio_factors).max(axis=1)  # over the ratios
+    relevant = np.flatnonzero(largest > largest.max() - LOG_LIKELIHOOD_CUTOFF)
     low, high = max(relevant[0] - 1, 0), min(relevant[-1] + 1, len(means) - 1)
     means = np.geomspace(means[low], means[high], 30)
     scales = means[:, None, None] * ratio_factors

@@ -73,7 +73,10 @@ def find_nearest_rotations(matrices: FloatArray) -> FloatArray:
 
 
 def rotations_from_columns(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Return the rotations (n, 3, 3) nearest to first and second columns (n, 3) of any scale."""
+    """Return the rotations (n, 3, 3) nearest to first and second columns (n, 3).
+
+    Both columns may have the same unknown scale.
+    """
     matrices = np.stack([first, second, np.cross(first, second)], axis=-1)
     norms = np.linalg.norm(matrices, axis=(1, 2))[:, None, None]
     return find_nearest_rotations(matrices / np.maximum(norms, 1e-12))
