@@ -9,7 +9,7 @@ MAX_DECIMALS = 6
 """Largest number of decimals of a number with std."""
 
 _HYPHEN_MINUS = re.compile(r"(?<![\w.)])-(?=\.?\d)")
-"""Hyphen before a number, but not after another number, a word or a bracket."""
+"""Hyphen before a number, but not directly after a number, a word or a closing parenthesis."""
 
 
 def with_minus_signs(text: str) -> str:
@@ -24,7 +24,7 @@ def with_minus_signs(text: str) -> str:
 
 
 def format_value(value: float, std: float) -> str:
-    """Return a number with its std, both with the decimals of `decimals_for`.
+    """Return a number with the decimals of `decimals_for`, and its std as by `format_std`.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def format_value(value: float, std: float) -> str:
 
 
 def format_std(std: float) -> str:
-    """Return a std with the decimals of `decimals_for`; "unknown" if it is not finite.
+    """Return a std with the decimals of `decimals_for`; "0" for 0, "unknown" if not finite.
 
     Examples
     --------
