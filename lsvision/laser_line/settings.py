@@ -40,8 +40,8 @@ class LineSettings(ShowsChanges):
         (one number per pixel), or interpolated from such a one.
     luminance : bool
         Locate the line in the luminance where a JPEG file or a mosaic stores the colours with a
-        lower resolution, and no printed pattern is seen in it. False where the line is known to
-        cross one, which the colour alone ignores.
+        lower resolution, unless it looks as if the line crosses a printed pattern there. False
+        where the line is known to cross one, which the colour of the laser hardly shows.
     full_scale : float, optional
         Largest value of a pixel. By default 255 for uint8; for uint16 the smallest of 10, 12, 14
         and 16 bit that holds the image; required for float. Units: DN.
