@@ -30,7 +30,8 @@ from lsvision.detection.range_image import (
 from lsvision.detection.rejections import complete_rejections
 from lsvision.detection.screening import screen_arcs
 from lsvision.detection.search_range import search_range
-from lsvision.ellipse.fit import EllipseFit, FittingSettings
+from lsvision.ellipse.fit import FittingSettings
+from lsvision.ellipse.fit_result import EllipseFit
 from lsvision.ellipse.homogenising import homogenise_arcs
 from lsvision.ellipse.problem import Priors
 from lsvision.ellipse.refinement import refine_arcs

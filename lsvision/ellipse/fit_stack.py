@@ -6,7 +6,7 @@ from typing import Self
 
 import numpy as np
 
-from lsvision.ellipse.fit import EllipseFit
+from lsvision.ellipse.fit_result import EllipseFit
 from lsvision.ellipse.problem import EllipseProblem
 from lsvision.geometry import BoolArray, FloatArray
 from lsvision.geometry.arrays import TINY

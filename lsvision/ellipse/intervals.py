@@ -18,7 +18,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from lsvision.ellipse.critical_ratio import CriticalRatios
-from lsvision.ellipse.fit import EllipseFit
+from lsvision.ellipse.fit_result import EllipseFit
 from lsvision.ellipse.fit_stack import FitStack
 from lsvision.ellipse.interval_ends import IntervalEnds, find_interval_ends
 from lsvision.ellipse.parameters import semi_minor_gradient

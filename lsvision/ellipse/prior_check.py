@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 from typing import NamedTuple
 
-from lsvision.ellipse.fit import EllipseFit
+from lsvision.ellipse.fit_result import EllipseFit
 from lsvision.ellipse.parameters import PARAMETERS, semi_minor, semi_minor_gradient
 from lsvision.ellipse.problem import Solution, minimise
 from lsvision.ellipse.robust_gauss_newton import inverse_or_huge

@@ -4,7 +4,8 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 from lsvision.ellipse.arc_noise import errors_grow_with_incidence, smoothed_noise
-from lsvision.ellipse.fit import EllipseFit, Fits, FittingSettings, fit_noisy_points
+from lsvision.ellipse.fit import Fits, FittingSettings, fit_noisy_points
+from lsvision.ellipse.fit_result import EllipseFit
 from lsvision.ellipse.outcomes import replace_some
 from lsvision.ellipse.problem import Priors
 from lsvision.geometry import Ellipse

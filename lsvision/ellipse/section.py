@@ -9,7 +9,7 @@ from typing import get_args
 
 import numpy as np
 
-from lsvision.ellipse.fit import EllipseFit
+from lsvision.ellipse.fit_result import EllipseFit
 from lsvision.ellipse.intervals import (
     Quantity,
     are_thetas_determined,

@@ -17,7 +17,8 @@ from lsvision.detection.arcs import Rejection
 from lsvision.detection.measurement import Measurement, build_measurement
 from lsvision.detection.profile_preparation import prepare_profile
 from lsvision.detection.search_range import search_range
-from lsvision.ellipse.fit import EllipseFit, FittingSettings, fit_ellipse
+from lsvision.ellipse.fit import FittingSettings, fit_ellipse
+from lsvision.ellipse.fit_result import EllipseFit
 from lsvision.ellipse.problem import Priors
 from lsvision.ellipse.section import CylinderSection
 from lsvision.errors import FitFailed, LsvisionError

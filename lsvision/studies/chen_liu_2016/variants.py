@@ -10,7 +10,8 @@ import numpy as np
 
 from lsvision.detection.arcs import IdentifiedArc, ScreenedArc
 from lsvision.detection.screening import screen_arcs
-from lsvision.ellipse.fit import EllipseFit, fit_ellipse, fit_noisy_points
+from lsvision.ellipse.fit import fit_ellipse, fit_noisy_points
+from lsvision.ellipse.fit_result import EllipseFit
 from lsvision.ellipse.homogenising import homogenise_arcs
 from lsvision.ellipse.outcomes import unwrap
 from lsvision.ellipse.parameters import parameters_from_ellipse
