@@ -30,7 +30,7 @@ line."""
 MIN_SPACING = 0.05
 """Distance along the axis below which two sections count as one position, as a fraction of the
 distance between the first and the last: at 0.02 some fits of the bow do not converge."""
-MAX_LINEAR_STD = 0.01
+MAX_LINEAR_STD = 0.02
 """Largest standard deviation of a deviation with which the fit continues at the bent shape, over
 the smaller of radius and half of the measured length. Of scans of straight tubes shorter than half
 a radius, 11 % would have a bow with a p-value below 0.001 without this limit, 1 % with 0.03."""
