@@ -52,6 +52,11 @@ MIN_PIXELS = 6
 SIGMA_RATIO_RANGE = (0.4, 4.0)
 """Smallest and largest ratio of fitted to initial sigma; outside of this range the fit has
 converged to something other than the stripe."""
+MIN_FITTED_WIDTH_PX = 0.4
+"""Smallest width of a fitted stripe: a narrower one fits the noise of one or two pixels, and its
+errors are two to ten times `std`. A pixel alone blurs by 0.29. Units: px."""
+MAX_LAST_STEP_STDS = 0.1
+"""Largest last step of a fit that has converged, in standard deviations of the position."""
 PADDED_RIDGE_SIGMAS = 2.5
 """Distance from the left and right border, in sigmas of the smoothing, below which the values
 substituted for the missing pixels shift a ridge."""
@@ -195,7 +200,9 @@ def locate_by_gaussian_fit(windows: Windows, start: Stripes, variances: FloatArr
     -------
     Stripes
         One for each window; NaN where the fit leaves its start or fewer than `MIN_PIXELS` pixels
-        are unsaturated. `std` comes from the covariance of the fit.
+        are unsaturated. `std` comes from the covariance of the fit. The stripe of `start` where the
+        fitted one is narrower than `MIN_FITTED_WIDTH_PX`, or the fit of unsaturated pixels has not
+        converged.
     """
     usable = start.found & ((~windows.saturated).sum(axis=1) >= MIN_PIXELS)
     stripes = Stripes(
@@ -207,24 +214,29 @@ def locate_by_gaussian_fit(windows: Windows, start: Stripes, variances: FloatArr
     initial = start.pixels[usable, 1] - fitted.centre_rows
     initial_widths = start.sigmas[usable]
     guess = np.column_stack([start.heights[usable], initial, initial_widths, fitted.backgrounds])
-    parameters, normal_matrices = _fit_gaussians(fitted, guess, variances[usable])
-    covariances = np.linalg.pinv(normal_matrices, hermitian=True)
+    parameters, step, normal_matrices = _fit_gaussians(fitted, guess, variances[usable])
+    std = np.sqrt(np.linalg.pinv(normal_matrices, hermitian=True)[:, 1, 1])
     height, position, width, _ = parameters.T
     width_ratio = width / initial_widths
     good = (height > 0) & (np.abs(position - initial) < MAX_SHIFT_PX)
     good &= (width_ratio > SIGMA_RATIO_RANGE[0]) & (width_ratio < SIGMA_RATIO_RANGE[1])
+    # With a clipped top the fit converges slowly, and the start is worse.
+    moving = (np.abs(step[:, 1]) > MAX_LAST_STEP_STDS * std) & ~fitted.saturated.any(axis=1)
+    unfitted = moving | (width < MIN_FITTED_WIDTH_PX)
+    good &= ~unfitted
     at = np.flatnonzero(usable)[good]
     stripes.pixels[at, 0] = fitted.columns[good]
     stripes.pixels[at, 1] = (fitted.centre_rows + position)[good]
-    stripes.std[at] = np.sqrt(covariances[good, 1, 1])
+    stripes.std[at] = std[good]
     stripes.heights[at], stripes.sigmas[at] = height[good], width[good]
-    return stripes
+    at = np.flatnonzero(usable)[unfitted]
+    return stripes.replace_at(at, start.select(at))
 
 
 def _fit_gaussians(
     windows: Windows, initial: FloatArray, variances: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the parameters A, m, q, B (n, 4) of the fits, and their normal matrices (n, 4, 4)."""
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the parameters A, m, q, B (n, 4) of the fits, their last step, and normal matrices."""
     weights = np.where(windows.saturated, 0.0, 1 / variances)
     parameters = initial
     for _ in range(GAUSS_NEWTON_ITERATIONS):
@@ -239,7 +251,7 @@ def _fit_gaussians(
         limit = 0.5 * parameters[:, 2]
         step[:, 1:3] = np.clip(step[:, 1:3], -limit[:, None], limit[:, None])
         parameters = parameters + step
-    return parameters, normal_matrices
+    return parameters, step, normal_matrices
 
 
 def _gaussian_residuals(windows: Windows, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -62,6 +62,18 @@ def test_the_std_includes_speckle():
     assert VALID[0] <= nees(errors, line) <= VALID[1]
 
 
+@pytest.mark.parametrize(("peak", "noise"), [(60, 4.0), (150, 3.0)])
+def test_the_std_of_a_fit_holds_where_a_line_is_narrower_than_two_pixels(peak, noise, rng):
+    rows, truth = np.arange(60.0)[:, None], 30 + 0.01 * np.arange(1000.0)
+    light = np.exp(-0.5 * ((rows - truth) / 0.5) ** 2)
+    image = np.clip(10 + peak * light + rng.normal(0, noise, light.shape), 0, 255)
+    line = extract_laser_line(image.round().astype(np.uint8), LineSettings(method="gaussian"))
+    errors = (line.pixels[:, 1] - truth) / line.std
+    assert np.isfinite(errors).mean() > 0.95
+    assert np.sqrt(np.nanmean(errors**2)) < 1.2
+    assert np.nanmax(np.abs(errors)) < 6
+
+
 def test_noise_given_by_the_settings_is_used():
     image = rendered(plank(), sensor=ImageSensor(prnu=0.0))
     gain = 255 / 10_000
