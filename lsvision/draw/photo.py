@@ -25,7 +25,8 @@ def show_photo(axes: "Axes", image: npt.ArrayLike) -> None:
     """
     array = np.asarray(image)
     if array.dtype != np.uint8:
-        white = max(float(np.percentile(array, WHITE_PERCENTILE)), 1.0)
+        white = float(np.percentile(array, WHITE_PERCENTILE))
+        white = white if white > 0 else 1.0  # a black image
         array = (np.clip(array / white, 0, 1) * 255).astype(np.uint8)
     rgb = array if array.ndim == 2 else array[..., ::-1]
     axes.imshow(rgb, cmap="gray", vmin=0, vmax=255, interpolation="nearest")

@@ -114,6 +114,15 @@ def test_curves_of_columns_stand_under_their_columns(pair):
     assert all(upper.y0 > lower.y1 for upper, lower in pairwise(boxes))
 
 
+def test_a_float_image_is_as_bright_as_its_full_scale_is_small(pair):
+    image, rig = pair[:2]
+    line = rig.line(image)
+    deep, dim = (draw_laser_line(image * factor, line).axes[0] for factor in (1.0, 1e-3))
+    shown, expected = (axes.images[0].get_array() for axes in (dim, deep))
+    assert expected.max() == 255
+    np.testing.assert_allclose(shown.astype(int), expected.astype(int), atol=1)
+
+
 def test_curves_of_rows_stand_beside_their_rows(pair):
     image, *_ = pair
     upright = np.ascontiguousarray(image.T)
