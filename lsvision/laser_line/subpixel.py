@@ -57,6 +57,9 @@ MIN_FITTED_WIDTH_PX = 0.4
 errors are two to ten times `std`. A pixel alone blurs by 0.29. Units: px."""
 MAX_LAST_STEP_STDS = 0.1
 """Largest last step of a fit that has converged, in standard deviations of the position."""
+MAX_CLIPPED_LAST_STEP_STDS = 3.0
+"""The same where pixels are clipped: such fits converge slowly, and the stripes at their start are
+worse; errors above 5 standard deviations occurred from steps of 12 on."""
 PADDED_RIDGE_SIGMAS = 2.5
 """Distance from the left and right border, in sigmas of the smoothing, below which the values
 substituted for the missing pixels shift a ridge."""
@@ -201,8 +204,7 @@ def locate_by_gaussian_fit(windows: Windows, start: Stripes, variances: FloatArr
     Stripes
         One for each window; NaN where the fit leaves its start or fewer than `MIN_PIXELS` pixels
         are unsaturated. `std` comes from the covariance of the fit. The stripe of `start` where the
-        fitted one is narrower than `MIN_FITTED_WIDTH_PX`, or the fit of unsaturated pixels has not
-        converged.
+        fitted one is narrower than `MIN_FITTED_WIDTH_PX`, or the fit has not converged.
     """
     usable = start.found & ((~windows.saturated).sum(axis=1) >= MIN_PIXELS)
     stripes = Stripes(
@@ -220,9 +222,9 @@ def locate_by_gaussian_fit(windows: Windows, start: Stripes, variances: FloatArr
     width_ratio = width / initial_widths
     good = (height > 0) & (np.abs(position - initial) < MAX_SHIFT_PX)
     good &= (width_ratio > SIGMA_RATIO_RANGE[0]) & (width_ratio < SIGMA_RATIO_RANGE[1])
-    # With a clipped top the fit converges slowly, and the start is worse.
-    moving = (np.abs(step[:, 1]) > MAX_LAST_STEP_STDS * std) & ~fitted.saturated.any(axis=1)
-    unfitted = moving | (width < MIN_FITTED_WIDTH_PX)
+    clipped = fitted.saturated.any(axis=1)
+    max_step = np.where(clipped, MAX_CLIPPED_LAST_STEP_STDS, MAX_LAST_STEP_STDS) * std
+    unfitted = (np.abs(step[:, 1]) > max_step) | (width < MIN_FITTED_WIDTH_PX)
     good &= ~unfitted
     at = np.flatnonzero(usable)[good]
     stripes.pixels[at, 0] = fitted.columns[good]

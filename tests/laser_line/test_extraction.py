@@ -74,6 +74,18 @@ def test_the_std_of_a_fit_holds_where_a_line_is_narrower_than_two_pixels(peak, n
     assert np.nanmax(np.abs(errors)) < 6
 
 
+def test_an_overexposed_line_has_no_columns_far_beyond_the_std_of_their_fit():
+    truth, errors = 30 + 0.02 * np.arange(1500.0), []
+    mean = 10 + 600 * np.exp(-0.5 * ((np.arange(90.0)[:, None] - truth) / 1.5) ** 2)
+    for seed in range(8):
+        noise = np.random.default_rng(seed).normal(0, np.sqrt(4 + 0.5 * mean))
+        image = np.clip(mean + noise, 0, 255).round().astype(np.uint8)
+        line = extract_laser_line(image, LineSettings(method="gaussian"))
+        errors.append((line.pixels[:, 1] - truth) / line.std)
+    assert np.isfinite(errors).mean() > 0.99
+    assert np.nanmean(np.power(errors, 4)) < 6  # 3 for normal errors
+
+
 def test_noise_given_by_the_settings_is_used():
     image = rendered(plank(), sensor=ImageSensor(prnu=0.0))
     gain = 255 / 10_000
