@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from lsvision.io.profiles.units import split_label
+from lsvision.io.profiles.units import MM_PER_UNIT, split_label
 from lsvision.io.robot_conventions import CONVENTIONS, AngleUnit, LengthUnit, PoseConvention
 
 _FIELDS = {field for pose_convention in CONVENTIONS.values() for field in pose_convention.fields}
@@ -35,7 +35,7 @@ class PoseHeader:
         Column of each field; empty if the header does not name all fields: the numbers are then in
         the order of the convention.
     length_unit, angle_unit : str or None
-        Units as the header states them; None where it states none or does not name all fields.
+        Units as the header states them; None where it states none.
     """
 
     columns: tuple[int, ...] = ()
@@ -85,13 +85,16 @@ def read_pose_header(
                 f"the header names {' '.join(named.values())} and not {' '.join(missing)} of "
                 f"convention {pose_convention.name!r}: check the convention"
             )
-        return PoseHeader()
-    columns = tuple(names.index(field) for field in pose_convention.fields)
-    units = ["" if stated is None else stated.unit or stated.text.lower() for _, stated in labels]
-    by_field = [units[column] for column in columns]
+        labels = labels[skip : skip + len(pose_convention.fields)]
+    columns = tuple(names.index(field) for field in pose_convention.fields if not missing)
+    labels = [labels[column] for column in columns] or labels
+    by_field = ["" if s is None else s.unit or s.text.lower() for _, s in labels]
     lengths, angles = by_field[:3], by_field[3:]
     if pose_convention.rotation == "matrix":
         lengths, angles = by_field[3:12:4], []  # the last column of the first three rows
+    if missing:  # what follows an unknown name may be no unit
+        lengths = [unit if unit in MM_PER_UNIT else "" for unit in lengths]
+        angles = [unit if unit in ANGLE_UNITS else "" for unit in angles]
     return PoseHeader(
         columns,
         common_length_unit(set(lengths) - {""}),

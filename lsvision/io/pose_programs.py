@@ -13,10 +13,10 @@ _KUKA = re.compile(
 )
 _KUKA_AXES = re.compile(r"\{\s*(?:(?:E6AXIS|AXIS)\s*)?(?::\s*)?A1\s[^{}]*\}", re.IGNORECASE)
 _KUKA_FIELD = re.compile(rf"(?<![A-Z0-9])([A-Z][A-Z0-9]*)\s+({_NUMBER})", re.IGNORECASE)
-# A position such as P[1:"weld"] { ... X = 100 mm, ... }, and its user frame, UF : 1.
+# A position such as P[1:"weld"] { X = 100 mm, ... }, its user frame and its tool, UF : 1, UT : 2.
 _FANUC = re.compile(r"\bP\[\s*([0-9]{1,9})[^\]]{0,200}\]\s*\{([^{}]*)\}", re.IGNORECASE)
 _FANUC_FIELD = re.compile(r"\b([XYZWPR])\s*=\s*([^\s,;}]+)[ \t]*([A-Z]*)", re.IGNORECASE)
-_FANUC_FRAME = re.compile(r"\bUF\s*:\s*(\S{1,40}?)\s*,", re.IGNORECASE)
+_FANUC_FRAME = re.compile(r"\b(U[FT])\s*:\s*(\S{1,40}?)\s*,", re.IGNORECASE)
 
 
 def read_program_rows(
@@ -41,8 +41,8 @@ def read_program_rows(
     Raises
     ------
     UnreadableFile
-        For joint angles, positions that were never taught, several user frames, or a convention
-        other than the maker's.
+        For joint angles, positions that were never taught, several user frames, tools or motion
+        groups, or a convention other than the maker's.
     """
     for pattern, maker, read_rows in (
         (_KUKA, "kuka", _kuka_rows),
@@ -65,15 +65,16 @@ def read_program_rows(
 
 def _kuka_rows(path: Path, text: str, pose_convention: PoseConvention) -> list[list[float]]:
     rows = []
-    for number, aggregate in enumerate(_KUKA.findall(_without_kuka_comments(text)), 1):
+    for number, aggregate in enumerate(_KUKA.findall(_without_kuka_settings(text)), 1):
         values = {name.lower(): float(value) for name, value in _KUKA_FIELD.findall(aggregate)}
         rows.append(_order_fields(path, f"position {number}", values, pose_convention))
     return rows
 
 
-def _without_kuka_comments(text: str) -> str:
-    """Return the text without comments: from a semicolon to the end of its line."""
-    return "\n".join(line.partition(";")[0] for line in text.split("\n"))
+def _without_kuka_settings(text: str) -> str:
+    """Return the text without comments (from a semicolon on) and system variables ($TOOL = ...)."""
+    lines = (line.partition(";")[0] for line in text.split("\n"))
+    return "\n".join(line for line in lines if not line.lstrip().startswith("$"))
 
 
 def _fanuc_rows(path: Path, text: str, pose_convention: PoseConvention) -> list[list[float]]:
@@ -88,20 +89,25 @@ def _fanuc_rows(path: Path, text: str, pose_convention: PoseConvention) -> list[
                 raise UnreadableFile(
                     f"{path}: {position}: expected {field} in {expected}, got {unit}"
                 )
+            if field.lower() in values:
+                raise UnreadableFile(
+                    f"{path}: {position}: {field} occurs twice: write the positions of one motion "
+                    "group"
+                )
             try:
                 values[field.lower()] = float(cell)
             except ValueError:
                 raise UnreadableFile(
                     f"{path}: {position}: {field} is {cell[:20]!r}: the position was never taught"
                 ) from None
-        frame = _FANUC_FRAME.search(body)
-        frames.append(frame[1] if frame else "none")
+        frames.append({name.upper(): n for name, n in reversed(_FANUC_FRAME.findall(body))})
         rows.append(_order_fields(path, position, values, pose_convention))
-    if len(set(frames)) > 1:
-        listed = ", ".join(dict.fromkeys(frames))
-        raise UnreadableFile(
-            f"{path}: positions in several user frames (UF {listed}): teach all in one"
-        )
+    for name, kind in (("UF", "in several user frames"), ("UT", "of several tools")):
+        numbers = list(dict.fromkeys(frame.get(name, "none") for frame in frames))
+        if len(numbers) > 1:
+            raise UnreadableFile(
+                f"{path}: positions {kind} ({name} {', '.join(numbers)}): teach all in one"
+            )
     return rows
 
 

@@ -16,6 +16,11 @@ from lsvision.io.profiles.units import split_label
 from lsvision.io.robot_conventions import AngleUnit, LengthUnit, PoseConvention
 from lsvision.io.yaml_text import parse_yaml
 
+_LETTER = re.compile(r"[^\W\d_eE]")
+"""Letter of a name or a unit; e and E are also those of 1e3."""
+_COMMA_NUMBER = re.compile(r"[-+]?[0-9]+(?:,[0-9]+)?(?:[eE][-+]?[0-9]+)?")
+"""Number with a decimal comma between digits, or a whole number."""
+
 
 @dataclass(frozen=True)
 class PoseRows:
@@ -116,8 +121,9 @@ def _text_rows(path: Path, text: str, pose_convention: PoseConvention, skip: int
     """Return the rows of a text table with the units that its header or comments state."""
     lines = text.splitlines()
     numbered = [(n, cells) for n, line in enumerate(lines, 1) if (cells := _split_cells(line))]
-    has_names = bool(numbered) and not any(map(_is_number, numbered[0][1]))
-    names = numbered[0][1] if has_names else _commented_header(lines, numbered)
+    first = numbered[0][1] if numbered else []
+    has_names = any(map(_LETTER.search, first)) and not any(map(_is_number, first))
+    names = first if has_names else _commented_header(lines, numbered)
     try:
         header = read_pose_header(names, pose_convention, skip) if names else PoseHeader()
         length_unit = header.length_unit or _stated_length_unit(lines)
@@ -181,10 +187,14 @@ def _split_cells(line: str) -> list[str]:
     line = line.split("#", maxsplit=1)[0].strip()
     line = re.sub(r"\bp\[", "[", line)  # as Universal Robots write a pose
     bare = re.sub(r"[()\[\]]", " ", line).strip().rstrip(",")
+    is_header = _LETTER.search(line) is not None  # brackets are those of units
     if ";" in line:  # European spreadsheets: decimal comma
-        is_header = re.search(r"[^\W\d_eE]", line) is not None  # brackets are those of units
         text = line if is_header else bare
         return [cell.strip().replace(",", ".") for cell in text.rstrip("; ").split(";")]
+    if all(map(_COMMA_NUMBER.fullmatch, words := bare.split())) and len(words) > 1:
+        return [word.replace(",", ".") for word in words]
+    if is_header and "\t" in line and "," not in line:
+        return [cell.strip() for cell in line.split("\t") if cell.strip()]
     return [cell.strip() for cell in bare.split(",")] if "," in bare else bare.split()
 
 

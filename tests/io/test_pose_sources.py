@@ -83,6 +83,8 @@ def test_positions_of_a_fanuc_listing(write, expected):
     [
         ("DECL E6AXIS XP1={A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}", "kuka", "joint angles"),
         (fanuc(ROWS[:1]) + fanuc(ROWS[1:], "2"), "fanuc", "several user frames"),
+        (fanuc(ROWS[:1]) + fanuc(ROWS).replace("UT : 1", "UT : 2"), "fanuc", "several tools"),
+        (fanuc(ROWS).replace("deg\n}", "deg\n GP2:\n X = 5 mm,\n}"), "fanuc", "X occurs twice"),
         (fanuc(ROWS).replace("10.500", "********"), "fanuc", r"P\[1\]: Y is .*never taught"),
         ("P[1]{\n J1= 0.0 deg, J2 = 5 deg\n};", "fanuc", r"P\[1\]: no x y z w p r in it"),
         ("P[1]{X = 1 in, Y = 1 mm, Z = 1 mm}", "fanuc", r"P\[1\]: expected X in mm, got in"),
@@ -92,6 +94,20 @@ def test_positions_of_a_fanuc_listing(write, expected):
 def test_what_is_no_position_is_rejected(write, text, convention, message):
     with pytest.raises(UnreadableFile, match=message):
         read_robot_poses(write(text, "p.ls"), convention)
+
+
+def test_system_variables_of_a_kuka_program_are_no_positions(write, expected):
+    form = "XP={{X {},Y {},Z {},A {},B {},C {}}}"
+    text = "$TOOL={X 0,Y 0,Z 120,A 0,B 0,C 0}\n" + "\n".join(form.format(*row) for row in ROWS)
+    assert_same(read_robot_poses(write(text, "scan.src"), "kuka"), expected())
+
+
+@pytest.mark.parametrize("head", ["", "X [mm]\tY [mm]\tZ [mm]\tA [deg]\tB [deg]\tC [deg]\n"])
+@pytest.mark.parametrize("decimals", ["{}", "{:g}"])
+def test_decimal_commas_between_tabs(write, expected, head, decimals):
+    lines = ["\t".join(map(decimals.format, row)).replace(".", ",") for row in ROWS]
+    path = write(head + "\n".join(lines), "poses.txt")
+    assert_same(read_robot_poses(path, "kuka"), expected())
 
 
 @pytest.mark.parametrize("pattern", ["poses/*.txt", "poses", "poses/pose_?*.txt"])
@@ -137,6 +153,13 @@ def test_units_in_the_header_count(write, expected):
     assert_same(read_robot_poses(write("\n".join([head, *lines])), "kuka"), expected())
 
 
+def test_units_of_columns_with_other_names_count(write, expected):
+    rows = [[*(np.array(row[:3]) / 1000), *np.radians(row[3:])] for row in ROWS]
+    lines = [",".join(map(str, row)) for row in rows]
+    head = "x [m],y [m],z [m],alpha [rad],beta [rad],gamma [rad]"
+    assert_same(read_robot_poses(write("\n".join([head, *lines])), "kuka"), expected())
+
+
 @pytest.mark.parametrize(
     ("head", "message"),
     [
@@ -146,6 +169,7 @@ def test_units_in_the_header_count(write, expected):
         ("x,x,y,z,a,b,c", "names x 2 times"),
         ("x [in],y [in],z [in],a,b,c", "lengths in in: expected all in mm, or all in m"),
         ("x [mm],y [m],z [m],a,b,c", "lengths in m, mm"),
+        ("x [cm],y [cm],z [cm],alpha,beta,gamma", "lengths in cm: expected all in mm"),
         ("x,y,z,a [grad],b [rad],c", "angles in grad, rad"),
     ],
 )
