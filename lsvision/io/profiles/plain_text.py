@@ -1,5 +1,6 @@
 """Plain text: x and height (or x, y and z) of one point per line, or lines of heights."""
 
+from lsvision.errors import UnreadableFile
 from lsvision.io.profiles.column_roles import names_section
 from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.matrix import are_heights, profiles_from_matrix
@@ -13,6 +14,11 @@ def read_plain_text(content: bytes, settings: ReadSettings) -> RawProfiles:
     A table is a matrix if it is to be transposed; or if its columns are not named as x and height,
     and it has at least `MIN_COLUMNS` of them, or the spacing ``dx`` of other than 2 or 3.
 
+    Raises
+    ------
+    UnreadableFile
+        If it is no table of numbers, or ``dx`` is given for 2 or 3 columns without names.
+
     Examples
     --------
     >>> raw = read_plain_text(b"x [mm], range [mm]\n0, 400\n1, 399\n", ReadSettings())
@@ -25,4 +31,9 @@ def read_plain_text(content: bytes, settings: ReadSettings) -> RawProfiles:
     )
     if is_matrix and settings.columns is None:
         return profiles_from_matrix(table, settings)
+    if settings.dx is not None and settings.columns is None and not table.names:
+        raise UnreadableFile(
+            f"{table.values.shape[1]} columns, but --dx is for heights without x: leave it out "
+            "if the file has x, or write decimals with a point"
+        )
     return profiles_from_table(table, settings)

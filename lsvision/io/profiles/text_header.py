@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from lsvision.io.profiles.column_roles import has_known_role
+from lsvision.io.profiles.column_roles import column_role, has_known_role
 from lsvision.io.profiles.number_cells import COMMENT_MARKS
 from lsvision.io.profiles.text_layout import drop_blank_cells, is_number_or_lost, split_cells
 from lsvision.io.profiles.unit_statements import states_unit
@@ -183,7 +183,11 @@ def _is_key_value(text: str, labels: Sequence[str]) -> bool:
 
 
 def _count_names(text: str) -> int:
-    """Return the number of words of a line if all are names of coordinates; else 0."""
+    """Return the number of words of a line if all are names of coordinates; else 0.
+
+    A single word counts if it names a height.
+    """
     labels = [w for w in re.split(r"[,;\s|]+", re.sub(r"(?<!\s)\s+(?=[\[(])", "", text)) if w]
-    roles = [has_known_role(split_label(label.strip('"'))[0]) for label in labels]
-    return len(labels) if all(roles) and len(labels) >= 2 else 0
+    names = [split_label(label.strip('"'))[0] for label in labels]
+    is_height = len(names) == 1 and column_role(names[0]) in ("height", "range")
+    return len(names) if is_height or (all(map(has_known_role, names)) and len(names) >= 2) else 0

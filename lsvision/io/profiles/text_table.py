@@ -8,7 +8,13 @@ import numpy as np
 
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
-from lsvision.io.profiles.number_cells import InvalidCell, parse_column, uses_decimal_comma
+from lsvision.io.profiles.number_cells import (
+    MIN_GROUPED_CELLS,
+    POINT_NUMBER,
+    InvalidCell,
+    parse_column,
+    uses_decimal_comma,
+)
 from lsvision.io.profiles.number_table import NumberTable
 from lsvision.io.profiles.regular_rows import fill_empty_cells, find_regular_rows
 from lsvision.io.profiles.text_header import Header, read_header
@@ -31,6 +37,9 @@ _CHECKED_BYTES = 1 << 16  # at once: few enough for the processor's cache
 _COMMENT_STARTS = "#%/! \t"  # first characters of comments: a quick test before `is_comment`
 # Cells of digits of which the second begins with 0, such as 12,034: it was one number.
 _SPLIT_COMMA = re.compile(r"(?:^|,)[-+]?[0-9]{1,3},0[0-9]+(?=[,.\r\n]|$)", re.MULTILINE)
+# A number with a point before three digits, such as 1.234, and a whole one without a separator.
+_THOUSANDS_POINT = re.compile(r"[-+]?[1-9][0-9]{0,2}\.[0-9]{3}")
+_WHOLE = re.compile(r"[-+]?[0-9]{1,3}")
 _SPLIT_NUMBERS = (
     "numbers seem to be split at their commas ({cells!r}): export with semicolons between cells "
     "and without thousands separators"
@@ -90,6 +99,7 @@ def parse_table(text: str, lost_words: frozenset[str] = frozenset()) -> NumberTa
     values = table.values[:, :width]
     header = read_header(body.above, layout.separator, width)
     _check_split_numbers(header, values, body.sample, layout)
+    _check_thousands_points(body.sample, layout)
     other_lines = [*body.above, *body.below, *body.comments]
     return NumberTable(
         values=values,
@@ -108,7 +118,7 @@ def parse_table(text: str, lost_words: frozenset[str] = frozenset()) -> NumberTa
 class _Body:
     """Numbers of a text, and its lines above, below and (`comments`) among them.
 
-    `sample` is the text of the first rows, for `_check_split_numbers`.
+    `sample` is the text of the first rows, which is searched for thousands separators.
     """
 
     table: NumberTable
@@ -124,10 +134,7 @@ def _regular_body(text: str) -> _Body | None:
     regular = find_regular_rows(text)
     if regular is None:
         return None
-    # `_check_split_numbers` searches the rows of wide tables only; of others it quotes the first.
-    sample = regular.rows[: regular.rows.find("\n") + 1] or regular.rows
-    if regular.layout.width > 2:
-        sample = "\n".join(regular.rows.split("\n", _SAMPLE_ROWS)[:_SAMPLE_ROWS])
+    sample = "\n".join(regular.rows.split("\n", _SAMPLE_ROWS)[:_SAMPLE_ROWS])
     return _Body(NumberTable(regular.values), regular.layout, regular.above, sample)
 
 
@@ -286,6 +293,33 @@ def _check_split_numbers(header: Header, values: FloatArray, sample: str, layout
         match = None if '"' in sample else _SPLIT_COMMA.search(sample)
         if match:
             raise UnreadableFile(_SPLIT_NUMBERS.format(cells=match[0].strip(",")))
+
+
+def _check_thousands_points(sample: str, layout: Layout) -> None:
+    """Raise an error if points seem to separate thousands, as in 1.234 beside 987.
+
+    Several whole numbers in a column tell this from a marker of lost points beside 3 decimals.
+    """
+    all_pointed = sample.count(".") == layout.width * len(sample.splitlines())
+    if layout.separator == "," or all_pointed:
+        return
+    pointed: dict[int, set[str]] = {}
+    whole: dict[int, set[str]] = {}
+    for row in sample.splitlines():
+        for column, cell in enumerate(map(str.strip, split_cells(row, layout.separator))):
+            if _WHOLE.fullmatch(cell):
+                whole.setdefault(column, set()).add(cell)
+            elif _THOUSANDS_POINT.fullmatch(cell):
+                pointed.setdefault(column, set()).add(cell)
+            elif "." in cell and POINT_NUMBER.fullmatch(cell):
+                return  # a decimal point
+    for column, cells in pointed.items():
+        if min(len(cells), len(whole.get(column, ()))) >= MIN_GROUPED_CELLS:
+            cell = min(cells)
+            raise UnreadableFile(
+                f"{cell!r} may be {cell.replace('.', ',')} or {cell.replace('.', '')}: export "
+                "numbers without thousands separators"
+            )
 
 
 def _unit_column(table: NumberTable, header: Header) -> tuple[UnitStatement, ...]:

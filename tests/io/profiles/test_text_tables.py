@@ -142,6 +142,8 @@ def test_a_footer_is_reported_and_left_out(write, arc, head, footer):
         (["1,234,567;-2", "1,234,568;-3"], "has a thousands separator"),
         (["x,z", '"999","-1,001"', *(f'"1,{k}","-2,{k}"' for k in range(100, 110))], "thousands"),
         (["1_000,2", "1_001,3"], "thousands"),
+        (["x;z", *(f"{x:,};{x}".replace(",", ".") for x in range(-1200, 1300, 100))], "thousands"),
+        ([f"{x:,}\t{2 * x}".replace(",", ".") for x in range(-1200, 1300, 100)], "'-1.000' may be"),
     ],
 )
 def test_thousands_separators_are_rejected_by_name(write, lines, message):
@@ -154,6 +156,22 @@ def test_numbers_that_commas_cut_are_rejected(write, arc):
         lines = [*head, *lines_of(arc, "{x:.3f};{z:.3f}", comma=True)]
         with pytest.raises(UnreadableFile, match="split at their commas"):
             read_profile(write("\n".join(line.replace(";", ",") for line in lines), "p.csv"))
+
+
+@pytest.mark.parametrize("head", [["z [mm]"], ["Range"]])
+def test_one_column_of_decimal_commas_is_no_x_and_height(write, arc, head):
+    heights = lines_of(arc, "{z:.3f}", comma=True)
+    with pytest.raises(UnreadableFile, match="split at their commas"):
+        read_profile(write("\n".join([*head, *heights]), "p.csv"))
+    with pytest.raises(UnreadableFile, match=r"2 columns, but --dx .* decimals with a point"):
+        read_profile(write("\n".join(heights), "p.csv"), x0=0.0, dx=0.1)
+
+
+@pytest.mark.parametrize("lost", ["0", "-999"])
+def test_three_decimals_beside_a_marker_of_lost_points_are_no_thousands(write, arc, lost):
+    lines = [f"{20 + k / 1000:.3f};{z:.3f}" for k, z in enumerate(arc[:, 1])]
+    lines[5] = f"20.005;{lost}"
+    assert read_profile(write("\n".join(lines), "p.csv")).points[0, 0] == 20.0
 
 
 def test_columns_are_effective_in_a_wide_table(write, arc):
