@@ -32,6 +32,9 @@ _SCHEMAS = (CAMERA_SCHEMA, LASER_PLANE_SCHEMA, RIG_SCHEMA)
 MODELS = ("plumb_bob", "rational_polynomial", "")
 """ROS's names of the lens models whose coefficients are those of OpenCV; empty if not stated."""
 
+_FISHEYE = re.compile(r"^[ \t]*fisheye_model:[ \t]*[1-9]", re.MULTILINE)
+"""Mark of a file of OpenCV's calibration program with the coefficients of ``cv2.fisheye``."""
+
 
 def read_camera(path: str | os.PathLike[str], *, size: tuple[int, int] | None = None) -> Camera:
     """Read a camera from lsvision's JSON, OpenCV's YAML or ROS camera_info.
@@ -134,9 +137,10 @@ def write_camera_yaml(path: str | os.PathLike[str], camera: Camera) -> None:
 def _camera_from_yaml(text: str, size: tuple[int, int] | None) -> Camera:
     """Return the camera of a ROS or OpenCV YAML file."""
     model = re.search(r"^[ \t]*distortion_model:[ \t]*[\"']?([^\"'\s]*)", text, re.MULTILINE)
-    if model and model.group(1) not in MODELS:
+    name = "fisheye" if _FISHEYE.search(text) else model and model.group(1)
+    if name and name not in MODELS:
         raise ValueError(
-            f"its lens model is {model.group(1)!r}; expected {MODELS[0]} or {MODELS[1]}: "
+            f"its lens model is {name!r}; expected {MODELS[0]} or {MODELS[1]}: "
             "calibrate again with that model"
         )
     matrix = _find_numbers(text, MATRIX_KEYS, "camera matrix")

@@ -201,6 +201,7 @@ def test_provenance_tells_the_inputs_apart(tmp_path):
             "left:\n" + ROS_FILE.replace("plumb_bob", "equidistant").replace("\n", "\n  "),
             "lens model is 'equidistant'",
         ),
+        ("%YAML:1.0\n---\nfisheye_model: 1\n" + ROS_FILE, "lens model is 'fisheye'"),
         (ROS_FILE.replace("camera_matrix", "matrix"), "expected camera matrix under one of"),
         (ROS_FILE.replace("0., 0., 1.]", "0.]"), "matrix of 9 numbers, got 7"),
         (ROS_FILE.replace("distortion_coefficients", "x"), "expected distortion coefficients"),

@@ -22,6 +22,8 @@ from lsvision.io.profiles.text_table import decode_text
 
 SCAN_KEYS = ("angle_min", "angle_increment", "angle_max", "range_min", "range_max")
 """Fields of a LaserScan other than its ranges from which points are computed."""
+MAX_SPAN_RAD = 2 * math.pi * 1.01
+"""Largest span of the angles of a scan, a revolution and some beams. Units: rad."""
 _RANGE_COLUMN = re.compile(r"ranges[\[_.]?[0-9]+\]?")
 
 
@@ -40,7 +42,7 @@ def profiles_from_scans(scans: Sequence[Mapping[str, Any]]) -> RawProfiles:
     Raises
     ------
     UnreadableFile
-        If angles are missing or not numbers.
+        If angles are missing, not numbers, or span more than a revolution, as if in degrees.
     """
     sections = [_section_points(scan) for scan in scans]
     return RawProfiles(
@@ -89,6 +91,11 @@ def _section_points(scan: Mapping[str, Any]) -> FloatArray:
     if not (math.isfinite(start) and math.isfinite(step)) or step == 0 or ranges.size == 0:
         raise UnreadableFile(
             "expected angle_min, angle_increment and ranges of a LaserScan, got only some of them"
+        )
+    if abs(step) * (len(ranges) - 1) > MAX_SPAN_RAD:
+        raise UnreadableFile(
+            f"angles of a LaserScan from {start:g} to {start + step * (len(ranges) - 1):g}, more "
+            "than a revolution in rad: convert degrees to rad"
         )
     low, high = _parse_number(scan.get("range_min")), _parse_number(scan.get("range_max"))
     with np.errstate(invalid="ignore"):

@@ -165,6 +165,14 @@ def test_a_laser_scan_becomes_points(write, arc, form):
     assert (file.units, file.units_assumed) == ("m", False)
 
 
+def test_a_laser_scan_in_degrees_is_rejected(write):
+    scan = {"angle_min": -45.0, "angle_increment": 1.0, "ranges": [1.0] * 91}
+    with pytest.raises(UnreadableFile, match="from -45 to 45, more than a revolution in rad"):
+        inspect_profiles(write(json.dumps(scan), "scan.json"))
+    scan = {"angle_min": -np.pi, "angle_increment": np.pi / 180, "ranges": [1.0] * 361}
+    assert len(inspect_profiles(write(json.dumps(scan), "scan.json")).profiles[0]) == 361
+
+
 @pytest.mark.parametrize(
     "text",
     [
