@@ -1,5 +1,9 @@
 """Matrices of heights: one profile per row; x from the user's options or from the first row."""
 
+import re
+from collections import Counter
+from dataclasses import replace
+
 import numpy as np
 
 from lsvision.errors import UnreadableFile
@@ -10,6 +14,7 @@ from lsvision.io.profiles.stated_units import common_unit, statements_about_axis
 from lsvision.io.profiles.text_table import decode_text, parse_table
 from lsvision.results.summaries import counted
 
+_NUMBER_AT_END = re.compile(r"[-+]?[0-9]+(?:[.,][0-9]*)?[\])]?$")
 MIN_COLUMNS = 21
 """Smallest number of columns of a matrix of heights: lists of points have fewer."""
 MAX_HINTED_COLUMNS = 200
@@ -39,6 +44,13 @@ def profiles_from_matrix(table: NumberTable, settings: ReadSettings) -> RawProfi
     UnreadableFile
         If the spacing of the columns is not given (``dx``, ``--dx``) and no row states x.
     """
+    columns = _height_columns(table)
+    left_out = [table.label(c) for c in range(table.values.shape[1]) if c not in columns]
+    if left_out and not settings.transpose:
+        note = f"no heights in column {', '.join(left_out)}: left out"
+        units = tuple(table.units[c] for c in columns if table.units)
+        notes = (*table.notes, note)
+        table = replace(table, values=table.values[:, columns], units=units, notes=notes)
     heights = table.values.T if settings.transpose else table.values
     if heights.shape[1] == 1:  # one column is one profile
         heights = heights.T
@@ -68,6 +80,19 @@ def profiles_from_matrix(table: NumberTable, settings: ReadSettings) -> RawProfi
         limits=table.limits,
         x_in_mm=True,
     )
+
+
+def _height_columns(table: NumberTable) -> list[int]:
+    """Return the columns of heights: those with names such as z_0, z_1; else those without times.
+
+    A column of times is text with digits; other text may mark lost points.
+    """
+    columns = list(range(table.values.shape[1]))
+    stems = [_NUMBER_AT_END.sub("", name) for name in table.names]
+    stem, count = Counter(stems).most_common(1)[0] if stems else ("", 0)
+    if 2 * count > len(columns):
+        return [c for c in columns if stems[c] == stem]
+    return [c for c in columns if not re.search("[0-9]", "".join(table.texts.get(c, ())))]
 
 
 def column_positions(

@@ -61,6 +61,22 @@ def test_rows_of_heights_are_profiles(write, name):
         npt.assert_allclose(profile.points[~lost], np.column_stack([X, row])[~lost], atol=3e-3)
 
 
+@pytest.mark.parametrize("before", [[], ["Nr"], ["Time [s]"], ["Nr", "Time"]])
+def test_columns_before_the_heights_are_no_heights(write, before):
+    cells = {"Nr": "7", "Time [s]": "0.5", "Time": "12:00:07"}
+    rows = [[cells[name] for name in before] + [f"{v}" for v in row] for row in HEIGHTS]
+    names = [*before, *(f"Z_{k} [mm]" for k in range(300))]
+    text = "\n".join(map(";".join, [names, *rows])).replace("nan", "ERR")
+    file = inspect_profiles(write(text, "p.csv"), x0=-15, dx=0.1)
+    npt.assert_allclose(file.profiles[1].points[1], [X[1], HEIGHTS[1, 1]])
+    assert [len(profile) for profile in file.profiles] == [300] * 3
+    assert any("left out" in note for note in file.notes) == bool(before)
+    if before == []:
+        text = "\n".join(f"12:00:0{k};{line}" for k, line in enumerate(text.splitlines()[1:]))
+        file = inspect_profiles(write(text, "times.csv"), x0=-15, dx=0.1)
+        npt.assert_allclose(file.profiles[1].points[1], [X[1], HEIGHTS[1, 1]])
+
+
 @pytest.mark.parametrize("kind", ["u2", "i2"])
 def test_counts_in_a_tiff_need_their_size(write, kind):
     raised = 0.0 if kind == "i2" else -200.0
