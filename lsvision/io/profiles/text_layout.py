@@ -19,6 +19,8 @@ from lsvision.io.profiles.unit_statements import find_lost_values
 
 MAX_PREAMBLE_LINES = 200
 """Number of lines without rows of lost points in which the first line of numbers is searched."""
+MAX_NUMBERED_COLUMNS = 4
+"""Largest number of columns whose numbers may be above them; more may be positions of heights."""
 SAMPLE_LINES = 60
 """Number of lines of cells that decide whether the table begins with the line above them."""
 MIN_TEXT_TABLE_FRACTION = 0.5
@@ -178,7 +180,7 @@ def _find_first_number_row(lines: Sequence[str]) -> tuple[int, str | None] | Non
             if not all(map(is_number_or_lost, cells)):
                 preamble += 1
             elif any(_ANY_NUMBER.fullmatch(cell.strip()) for cell in cells):
-                if not _is_above_table(lines, index, len(cells)):
+                if not _is_above_table(lines, index, cells):
                     return _include_lost_rows(lines, index, separator), separator
                 preamble += 1
         if preamble >= MAX_PREAMBLE_LINES:  # rows of lost points do not count
@@ -186,21 +188,29 @@ def _find_first_number_row(lines: Sequence[str]) -> tuple[int, str | None] | Non
     return None
 
 
-def _is_above_table(lines: Sequence[str], index: int, width: int) -> bool:
+def _is_above_table(lines: Sequence[str], index: int, row: Sequence[str]) -> bool:
     """Return whether a line of numbers is above the table, such as a count of points or columns.
 
-    It is if a header follows it, or most of the lines below have more cells.
+    It is if a header follows it, most of the lines below have more cells, or its cells are the
+    numbers of few columns, 0, 1, ..., and those below it have decimals.
     """
     below = islice(_iterate_cells(lines[index + 1 : index + 1 + 2 * SAMPLE_LINES]), SAMPLE_LINES)
     nearest = list(islice(below, 3))
     are_numbers = [all(map(is_number_or_lost, cells)) for cells in nearest]
     if are_numbers == [False, True, True]:
         return True
+    width = len(row)
     if not nearest or width == len(nearest[0]):
-        return False
+        numbers = [str(number) for number in range(width)]
+        return width <= MAX_NUMBERED_COLUMNS and list(row) == numbers and _have_decimals(nearest)
     widths = [len(cells) for cells in (*nearest, *below)]
     common, count = Counter(widths).most_common(1)[0]
     return common > width and 2 * count > len(widths)
+
+
+def _have_decimals(rows: Sequence[Sequence[str]]) -> bool:
+    """Return whether there are three rows, and all of their cells have decimals."""
+    return len(rows) == 3 and all("." in cell or "," in cell for row in rows for cell in row)
 
 
 def _iterate_cells(lines: Iterable[str]) -> Iterator[list[str]]:
@@ -216,7 +226,7 @@ def _include_lost_rows(lines: Sequence[str], index: int, separator: str | None) 
     width = len(split_cells(lines[index], separator))
     while index > 0:
         cells = split_cells(lines[index - 1], separator)
-        if len(cells) != width or not all(map(is_number_or_lost, cells)):
+        if len(cells) != width or not all(map(is_missing, cells)):
             break
         index -= 1
     return index

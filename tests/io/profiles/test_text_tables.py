@@ -174,6 +174,15 @@ def test_three_decimals_beside_a_marker_of_lost_points_are_no_thousands(write, a
     assert read_profile(write("\n".join(lines), "p.csv")).points[0, 0] == 20.0
 
 
+@pytest.mark.parametrize("form", ["{x:.3f},{z:.3f}", "{x:.3f};0.5;{z:.3f}"])
+def test_numbers_of_columns_are_no_point(write, arc, form):
+    mark = ";" if ";" in form else ","
+    head = mark.join(map(str, range(form.count(mark) + 1)))
+    assert_reads(write, [head, *lines_of(arc, form)], arc)
+    path = write("0,1\n1,1\n2,1.5\n3,2\n", "p.csv")  # a point
+    assert len(read_profile(path)) == 4
+
+
 def test_columns_are_effective_in_a_wide_table(write, arc):
     rows = np.column_stack([np.random.default_rng(1).normal(0, 1, (80, 30)), arc])
     lines = [",".join(f"{v:.3f}" for v in row) for row in rows]
