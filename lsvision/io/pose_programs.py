@@ -41,8 +41,8 @@ def read_program_rows(
     Raises
     ------
     UnreadableFile
-        For joint angles, positions that were never taught, several user frames, tools or motion
-        groups, or a convention other than the maker's.
+        For joint angles, positions that were never taught, several bases, user frames, tools or
+        motion groups, or a convention other than the maker's.
     """
     for pattern, maker, read_rows in (
         (_KUKA, "kuka", _kuka_rows),
@@ -64,8 +64,11 @@ def read_program_rows(
 
 
 def _kuka_rows(path: Path, text: str, pose_convention: PoseConvention) -> list[list[float]]:
-    rows = []
-    for number, aggregate in enumerate(_KUKA.findall(_without_kuka_settings(text)), 1):
+    rows, text = [], _without_kuka_settings(text)
+    for name, kind in (("BASE_NO", "in several bases"), ("TOOL_NO", "of several tools")):
+        numbers = list(dict.fromkeys(re.findall(rf"\b{name}\s+([0-9]+)", text, re.IGNORECASE)))
+        _require_one(path, kind, name, numbers)
+    for number, aggregate in enumerate(_KUKA.findall(text), 1):
         values = {name.lower(): float(value) for name, value in _KUKA_FIELD.findall(aggregate)}
         rows.append(_order_fields(path, f"position {number}", values, pose_convention))
     return rows
@@ -104,11 +107,16 @@ def _fanuc_rows(path: Path, text: str, pose_convention: PoseConvention) -> list[
         rows.append(_order_fields(path, position, values, pose_convention))
     for name, kind in (("UF", "in several user frames"), ("UT", "of several tools")):
         numbers = list(dict.fromkeys(frame.get(name, "none") for frame in frames))
-        if len(numbers) > 1:
-            raise UnreadableFile(
-                f"{path}: positions {kind} ({name} {', '.join(numbers)}): teach all in one"
-            )
+        _require_one(path, kind, name, numbers)
     return rows
+
+
+def _require_one(path: Path, kind: str, name: str, numbers: list[str]) -> None:
+    """Raise UnreadableFile if positions are of several tools, user frames or bases."""
+    if len(numbers) > 1:
+        raise UnreadableFile(
+            f"{path}: positions {kind} ({name} {', '.join(numbers)}): teach all in one"
+        )
 
 
 def _order_fields(

@@ -10,6 +10,10 @@ from lsvision.io.robot_poses import read_robot_poses
 ROWS = [[600.0, 10.5, 400.25, 10.0, -20.0, 175.0], [610.0, -3.0, 380.0, 12.0, -25.0, 170.5]]
 
 
+FRAMED = "FP={TOOL_NO 1,BASE_NO 0}\nXP={X 9,Y 2,Z 3,A 4,B 5,C 6}\n"
+"""A position of a KUKA program, with its tool and base."""
+
+
 @pytest.fixture
 def write(tmp_path):
     def _write(text, name="poses.csv"):
@@ -89,6 +93,12 @@ def test_positions_of_a_fanuc_listing(write, expected):
         ("P[1]{\n J1= 0.0 deg, J2 = 5 deg\n};", "fanuc", r"P\[1\]: no x y z w p r in it"),
         ("P[1]{X = 1 in, Y = 1 mm, Z = 1 mm}", "fanuc", r"P\[1\]: expected X in mm, got in"),
         ("xp={X 1,Y 2,Z 3,A 4,B 5}", "kuka", "position 1: no c in it"),
+        (
+            FRAMED + FRAMED.replace("TOOL_NO 1", "TOOL_NO 2"),
+            "kuka",
+            r"several tools \(TOOL_NO 1, 2\)",
+        ),
+        (FRAMED + FRAMED.replace("BASE_NO 0", "BASE_NO 3"), "kuka", "several bases"),
     ],
 )
 def test_what_is_no_position_is_rejected(write, text, convention, message):
