@@ -33,7 +33,8 @@ class PoseRows:
     length_unit, angle_unit : str or None
         None where the file states none.
     may_state_units : bool
-        Whether the format of the file has a place for units: JSON and YAML have none.
+        Whether the format of the file has a place for units: JSON and YAML have one only for that
+        of lengths, a key such as ``unit`` beside the list.
     """
 
     rows: list[list[float]]
@@ -63,8 +64,16 @@ def read_pose_rows(path: Path, pose_convention: PoseConvention, skip_columns: in
     suffix = path.suffix.lower()
     if suffix in {".json", ".rob", ".yaml", ".yml"}:
         parse = parse_json if suffix in {".json", ".rob"} else parse_yaml
-        rows = _structured_rows(_parse(path, text, parse), pose_convention, path)
-        return PoseRows(rows, may_state_units=False)
+        document = _parse(path, text, parse)
+        items = document.items() if isinstance(document, Mapping) else ()
+        try:
+            length_unit = _stated_length_unit(
+                [f"# {key}: {value}" for key, value in items if isinstance(value, str)]
+            )
+        except ValueError as error:
+            raise UnreadableFile(f"{path}: {error}") from error
+        rows = _structured_rows(document, pose_convention, path)
+        return PoseRows(rows, length_unit, may_state_units=False)
     program = read_program_rows(path, text, pose_convention)
     return (
         _text_rows(path, text, pose_convention, skip_columns)

@@ -163,6 +163,15 @@ def test_units_in_the_header_count(write, expected):
     assert_same(read_robot_poses(write("\n".join([head, *lines])), "kuka"), expected())
 
 
+@pytest.mark.parametrize("suffix", ["json", "yaml"])
+def test_the_unit_beside_a_list_of_poses_counts(write, expected, suffix):
+    rows = [[*(np.array(row[:3]) / 1000).tolist(), *row[3:]] for row in ROWS]
+    text = f'{{"unit": "m", "robot": "cell 3", "poses": {rows}}}'
+    assert_same(read_robot_poses(write(text, f"poses.{suffix}"), "kuka"), expected())
+    with pytest.raises(UnreadableFile, match="lengths in cm: expected all in mm, or all in m"):
+        read_robot_poses(write(text.replace('"m"', '"cm"'), f"poses.{suffix}"), "kuka")
+
+
 def test_units_of_columns_with_other_names_count(write, expected):
     rows = [[*(np.array(row[:3]) / 1000), *np.radians(row[3:])] for row in ROWS]
     lines = [",".join(map(str, row)) for row in rows]
