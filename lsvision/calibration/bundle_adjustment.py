@@ -169,10 +169,13 @@ def _fit_corners(
     )
     vector, _ = _minimise(problem, 1e-6)
     corner, line = problem.residuals_in_pixels(vector)
+    # Poses, camera and bow absorb a part of the noise, a large one where there are few corners.
+    fitted = problem.size - len(problem.plane_columns())
+    dof_factor = np.sqrt(corner.size / max(corner.size - fitted, 1))
     return _CornerFit(
         problem.state(vector),
         _mad_std(corner),
-        [_huber_std(values) for values in problem.split_corners(corner)],
+        [dof_factor * _huber_std(values) for values in problem.split_corners(corner)],
         estimate_line_noise(views, problem.split_lines(line)),
     )
 

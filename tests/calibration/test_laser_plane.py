@@ -3,7 +3,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lsvision.calibration.bundle_adjustment_problem import LaserView
+from lsvision.calibration.bundle_adjustment_problem import (
+    BundleAdjustmentProblem,
+    BundleAdjustmentState,
+    LaserView,
+    Refinement,
+)
 from lsvision.calibration.laser_plane import (
     LaserPlaneSettings,
     fit_laser_plane,
@@ -58,6 +63,23 @@ def test_error_of_the_plane_is_within_its_covariance(seed):
     assert error @ np.linalg.solve(found.covariance, error) < SIGMAS**2
     assert found.line_rms == pytest.approx(0.1, rel=0.1)
     assert found.corner_rms == pytest.approx(0.05 * np.sqrt(2), rel=0.1)
+
+
+@pytest.mark.parametrize("count", [3, 4])
+def test_covariance_from_few_corners_is_that_of_their_noise(count):
+    scene = BoardScene(columns=count, rows=3, square=30.0)
+    views = views_of(scene, 20, 8)
+    found = fit_laser_plane(camera_of(scene), views, HELD)
+    poses = tuple(view.camera_from_board for view in found.views)
+    state = BundleAdjustmentState(camera_of(scene), found.plane, poses, np.zeros(3))
+    # The poses fit a third of 18 residuals: their rms is 0.8 times the noise.
+    known = BundleAdjustmentProblem(
+        views, state, Refinement(camera=False, bow=False), [scene.corner_std] * len(views)
+    )
+    jacobian = known.jacobian(np.zeros(known.size))
+    covariance = np.linalg.inv(jacobian.T @ jacobian)[:3, :3]
+    std_ratios = np.sqrt(np.diag(found.covariance) / np.diag(covariance))
+    np.testing.assert_allclose(std_ratios, 1, atol=0.1)
 
 
 def test_bow_of_a_tenth_of_a_millimetre_is_estimated_and_reported():
