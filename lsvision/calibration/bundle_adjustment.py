@@ -315,8 +315,7 @@ def estimate_line_noise(views: Sequence[LaserView], residuals: Sequence[FloatArr
     times more precise on white than on black.
     """
     deviations = [
-        values - _quadratic_trend(view, values)
-        for view, values in zip(views, residuals, strict=True)
+        _deviations_from_trend(view, values) for view, values in zip(views, residuals, strict=True)
     ]
     predicted_stds = np.concatenate([view.line_std for view in views])
     ends = np.cumsum([len(deviation) for deviation in deviations])[:-1]
@@ -334,12 +333,16 @@ def estimate_line_noise(views: Sequence[LaserView], residuals: Sequence[FloatArr
     )
 
 
-def _quadratic_trend(view: LaserView, residuals: FloatArray) -> FloatArray:
-    """Return the trend of the residuals along the line: errors of board and plane, not noise."""
-    axis = np.ptp(view.line_pixels, axis=0).argmax()
+def _deviations_from_trend(view: LaserView, residuals: FloatArray) -> FloatArray:
+    """Return the residuals without their trend along the line: noise, not board and plane.
+
+    They are enlarged by what the three parameters of the trend absorb of the noise.
+    """
+    axis, count = np.ptp(view.line_pixels, axis=0).argmax(), len(residuals)
     position = view.line_pixels[:, axis] - view.line_pixels[:, axis].mean()
-    trend: FloatArray = np.polynomial.Polynomial.fit(position, residuals, 2)(position)
-    return trend
+    trend = np.polynomial.Polynomial.fit(position, residuals, 2)(position)
+    deviations: FloatArray = (residuals - trend) * np.sqrt(count / max(count - 3, 1))
+    return deviations
 
 
 def _stds_by_predicted_std(predicted_stds: FloatArray, deviations: FloatArray) -> FloatArray:

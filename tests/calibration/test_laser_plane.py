@@ -65,21 +65,31 @@ def test_error_of_the_plane_is_within_its_covariance(seed):
     assert found.corner_rms == pytest.approx(0.05 * np.sqrt(2), rel=0.1)
 
 
-@pytest.mark.parametrize("count", [3, 4])
-def test_covariance_from_few_corners_is_that_of_their_noise(count):
-    scene = BoardScene(columns=count, rows=3, square=30.0)
-    views = views_of(scene, 20, 8)
+def stds_over_those_of_known_noise(scene, seed):
+    """Stds of the plane from 20 views over those that the true noise gives."""
+    views = views_of(scene, 20, seed)
     found = fit_laser_plane(camera_of(scene), views, HELD)
     poses = tuple(view.camera_from_board for view in found.views)
     state = BundleAdjustmentState(camera_of(scene), found.plane, poses, np.zeros(3))
-    # The poses fit a third of 18 residuals: their rms is 0.8 times the noise.
-    known = BundleAdjustmentProblem(
-        views, state, Refinement(camera=False, bow=False), [scene.corner_std] * len(views)
-    )
-    jacobian = known.jacobian(np.zeros(known.size))
+    exact = [replace(view, line_std=np.full(scene.line_points, scene.line_std)) for view in views]
+    fixed = Refinement(camera=False, bow=False)
+    problem = BundleAdjustmentProblem(exact, state, fixed, [scene.corner_std] * len(views))
+    jacobian = problem.jacobian(np.zeros(problem.size))
     covariance = np.linalg.inv(jacobian.T @ jacobian)[:3, :3]
-    std_ratios = np.sqrt(np.diag(found.covariance) / np.diag(covariance))
-    np.testing.assert_allclose(std_ratios, 1, atol=0.1)
+    return np.sqrt(np.diag(found.covariance) / np.diag(covariance))
+
+
+@pytest.mark.parametrize("columns", [3, 4])
+def test_covariance_from_few_corners_is_that_of_their_noise(columns):
+    # The poses fit a third of 18 residuals: their rms is 0.8 times the noise.
+    scene = BoardScene(columns=columns, rows=3, square=30.0)
+    np.testing.assert_allclose(stds_over_those_of_known_noise(scene, 8), 1, atol=0.1)
+
+
+def test_covariance_from_short_lines_is_that_of_their_noise():
+    # The trend fits three of 8 residuals of a line: their rms is 0.8 times the noise.
+    scene = BoardScene(line_points=8, line_std=0.5, corner_std=0.02)
+    np.testing.assert_allclose(stds_over_those_of_known_noise(scene, 8), 1, atol=0.12)
 
 
 def test_bow_of_a_tenth_of_a_millimetre_is_estimated_and_reported():
