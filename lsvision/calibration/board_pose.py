@@ -1,6 +1,6 @@
 """Pose of a board in the camera frame from one image."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -80,6 +80,7 @@ def estimate_board_pose(
     pixels = as_readonly_array(corners, ("n", 2), "corners")
     points = as_readonly_array(board_points, (len(pixels), 3), "board points")
     _require_spread(pixels, points)
+    pixels, camera = _without_skew(pixels, camera)
     vector, translation = _solve_pnp(pixels, points, camera)
     matrix, distortion = np.array(camera.matrix), np.array(camera.distortion)
     projected, jacobian = cv2.projectPoints(
@@ -111,6 +112,15 @@ def _require_spread(pixels: FloatArray, points: FloatArray) -> None:
             raise CalibrationFailed(
                 "the board's corners lie on one line: the rotation about it is not determined"
             )
+
+
+def _without_skew(pixels: FloatArray, camera: Camera) -> tuple[FloatArray, Camera]:
+    """Return the pixels (n, 2) in a camera without skew, which OpenCV ignores, and that camera."""
+    (_, skew, _), (_, fy, cy), _ = camera.matrix
+    matrix = camera.matrix.copy()
+    matrix[0, 1] = 0.0
+    shear = skew / fy * (pixels[:, 1] - cy)
+    return pixels - np.column_stack([shear, np.zeros(len(pixels))]), replace(camera, matrix=matrix)
 
 
 def _solve_pnp(

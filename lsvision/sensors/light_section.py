@@ -92,6 +92,7 @@ class LightSection(ComparedByValue):
     def __post_init__(self) -> None:
         if not (math.isfinite(self.line_blur_px) and self.line_blur_px >= 0):
             raise ValueError(f"expected line_blur_px >= 0, got {self.line_blur_px}")
+        object.__setattr__(self, "line_blur_px", float(self.line_blur_px))
         object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
         _check_plane(self.camera, self.laser_plane)
 

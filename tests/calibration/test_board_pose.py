@@ -1,5 +1,7 @@
 """Pose of a board from its corners: accuracy and coverage of the covariance."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from lsvision.calibration.board_pose import estimate_board_pose
@@ -34,3 +36,13 @@ def test_covariance_of_a_board_pose_is_that_of_its_errors():
         scores.append(error @ np.linalg.solve(seen.covariance, error) / 6)
     # The mean of 360 squared normal numbers has one sigma 0.075.
     assert abs(np.mean(scores) - 1) < 4 * 0.075
+
+
+def test_the_skew_of_the_camera_is_not_ignored():
+    matrix = CAMERA.matrix.copy()
+    matrix[0, 1] = 20.0
+    skewed = replace(CAMERA, matrix=matrix)
+    found = estimate_board_pose(skewed.project(TRUTH.apply(BOARD)), BOARD, skewed)
+    error = pose_errors(found.camera_from_board, TRUTH)
+    assert np.abs(error[:3]).max() < EXACT_MM
+    assert np.abs(error[3:]).max() < EXACT_RAD

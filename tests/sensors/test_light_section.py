@@ -256,6 +256,13 @@ def test_the_blur_of_the_rig_is_used_and_saved(tmp_path):
     assert LightSection.load(tmp_path / "rig.json").line_blur_px == 0.7
 
 
+def test_a_blur_of_single_precision_is_saved(tmp_path):
+    camera = Camera([[900, 0, 160], [0, 900, 120], [0, 0, 1]], [], (320, 240))
+    rig = LightSection(camera, Plane((0.0, 0.866, 0.5), 150.0), line_blur_px=np.float32(0.5))
+    rig.save(tmp_path / "rig.json")
+    assert LightSection.load(tmp_path / "rig.json") == rig
+
+
 def test_a_line_whose_middle_misses_the_laser_plane_has_points_beside_it():
     camera = Camera([[900, 0, 160], [0, 900, 120], [0, 0, 1]], [], (320, 240))
     section = LightSection(camera, Plane((0.995, 0.0, -0.1), 10.0))
