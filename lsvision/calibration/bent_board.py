@@ -59,8 +59,10 @@ class BentBoardFit:
 
 def fit_bent_board(
     camera: Camera, views: Sequence[TargetView], poses: Sequence[Pose], free: BoolArray
-) -> BentBoardFit | None:
+) -> tuple[BentBoardFit | None, FloatArray]:
     """Return camera, poses and shape of the board, refined together, if it is significantly bent.
+
+    A bow that is not significant may still bias the camera by twice its standard deviation.
 
     Parameters
     ----------
@@ -76,8 +78,10 @@ def fit_bent_board(
 
     Returns
     -------
-    BentBoardFit or None
+    fit : BentBoardFit or None
         None if a flat board explains the corners equally well.
+    shift : (4 + k,) ndarray
+        Change of the intrinsics by the shape, significant or not: an error of those of a flat one.
     """
     shape = BoardShape.of(np.concatenate([view.points for view in views]))
     start = _State.of(camera, poses)
@@ -87,11 +91,12 @@ def fit_bent_board(
     bent, normal = _minimise(_Problem(views, shape, transfer, SHAPE_TERMS), flat)
     dof = 2 * sum(len(view.points) for view in views) - 6 * len(views) - len(normal.reduced)
     variance = normal.chi2 / max(dof, 1)
+    shift = bent.intrinsics - flat.intrinsics
     if not flat_normal.chi2 - normal.chi2 > MIN_F_RATIO * SHAPE_TERMS * variance:
-        return None
+        return None, shift
     covariance = variance * normal.inverse
     common_count = transfer.shape[1]
-    return BentBoardFit(
+    fit = BentBoardFit(
         bent.camera(camera),
         bent.board_poses(),
         transfer @ covariance[:common_count, :common_count] @ transfer.T,
@@ -99,6 +104,7 @@ def fit_bent_board(
         bent.bow,
         np.sqrt(covariance.diagonal()[common_count:]),
     )
+    return fit, shift
 
 
 @dataclass(frozen=True, eq=False)

@@ -132,7 +132,8 @@ class CameraCalibration(Result):
     camera : Camera
         Calibrated camera.
     std : mapping of str to float
-        Standard deviation of fx, fy, cx, cy (px) and each coefficient; 0 for fixed ones.
+        Standard deviation of fx, fy, cx, cy (px) and each coefficient; 0 for fixed ones. Includes
+        the effect of a bow of the board that is not significant (from six views).
     views : tuple of CalibratedView
         Views that were used.
     rejected : tuple of RejectedView
@@ -306,11 +307,12 @@ def _solve(views: Sequence[TargetView], settings: CameraSettings) -> _Solution:
     matrix, distortion, std, poses = _solve_flat(views, settings)
     camera, free = Camera(matrix, distortion, views[0].size), _independent_mask(std, settings)
     fits_bow = settings.bent_board and len(views) >= MIN_BOW_VIEWS
-    bent = fit_bent_board(camera, views, poses, free) if fits_bow else None
+    no_fit = None, np.zeros(len(free))
+    bent, shift = fit_bent_board(camera, views, poses, free) if fits_bow else no_fit
     if bent is None:
-        covariance = intrinsics_covariance(camera, views, poses, free)
+        covariance = intrinsics_covariance(camera, views, poses, free) + np.outer(shift, shift)
         points, flat = [view.points for view in views], np.zeros(SHAPE_TERMS)
-        return _Solution(camera, std, covariance, poses, points, flat, flat)
+        return _Solution(camera, np.hypot(std, shift), covariance, poses, points, flat, flat)
     return _Solution(
         bent.camera,
         np.sqrt(bent.covariance.diagonal()),
