@@ -220,23 +220,22 @@ def _cluster_robust_covariance(
 ) -> FloatArray:
     """Return the covariance (3, 3) of a plane whose errors are correlated within a view (sandwich).
 
-    Order and units are those of `BundleAdjustmentResult.plane_covariance`.
+    Each view has an error of offset and slope, of one variance for all views: three views are too
+    few to estimate one for each. Order and units are those of
+    `BundleAdjustmentResult.plane_covariance`.
     """
     design = [
         np.column_stack([points @ tilt_axes(state).T, -np.ones(len(points))])
         for points in laser_points
     ]
-    gradients = [
-        rows.T @ state.plane.signed_distances(points)
-        for rows, points in zip(design, laser_points, strict=True)
+    mean_squares = [
+        float(np.mean(state.plane.signed_distances(points) ** 2)) for points in laser_points
     ]
+    # Three parameters, of two numbers for each view.
+    variance = sum(mean_squares) / max(2 * len(laser_points) - 3, 1)
     inverse: FloatArray = np.linalg.inv(sum(rows.T @ rows for rows in design))
-    # Small-sample correction: three parameters, of which each view (a line) determines two.
-    small_sample_factor = len(laser_points) / max(len(laser_points) - 1.5, 0.5)
-    gradient_covariance = np.asarray(gradients).T @ np.asarray(gradients)
-    covariance: FloatArray = np.asarray(
-        inverse @ gradient_covariance @ inverse * small_sample_factor, dtype=np.float64
-    )
+    gradient_covariance = variance * sum(len(rows) * rows.T @ rows for rows in design)
+    covariance: FloatArray = np.asarray(inverse @ gradient_covariance @ inverse, dtype=np.float64)
     return covariance
 
 

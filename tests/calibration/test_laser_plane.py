@@ -92,6 +92,22 @@ def test_covariance_from_short_lines_is_that_of_their_noise():
     np.testing.assert_allclose(stds_over_those_of_known_noise(scene, 8), 1, atol=0.12)
 
 
+def test_error_from_three_inconsistent_views_is_within_its_covariance():
+    scene, scores = BoardScene(line_points=60), []
+    for seed in range(12):
+        rng = np.random.default_rng([1, seed])
+        shifts = rng.normal(0, 1.5, (3, 2)) @ [np.ones(60), np.linspace(-1, 1, 60)]
+        views = [
+            replace(view, line_pixels=view.line_pixels + np.outer(shift, [0, 1]))
+            for view, shift in zip(views_of(scene, 3, seed), shifts, strict=True)
+        ]
+        found = fit_laser_plane(camera_of(scene), views, HELD)
+        assert any("inconsistent" in text for text in found.warnings)
+        error = found.plane.distance - scene.plane.distance
+        scores.append(abs(error) / np.sqrt(found.covariance[2, 2]))
+    assert max(scores) < 8  # Student's t of three degrees of freedom exceeds it once in 250
+
+
 def test_bow_of_a_tenth_of_a_millimetre_is_estimated_and_reported():
     found = fit_laser_plane(camera_of(BoardScene()), views_of(BoardScene(bow=(0.1, 0.0)), 15))
     np.testing.assert_allclose(found.board_bow, (0.1, 0.0, 0.0), atol=0.005)
