@@ -78,7 +78,7 @@ def relate_axes(
 
     quantities: dict[str, Length | Scalar] = {
         "distance": Length(values[:2], covariance[:2, :2], dof),
-        "angle": Length(values[2:4], covariance[2:4, 2:4], dof),
+        "angle": Length(values[2:4], covariance[2:4, 2:4], dof, math.pi / 2),
         "gap": scalar(4),
     }
     if up is not None:
@@ -128,7 +128,7 @@ def angle_between(fit: CylinderFit, direction: FloatArray) -> Length:
     tilt = fit.tangent_basis @ perpendicular
     angle = math.atan2(sine, float(unit @ fit.direction))
     vector = tilt * (angle / sine) if sine > PARALLEL_SINE else tilt
-    return Length(vector, fit.covariance[2:4, 2:4], fit.degrees_of_freedom)
+    return Length(vector, fit.covariance[2:4, 2:4], fit.degrees_of_freedom, math.pi / 2)
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,16 +17,12 @@ from lsvision.ellipse.section import CylinderSection
 from lsvision.inspection.decision import Decision, widen_interval
 from lsvision.inspection.job import Job
 from lsvision.inspection.job_tables import Part, RelationLimits
-from lsvision.inspection.limits import quantity_from_key
+from lsvision.inspection.limits import POSSIBLE_RANGES, quantity_from_key
 from lsvision.inspection.matching import Matching, match_parts
 from lsvision.inspection.quantities import measure_quantity
 from lsvision.inspection.quantity_verdict import QuantityVerdict, judge_quantity
 from lsvision.inspection.relate import MeasuredCylinder, relate
-from lsvision.inspection.verdict import (
-    ItemVerdict,
-    Provenance,
-    Verdict,
-)
+from lsvision.inspection.verdict import ItemVerdict, Provenance, Verdict
 from lsvision.measure import Measurement
 from lsvision.results.quantities import Estimate
 from lsvision.scan.scan_result import ScanMeasurement, ScannedCylinder, ScanRejection
@@ -193,10 +189,12 @@ def _judge_estimate(
 ) -> QuantityVerdict:
     """Return the verdict of a quantity, including the job's extra uncertainty."""
     level, extra = job.decision.level, job.extra_std(key)
+    low, high = widen_interval(estimate.value, estimate.interval, extra, level)
+    smallest, largest = POSSIBLE_RANGES.get(key, (-math.inf, math.inf))
     estimate = replace(
         estimate,
         std=math.hypot(estimate.std, extra),
-        interval=widen_interval(estimate.value, estimate.interval, extra, level),
+        interval=(max(low, smallest), min(high, largest)),
     )
     if key == "theta_deg":
         return _judge_periodic_angle(estimate, limits, level)

@@ -22,6 +22,12 @@ SCAN_KEYS = (
 """Limits of a part that a scan can be judged by."""
 RELATION_KEYS = ("distance_mm", "angle_deg", "gap_mm", "flush_mm")
 """Limits of a relation."""
+POSSIBLE_RANGES = {
+    **dict.fromkeys(("phi_deg", "direction_deg", "angle_deg"), (0.0, 90.0)),
+    **dict.fromkeys(("radius_mm", "diameter_mm", "position_mm", "bow_mm"), (0.0, math.inf)),
+    **dict.fromkeys(("ovality_percent", "length_seen_mm", "distance_mm"), (0.0, math.inf)),
+}
+"""Smallest and largest possible value of the quantities that have one, by key."""
 UNITS: tuple[Unit, ...] = ("mm_per_m", "percent", "deg", "mm")
 """Units at the end of keys."""
 LIMIT_DECIMALS = 9

@@ -83,6 +83,8 @@ class Length(ComparedByValue):
         Covariance of both components.
     degrees_of_freedom : float
         Degrees of freedom of the covariance; infinite if it is known.
+    largest : float
+        Largest possible length, such as that of an angle between two axes.
 
     Notes
     -----
@@ -102,6 +104,7 @@ class Length(ComparedByValue):
     vector: FloatArray
     covariance: FloatArray
     degrees_of_freedom: float = math.inf
+    largest: float = math.inf
 
     @property
     def value(self) -> float:
@@ -118,7 +121,11 @@ class Length(ComparedByValue):
         return math.sqrt(max(float(unit @ self.covariance @ unit), 0.0))
 
     def interval(self, level: float) -> tuple[float, float]:
-        """Return both ends, at least 0; see the notes of the class."""
+        """Return both ends, from 0 to `largest`; see the notes of the class."""
+        low, high = self._unlimited_interval(level)
+        return low, min(high, self.largest)
+
+    def _unlimited_interval(self, level: float) -> tuple[float, float]:
         factor = two_sided_factor(level, self.degrees_of_freedom)
         variances, axes = np.linalg.eigh(self.covariance)
         stds = np.sqrt(np.maximum(variances, 0.0))

@@ -102,6 +102,19 @@ def test_an_extra_uncertainty_can_open_a_verdict(pair):
     assert diameter.estimate.std == pytest.approx(2 * radius.estimate.std)
 
 
+def test_an_extra_uncertainty_leaves_an_interval_within_the_possible_values():
+    tube = Tube.of(LEFT, 0.4, 0.0, (0.0, -400.0))
+    section = simulate_section(Scene((tube,)), SCENE_SENSOR, SETTINGS, rng=np.random.default_rng(2))
+    upright = job(
+        ("left", "order = 1\nphi_deg = { min = 0, max = 30 }"),
+        more="[decision]\nextra_std = { phi_deg = 0.2 }",
+    )
+    verdict = lsv.judge(measure_cylinders(section.profile), upright)
+    (phi,) = verdict.parts[0].quantities
+    assert phi.estimate.interval[0] == 0
+    assert verdict.decision == "OK"
+
+
 def test_parts_are_distinguished_by_radius(pair):
     verdict = lsv.judge(pair, job(("thin", limits(14)), ("thick", limits(20))))
     assert [item.cylinder for item in verdict.parts] == [1, 0]

@@ -10,6 +10,7 @@ from scipy import stats
 import lsvision as lsv
 from lsvision.ellipse.parameters import ellipse_from_parameters
 from lsvision.geometry import Cylinder
+from lsvision.inspection.axis_relation import angle_between
 from lsvision.measure import measure_cylinders
 from lsvision.scan import measure_scan
 from lsvision.simulate import (
@@ -234,6 +235,18 @@ def test_flush_of_a_scan_is_the_difference_of_the_crests():
     relation = lsv.relate(*scanned((first, second), 1, noise=0.002), up=(0, 2, 0))
     assert relation.quantities["flush"].value == pytest.approx(-405 + 15 - (-400 + 19), abs=0.02)
     assert "flush" not in lsv.relate(*scanned((first, second), 1)).quantities
+
+
+def test_the_angle_of_perpendicular_axes_is_at_most_a_right_angle():
+    tube, _ = scanned(PARALLEL, 0)
+    direction, perpendicular = tube.fit.tangent_basis
+    first, second = (
+        replace(tube, fit=replace(tube.fit, cylinder=Cylinder((0, 0, 0), axis, 10.0)))
+        for axis in (direction, perpendicular)
+    )
+    low, high = lsv.relate(first, second).interval("angle")
+    assert low < high == math.pi / 2
+    assert angle_between(first.fit, perpendicular).interval(0.95)[1] == math.pi / 2
 
 
 # The last three directions have a squared length below 1, by rounding.
