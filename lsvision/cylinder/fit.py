@@ -42,6 +42,8 @@ SINGULARITY_TOLERANCE = 1e-14
 """Smallest eigenvalue of a regular information matrix, after scaling its diagonal to 1."""
 MAX_TRUNCATION_ITERATIONS = 20
 """Largest number of fits with truncation; usually five are needed."""
+MAX_DENSITY_SIGMAS = 40.0
+"""Standard deviations beyond which the density of a normal distribution is 0 in floating point."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -58,6 +60,7 @@ class CylinderFittingSettings(ShowsChanges):
         points are excluded, and the fit is repeated until the inliers do not change. The method
         assumes that more than half of the points are inliers. The standard deviation is the larger
         of that of the noise model, if there is one, and the robust one (MAD) of the residuals.
+        The covariance includes the effect of excluding such points, for normal errors.
         None: all points are inliers.
     """
 
@@ -210,7 +213,7 @@ def _fit_truncated(
     cylinder, inliers = initial_guess, np.ones(len(points), dtype=bool)
     for _ in range(MAX_TRUNCATION_ITERATIONS):
         selected = None if covariances is None else covariances[inliers]
-        fit = _fit(points[inliers], selected, cylinder, known_radius, settings.reweightings)
+        fit = _fit(points[inliers], selected, cylinder, known_radius, settings)
         if settings.truncation is None:
             return fit
         cylinder = fit.cylinder
@@ -250,10 +253,10 @@ def _fit(
     covariances: FloatArray | None,
     cylinder: Cylinder,
     known_radius: RadiusPrior | None,
-    reweightings: int,
+    settings: CylinderFittingSettings,
 ) -> CylinderFit:
     """Fit a cylinder to points from an initial one, with the weights recomputed before each fit."""
-    for _ in range(reweightings + 1):
+    for _ in range(settings.reweightings + 1):
         frame = tangent_frame(cylinder.direction)
         rotated = None if covariances is None else rotate_covariances(covariances, frame)
         parameters = parameters_from_cylinder(frame, cylinder)
@@ -263,7 +266,18 @@ def _fit(
         problem = weighted_problem(points @ frame.T, rotated, parameters, prior)
         cylinder = cylinder_from_parameters(frame, minimise(problem, parameters))
     foot_points = problem.points @ frame
-    return _build_fit(points, foot_points, cylinder, problem, known_noise=covariances is not None)
+    return _build_fit(
+        points, foot_points, cylinder, problem, settings, known_noise=covariances is not None
+    )
+
+
+def _inlier_variance(truncation: float | None) -> float:
+    """Return the variance of normal errors within a truncation, over that of all of them."""
+    if truncation is None:
+        return 1.0
+    truncation = min(truncation, MAX_DENSITY_SIGMAS)
+    density = math.exp(-(truncation**2) / 2) / math.sqrt(2 * math.pi)
+    return 1 - 2 * truncation * density / math.erf(truncation / math.sqrt(2))
 
 
 def _prior_of_unit_noise(known_radius: RadiusPrior, residuals: FloatArray) -> RadiusPrior:
@@ -278,17 +292,25 @@ def _build_fit(
     foot_points: Points,
     cylinder: Cylinder,
     problem: CylinderProblem,
+    settings: CylinderFittingSettings,
     *,
     known_noise: bool,
 ) -> CylinderFit:
-    """Return the fit of a cylinder to points, with the Jacobian at their foot points."""
+    """Return the fit of a cylinder to points, with the Jacobian at their foot points.
+
+    A truncation makes the residuals smaller than the errors. It also increases the uncertainty,
+    since points become inliers or outliers as the cylinder moves: to first order the variance by
+    one over that of the inliers.
+    """
+    variance = _inlier_variance(settings.truncation)
     frame = tangent_frame(cylinder.direction)
     problem = replace(problem, points=foot_points @ frame.T)
     residuals, jacobian = problem.evaluate(parameters_from_cylinder(frame, cylinder))
     normalised = residuals[: len(points)]
     factor, dof, std_scale = estimate_variance_factor(
-        normalised, len(residuals) - PARAMETERS, known_noise=known_noise
+        normalised / math.sqrt(variance), len(residuals) - PARAMETERS, known_noise=known_noise
     )
+    factor /= variance
     return CylinderFit(
         cylinder=cylinder,
         covariance=factor * std_scale**2 * _invert_information(jacobian.T @ jacobian),

@@ -49,7 +49,7 @@ class CylinderFit(WithCylinder, Result):
         Mask of the points to which the cylinder was fitted; all without truncation.
     variance_factor : float
         Factor by which the covariance exceeds that from `stds` alone: 1 if the stds explain the
-        residuals, more if the residuals are larger or correlated along the line.
+        residuals, more if the residuals are larger, correlated along the line, or truncated.
     degrees_of_freedom : float
         Degrees of freedom of the noise estimate; infinite with a noise model.
 

@@ -118,6 +118,26 @@ def test_truncation_excludes_clutter() -> None:
     assert not fit.inliers[::7].any()
 
 
+@pytest.mark.parametrize("known_noise", [True, False])
+@pytest.mark.parametrize("truncation", [1.5, 2.0, 1e300])
+def test_a_truncated_fit_deviates_as_its_covariance_states(
+    truncation: float, known_noise: bool
+) -> None:
+    rng, count = np.random.default_rng(8), 60
+    settings = CylinderFittingSettings(truncation=truncation)
+    exact = surface(PIPE, np.linspace(0, 30, 4), np.linspace(0.2, 2.6, 50))
+    covariances = np.tile(0.02**2 * np.eye(3), (len(exact), 1, 1)) if known_noise else None
+    chi2 = 0.0
+    for _ in range(count):
+        points = exact + rng.normal(0, 0.02, exact.shape)
+        fit = fit_cylinder(points, covariances, initial_guess=PIPE, settings=settings)
+        tilt = fit.tangent_basis @ PIPE.direction
+        errors = np.array([*tilt, fit.radius - PIPE.radius])
+        stds = np.sqrt(fit.covariance.diagonal()[2:])
+        chi2 += float((errors / stds) @ (errors / stds))
+    assert chi2 / (3 * count) < 1 + SIGMAS * math.sqrt(2 / (3 * count))
+
+
 def test_a_prior_radius_reduces_the_error_of_the_axis() -> None:
     points, covariances = noisy(np.random.default_rng(7), 0.05)
     free = fit_cylinder(points, covariances, initial_guess=PIPE)
