@@ -63,11 +63,16 @@ def check_golden(
     low, high = widen_interval(
         nearest.radius, nearest.interval("radius", level), job.extra_std("radius_mm"), level
     )
-    ends = golden.radius_mm - golden.tolerance_mm, golden.radius_mm + golden.tolerance_mm
+    ends = _limits(golden)
     decision = decide((low, high), ends)
     reason = f"radius {low:.4f} .. {high:.4f} mm, limits {ends[0]:g} .. {ends[1]:g}"
     measured = {"radius_mm": float(nearest.radius), "low_mm": float(low), "high_mm": float(high)}
     return record | measured | {"passed": decision == Decision.OK, "reason": reason}
+
+
+def _limits(golden: Golden) -> tuple[float, float]:
+    """Return the smallest and largest permissible radius of the golden part. Units: mm."""
+    return golden.radius_mm - golden.tolerance_mm, golden.radius_mm + golden.tolerance_mm
 
 
 def find_blocking_reason(job: Job, log: Sequence[Record], now: datetime.datetime) -> str:
@@ -98,6 +103,12 @@ def _blocking_reason_of_check(last: Record, golden: Golden, now: datetime.dateti
         return (
             f"golden part of radius {reference:g} mm measured, expected "
             f"{golden.radius_mm:g} mm: lsvision inspect JOB --golden FILE"
+        )
+    interval, ends = (last["low_mm"], last["high_mm"]), _limits(golden)
+    if decide(interval, ends) != Decision.OK:  # the tolerance was changed after the check
+        return (
+            f"golden part of radius {interval[0]:.4f} .. {interval[1]:.4f} mm measured, limits are "
+            f"now {ends[0]:g} .. {ends[1]:g}: lsvision inspect JOB --golden FILE"
         )
     hours = (now - datetime.datetime.fromisoformat(last["time"])).total_seconds() / 3600
     if hours < 0:

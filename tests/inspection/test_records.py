@@ -117,6 +117,13 @@ def test_the_golden_part_blocks_until_it_was_measured_rightly(scan):
     )
 
 
+def test_a_golden_part_outside_a_tolerance_that_was_narrowed_blocks(scan):
+    passed = check_golden(measure_cylinders(scan[0][1]).cylinders, job(), "golden.csv", NOW)
+    blocked = find_blocking_reason(job(tolerance=0.001), [passed], NOW)
+    assert "limits are now 18.999 .. 19.001: lsvision inspect JOB --golden FILE" in blocked
+    assert find_blocking_reason(job(tolerance=1.0), [passed], NOW) == ""
+
+
 def test_a_golden_part_that_is_not_proved_right_has_failed(scan):
     found = measure_cylinders(scan[0][1]).cylinders
     narrow = job(tolerance=0.001)
