@@ -99,7 +99,8 @@ def _measure_in_scan(tube: ScannedCylinder, part: Part, key: str) -> Uncertain:
         return angle_between(fit, np.asarray(part.nominal_direction, dtype=np.float64))
     if key == "length_seen_mm":
         start, stop = tube.axial_range
-        return Scalar(stop - start, math.hypot(*tube.axial_range_std))
+        variance = math.hypot(*tube.axial_range_std) ** 2 - 2 * tube.axial_range_covariance
+        return Scalar(stop - start, math.sqrt(max(variance, 0.0)))
     if key in ("bow_mm", "taper_mm_per_m", "ovality_percent"):
         return _measure_form(measure_shape(tube), key)
     return _measure_position(tube, part, key)

@@ -277,7 +277,8 @@ def build_scanned_cylinder(joint_fit: JointFit, errors: PoseErrors) -> ScannedCy
     fit = fit.with_reference_point(cloud.poses[0].translation)
     if _is_against_feed(fit.direction, cloud.poses):
         fit = fit.with_reversed_direction()
-    axial_range, axial_range_std = _measure_axial_range(fit, cloud, errors)
+    axial_range, range_covariance = _measure_axial_range(fit, cloud, errors)
+    first_std, last_std = np.sqrt(range_covariance.diagonal()).tolist()
     return ScannedCylinder(
         fit=fit,
         sections=tuple(int(section) for section in np.unique(cloud.point_sections)),
@@ -285,9 +286,10 @@ def build_scanned_cylinder(joint_fit: JointFit, errors: PoseErrors) -> ScannedCy
         point_sections=cloud.point_sections,
         indices=cloud.indices,
         axial_range=axial_range,
-        axial_range_std=axial_range_std,
+        axial_range_std=(first_std, last_std),
         twin=joint_fit.twin,
         includes_calibration=errors.calibration is not None,
+        axial_range_covariance=float(range_covariance[0, 1]),
     )
 
 
@@ -302,24 +304,24 @@ def _is_against_feed(direction: FloatArray, base_from_sections: Sequence[Pose]) 
 
 def _measure_axial_range(
     fit: CylinderFit, cloud: ScanCloud, errors: PoseErrors
-) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return ``axial_range`` and ``axial_range_std`` of a `ScannedCylinder`.
+) -> tuple[tuple[float, float], FloatArray]:
+    """Return ``axial_range`` of a `ScannedCylinder` and the covariance (2, 2) of both ends.
 
-    The uncertainties are those of the first and the last point along the axis: of their noise and
-    of the poses.
+    It is that of the first and the last point along the axis: of their noise, of the poses, and of
+    the direction, whose error counts as independent of that of the poses. Units: mm, mm^2.
     """
     along = (cloud.points - fit.point) @ fit.direction
     rows = np.array([along.argmin(), along.argmax()])
     end_points, axes = cloud.subset(rows), np.tile(fit.direction, (2, 1))
-    pose_jacobian = np.hstack(
-        [
-            common_error_jacobian(axes, end_points, errors),
-            section_error_jacobian(axes, end_points, errors),
-        ]
-    )
+    common = common_error_jacobian(axes, end_points, errors)
+    own = section_error_jacobian(axes, end_points, errors)
+    is_same_section = np.equal.outer(end_points.point_sections, end_points.point_sections)
     noise_variances = fit.direction @ end_points.covariances @ fit.direction
-    first_std, last_std = np.sqrt(noise_variances + (pose_jacobian**2).sum(axis=1)).tolist()
-    return (float(along[rows[0]]), float(along[rows[1]])), (first_std, last_std)
+    covariance = np.diag(noise_variances) + common @ common.T + is_same_section * (own @ own.T)
+    # An end is at (p - o) d along the axis, with the origin o of the first section.
+    by_direction = (end_points.points - cloud.poses[0].translation) @ fit.tangent_basis.T
+    covariance += by_direction @ fit.covariance[2:4, 2:4] @ by_direction.T
+    return (float(along[rows[0]]), float(along[rows[1]])), covariance
 
 
 def sort_cylinders(

@@ -50,6 +50,9 @@ class ScannedCylinder(WithCylinder, Result):
     includes_calibration : bool
         Whether the covariance includes the errors of a hand-eye calibration; otherwise the
         sensor mount is taken as exact.
+    axial_range_covariance : float
+        Covariance of both ends of `axial_range`: errors of poses and calibration that displace
+        both do not change the length. Units: mm^2.
 
     Examples
     --------
@@ -77,6 +80,7 @@ class ScannedCylinder(WithCylinder, Result):
     axial_range_std: tuple[float, float]
     twin: Cylinder | None = None
     includes_calibration: bool = False
+    axial_range_covariance: float = 0.0
 
     @property
     def cylinder(self) -> Cylinder:

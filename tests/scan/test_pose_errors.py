@@ -10,6 +10,8 @@ from scipy.spatial.transform import Rotation
 from lsvision.cylinder.robot_frame import place_section
 from lsvision.ellipse.section import CylinderSection
 from lsvision.geometry import Pose
+from lsvision.inspection.job_tables import Part
+from lsvision.inspection.quantities import measure_quantity
 from lsvision.measure import measure_cylinders
 from lsvision.profile import Profile
 from lsvision.scan import PoseErrors, ScannedCylinder, measure_scan
@@ -149,3 +151,34 @@ def test_the_axial_range_includes_the_calibration_errors(pipe: Tube) -> None:
     (found,) = measure_scan(profiles, feed(3, 10.0), calibration=calibration()).cylinders
     assert not exact.includes_calibration
     assert min(found.axial_range_std) > 0.1 + max(exact.axial_range_std)
+
+
+@pytest.mark.parametrize("robot_std", [(0.0, 0.0), (0.4, 0.0)], ids=["exact", "robot"])
+def test_the_length_seen_includes_errors_of_the_poses_as_far_as_they_change_it(
+    pipe: Tube, robot_std: tuple[float, float]
+) -> None:
+    rng, sections = np.random.default_rng(6), feed(3, 10.0)
+    profiles = profiles_of(Scene((pipe,)), sections)
+    lengths, part = [], Part(name="pipe", order=1)
+    for _ in range(RUNS):
+        wrong = miscalibrated(rng, robot_std)
+        flanges = [noisy_pose(pose @ MOUNT.inverse(), *robot_std, rng) for pose in sections]
+        poses = [flange @ wrong.flange_from_section for flange in flanges]
+        (found,) = measure_scan(profiles, poses, calibration=wrong).cylinders
+        lengths.append(measure_quantity(found, part, "length_seen_mm", 0.95))
+    spread = float(np.std([length.value for length in lengths]))
+    (exact,) = measure_scan(profiles, sections).cylinders
+    noise_std = measure_quantity(exact, part, "length_seen_mm", 0.95).std
+    stated = math.sqrt(lengths[0].std ** 2 - noise_std**2)
+    assert stated == pytest.approx(spread, rel=RELATIVE_TOLERANCE, abs=0.05)
+
+
+def test_the_ends_deviate_as_the_direction_does() -> None:
+    tube = Tube.of(19.0, 0.3, 0.05, (0.0, -400.0))
+    found = [
+        measure_scan(profiles_of(Scene((tube,)), feed(4, 10.0), seed=run), feed(4, 10.0)).cylinders
+        for run in range(RUNS)
+    ]
+    spread = np.std([pipe.axial_range for (pipe,) in found], axis=0)
+    stated = np.mean([pipe.axial_range_std for (pipe,) in found], axis=0)
+    assert stated == pytest.approx(spread, rel=RELATIVE_TOLERANCE)
