@@ -260,9 +260,7 @@ def _fit(
         frame = tangent_frame(cylinder.direction)
         rotated = None if covariances is None else rotate_covariances(covariances, frame)
         parameters = parameters_from_cylinder(frame, cylinder)
-        prior = known_radius
-        if prior is not None and covariances is None:
-            prior = _prior_of_unit_noise(prior, cylinder.signed_distances(points))
+        prior = known_radius and _scale_prior(known_radius, points, covariances, cylinder, settings)
         problem = weighted_problem(points @ frame.T, rotated, parameters, prior)
         cylinder = cylinder_from_parameters(frame, minimise(problem, parameters))
     foot_points = problem.points @ frame
@@ -280,11 +278,47 @@ def _inlier_variance(truncation: float | None) -> float:
     return 1 - 2 * truncation * density / math.erf(truncation / math.sqrt(2))
 
 
-def _prior_of_unit_noise(known_radius: RadiusPrior, residuals: FloatArray) -> RadiusPrior:
-    """Return the prior for weights 1, with the same weight relative to points with this noise."""
-    variance = float(residuals @ residuals) / (len(residuals) - PARAMETERS)
-    std = max(math.sqrt(variance), float(np.finfo(float).eps))
-    return RadiusPrior(known_radius.radius, known_radius.std / std)
+def _scale_prior(
+    known_radius: RadiusPrior,
+    points: Points,
+    covariances: FloatArray | None,
+    cylinder: Cylinder,
+    settings: CylinderFittingSettings,
+) -> RadiusPrior:
+    """Return the prior with the same weight relative to points with the errors that are observed.
+
+    Its std is divided by the factor by which they exceed those of the problem, so that the
+    covariance, multiplied by the square of this factor, contains the stated std.
+    """
+    residuals, _, normalised = _residuals(points, covariances, cylinder)
+    factor, _, std_scale = _variance_factor(
+        residuals if covariances is None else normalised,
+        len(points) - PARAMETERS,
+        settings,
+        known_noise=covariances is not None,
+    )
+    scale = max(std_scale * math.sqrt(factor), float(np.finfo(float).eps))
+    return RadiusPrior(known_radius.radius, known_radius.std / scale)
+
+
+def _variance_factor(
+    normalised: FloatArray,
+    degrees_of_freedom: int,
+    settings: CylinderFittingSettings,
+    *,
+    known_noise: bool,
+) -> tuple[float, float, float]:
+    """Return the numbers of `estimate_variance_factor`, with the effect of a truncation.
+
+    A truncation makes the residuals smaller than the errors. It also increases the uncertainty,
+    since points become inliers or outliers as the cylinder moves: to first order the variance by
+    one over that of the inliers.
+    """
+    variance = _inlier_variance(settings.truncation)
+    factor, dof, std_scale = estimate_variance_factor(
+        normalised / math.sqrt(variance), degrees_of_freedom, known_noise=known_noise
+    )
+    return factor / variance, dof, std_scale
 
 
 def _build_fit(
@@ -296,21 +330,14 @@ def _build_fit(
     *,
     known_noise: bool,
 ) -> CylinderFit:
-    """Return the fit of a cylinder to points, with the Jacobian at their foot points.
-
-    A truncation makes the residuals smaller than the errors. It also increases the uncertainty,
-    since points become inliers or outliers as the cylinder moves: to first order the variance by
-    one over that of the inliers.
-    """
-    variance = _inlier_variance(settings.truncation)
+    """Return the fit of a cylinder to points, with the Jacobian at their foot points."""
     frame = tangent_frame(cylinder.direction)
     problem = replace(problem, points=foot_points @ frame.T)
     residuals, jacobian = problem.evaluate(parameters_from_cylinder(frame, cylinder))
     normalised = residuals[: len(points)]
-    factor, dof, std_scale = estimate_variance_factor(
-        normalised / math.sqrt(variance), len(residuals) - PARAMETERS, known_noise=known_noise
+    factor, dof, std_scale = _variance_factor(
+        normalised, len(residuals) - PARAMETERS, settings, known_noise=known_noise
     )
-    factor /= variance
     return CylinderFit(
         cylinder=cylinder,
         covariance=factor * std_scale**2 * _invert_information(jacobian.T @ jacobian),

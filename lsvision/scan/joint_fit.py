@@ -82,12 +82,15 @@ class JointFit:
         single section.
     twin : Cylinder or None
         The other cylinder that fits equally well, if only one section was measured.
+    known_radius : RadiusPrior or None
+        Prior with which several sections were fitted.
     """
 
     fit: CylinderFit
     cloud: ScanCloud
     normalised_rms: float
     twin: Cylinder | None = None
+    known_radius: RadiusPrior | None = None
 
 
 def fit_tracks(
@@ -313,7 +316,7 @@ def _assign_and_fit(
         if np.array_equal(rows, previous_rows):
             break
     section_fit = fit_section_shifts(cloud, cylinder, rows, free_radius=True)
-    return JointFit(fit, cloud.subset(rows), section_fit.normalised_rms)
+    return JointFit(fit, cloud.subset(rows), section_fit.normalised_rms, known_radius=known_radius)
 
 
 def _rejection_reason(joint_fit: JointFit, settings: JointFitSettings) -> str | None:

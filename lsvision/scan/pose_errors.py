@@ -12,6 +12,7 @@ import numpy as np
 from lsvision.cylinder.fit_result import CylinderFit, estimate_variance_factor
 from lsvision.cylinder.problem import PARAMETERS, axis_distances, parameters_from_cylinder
 from lsvision.cylinder.robot_frame import SectionMount, rigid_motion_jacobian, robot_covariance
+from lsvision.ellipse.problem import RadiusPrior
 from lsvision.geometry import FloatArray, Pose, tangent_frame
 from lsvision.scan.cloud import ScanCloud
 
@@ -75,7 +76,12 @@ def require_feed(base_from_sections: Sequence[Pose], errors: PoseErrors) -> None
             )
 
 
-def propagate_pose_errors(fit: CylinderFit, cloud: ScanCloud, errors: PoseErrors) -> FloatArray:
+def propagate_pose_errors(
+    fit: CylinderFit,
+    cloud: ScanCloud,
+    errors: PoseErrors,
+    known_radius: RadiusPrior | None = None,
+) -> FloatArray:
     """Return the covariance of a joint fit including the errors of the poses.
 
     Parameters
@@ -86,6 +92,8 @@ def propagate_pose_errors(fit: CylinderFit, cloud: ScanCloud, errors: PoseErrors
         Points to which the cylinder was fitted.
     errors : PoseErrors
         Uncertainty of the poses.
+    known_radius : RadiusPrior, optional
+        Prior of the fit.
 
     Returns
     -------
@@ -121,6 +129,11 @@ def propagate_pose_errors(fit: CylinderFit, cloud: ScanCloud, errors: PoseErrors
         + response @ response.T
         + np.einsum("sik,sjk->ij", section_response, section_response)
     )
+    if known_radius is not None:
+        # The fit weights the prior beside residuals with the pose errors: its own error remains.
+        information = fit.variance_factor / known_radius.effective_std**2
+        column = fit_covariance[:, 4]
+        covariance += (fit.variance_factor - factor) * information * np.outer(column, column)
     return covariance
 
 

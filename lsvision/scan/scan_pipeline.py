@@ -273,7 +273,7 @@ def validate_poses(
 def build_scanned_cylinder(joint_fit: JointFit, errors: PoseErrors) -> ScannedCylinder:
     """Return the result of a joint fit: reference point, sign, covariance and axial range."""
     fit, cloud = joint_fit.fit, joint_fit.cloud
-    fit = replace(fit, covariance=propagate_pose_errors(fit, cloud, errors))
+    fit = replace(fit, covariance=propagate_pose_errors(fit, cloud, errors, joint_fit.known_radius))
     fit = fit.with_reference_point(cloud.poses[0].translation)
     if _is_against_feed(fit.direction, cloud.poses):
         fit = fit.with_reversed_direction()

@@ -146,6 +146,31 @@ def test_a_prior_radius_reduces_the_error_of_the_axis() -> None:
     assert bound.position_std < free.position_std
 
 
+@pytest.mark.parametrize("known_noise", [True, False])
+@pytest.mark.parametrize("prior_std", [0.01, 0.05])
+def test_a_prior_radius_keeps_its_std_beside_points_with_correlated_errors(
+    prior_std: float, known_noise: bool
+) -> None:
+    rng, count, neighbours = np.random.default_rng(3), 40, 6
+    turns, heights = np.linspace(0, 1, 40), np.linspace(0, 30, 5)
+    normalised = []
+    for _ in range(count):
+        tube = Cylinder(PIPE.point, PIPE.direction, 19 + rng.normal(0, prior_std))
+        points = surface(tube, heights, turns)
+        normals = (surface(Cylinder(PIPE.point, PIPE.direction, 20.0), heights, turns)
+                   - surface(PIPE, heights, turns))  # fmt: skip
+        noise = rng.normal(0, 0.02, len(points) + neighbours - 1)
+        smooth = np.convolve(noise, np.ones(neighbours) / math.sqrt(neighbours), "valid")
+        covariances = np.tile(0.02**2 * np.eye(3), (len(points), 1, 1)) if known_noise else None
+        fit = fit_cylinder(
+            points + smooth[:, None] * normals, covariances,
+            initial_guess=PIPE, known_radius=RadiusPrior(19.0, prior_std),
+        )  # fmt: skip
+        assert fit.radius_std < 1.001 * prior_std
+        normalised.append((fit.radius - tube.radius) / fit.radius_std)
+    assert np.mean(np.square(normalised)) < 1 + SIGMAS * math.sqrt(2 / count)
+
+
 def test_with_reference_point_propagates_the_covariance() -> None:
     points, covariances = noisy(np.random.default_rng(8), 0.05)
     fit = fit_cylinder(points, covariances)

@@ -182,3 +182,19 @@ def test_the_ends_deviate_as_the_direction_does() -> None:
     spread = np.std([pipe.axial_range for (pipe,) in found], axis=0)
     stated = np.mean([pipe.axial_range_std for (pipe,) in found], axis=0)
     assert stated == pytest.approx(spread, rel=RELATIVE_TOLERANCE)
+
+
+def test_a_known_radius_keeps_its_std_beside_errors_of_the_poses() -> None:
+    rng, prior_std, pose_std = np.random.default_rng(9), 0.01, 0.1
+    normalised = []
+    for run in range(RUNS):
+        radius = 19 + rng.normal(0, prior_std)
+        scene = Scene((Tube.of(radius, 0.3, 0.35, (0.0, -400.0)),))
+        poses = [noisy_pose(pose, pose_std, 0.0, rng) for pose in feed(4, 10.0)]
+        (found,) = measure_scan(
+            profiles_of(scene, feed(4, 10.0), seed=run), poses,
+            known_radius=(19.0, prior_std), pose_std=pose_std,
+        ).cylinders  # fmt: skip
+        assert found.radius_std < 1.5 * prior_std  # 3 if the poses made it less certain
+        normalised.append((found.radius - radius) / found.radius_std)
+    assert np.mean(np.square(normalised)) < 1 + 4 * math.sqrt(2 / RUNS)
