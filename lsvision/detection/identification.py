@@ -28,7 +28,7 @@ from lsvision.ellipse.robust_gauss_newton import (
 from lsvision.geometry import BoolArray, FloatArray, IntArray
 from lsvision.geometry.arrays import as_column, select_rows
 from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints
-from lsvision.profile import PreparedProfile
+from lsvision.profile import Arc, PreparedProfile
 from lsvision.statistics.robust import MAD_TO_STD
 
 SENSOR_ERROR_SIGMAS = 4.0
@@ -149,7 +149,7 @@ class _SearchedProfile:
         self.rejections: list[Rejection] = []
         self._profile, self._candidates = profile, list(candidates)
         self._radius_range = radius_range
-        self._explained = np.zeros(len(profile.points), dtype=bool)
+        self._grown: list[Arc] = []
         self._free = np.ones(len(profile.points), dtype=bool)
 
     def next_seeds(self) -> list[Seed]:
@@ -173,20 +173,26 @@ class _SearchedProfile:
             arc, normals = grown
             if not self._free[arc.indices].all():
                 return
-            span = slice(arc.arc.start, arc.arc.stop)
-            self._explained[span] = True
+            self._grown.append(arc.arc)
             reason = shape_rejection_reason(arc.ellipse, normals, self._radius_range, settings)
             if reason is None:
                 self.arcs.append(arc)
-                self._free[span] = False
+                self._free[arc.arc.start : arc.arc.stop] = False
             else:
                 self.rejections.append(Rejection(arc.arc, reason))
         self._candidates = [c for c in self._candidates if c is not seed.candidate]
 
     def _is_explained(self, candidate: Candidate) -> bool:
-        """Return whether a candidate overlaps an earlier arc."""
-        explained = np.count_nonzero(self._explained[candidate.indices])
-        return bool(explained > MAX_OVERLAP * len(candidate.indices))
+        """Return whether a candidate overlaps an earlier arc.
+
+        Several arcs along it do not count together: noise that is larger than the pitch consists of
+        short arcs, which are rejected.
+        """
+        if not self._grown:
+            return False
+        bounds = candidate.indices.searchsorted([(arc.start, arc.stop) for arc in self._grown])
+        overlaps = bounds[:, 1] - bounds[:, 0]
+        return bool(overlaps.max() > MAX_OVERLAP * len(candidate.indices))
 
 
 def identify_arcs(

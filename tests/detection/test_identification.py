@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from lsvision import Profile
+from lsvision import Profile, measure_cylinders
 from lsvision.detection import identification
 from lsvision.detection.arcs import IdentifiedArc
 from lsvision.detection.candidates import Candidate
@@ -289,6 +289,36 @@ def test_a_candidate_of_which_more_than_half_is_explained_is_none(taken, tried):
     arcs, rejections = identify_arcs(two_pipes(), [first, second], RANGE)
     assert [(arc.arc.start, arc.arc.stop) for arc in arcs] == [(0, 61), (61, 122)][: 1 + tried]
     assert rejections == []
+
+
+@pytest.mark.parametrize(("long", "tried"), [(30, True), (32, False)])
+def test_only_one_arc_along_half_of_a_candidate_explains_it(long, tried, monkeypatch):
+    """Three rejected arcs have most of its 62 points; noise may consist of such short arcs."""
+    profile = line(LEFT, PIPE, RIGHT)
+    spans = (0, 15), (15, 15 + long), (50, 60)
+    few_normals = np.ones(5, dtype=complex)
+    seeds = []
+
+    def grow(round_of_seeds):
+        seeds.extend(seed.candidate for seed in round_of_seeds)
+        arcs = [IdentifiedArc(seed.candidate.indices, circle()) for seed in round_of_seeds]
+        return [GrownArc(arc, few_normals) for arc in arcs]
+
+    monkeypatch.setattr(identification, "grow_arcs", grow)
+    whole = seed_at(0, 62)
+    identify_arcs(profile, [*(seed_at(*span) for span in spans), whole], RANGE)
+    assert (seeds[-1] is whole) == tried
+
+
+def test_noise_of_two_pitches_does_not_hide_a_pipe():
+    """The noise of heights that are held over 4 columns looks like many small round tops."""
+    for seed in range(8):
+        rng = np.random.default_rng([3, seed])
+        x = np.arange(-15.0, 15.0, 0.2)
+        heights = np.sqrt(17.0**2 - x * x) - 300 + 0.1 * rng.normal(size=len(x))
+        columns = np.arange(4 * len(x)) * 0.05
+        pipes = measure_cylinders(np.column_stack([columns, np.repeat(heights, 4)])).cylinders
+        assert [pipe.interval("radius")[1] > 16 for pipe in pipes] == [True], seed
 
 
 def test_an_arc_without_the_shape_of_a_pipe_is_reported_once():
