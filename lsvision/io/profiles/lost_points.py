@@ -106,9 +106,10 @@ class _MarkedPoints:
             self.lost |= unmarked
 
     def add_values(self, values: Iterable[float]) -> None:
-        """Mark the points of which a coordinate is one of the values."""
+        """Mark the points whose height is one of the values: an x of -1 or 0 may be measured."""
         for value in values:
-            self.add(f"{value:.10g}", _holds_marker(self.points, value), guessed=False)
+            is_marker: BoolArray = np.abs(self.points[:, -1] - value) <= _TOLERANCE * abs(value)
+            self.add(f"{value:.10g}", is_marker, guessed=False)
 
 
 def _keyence_markers(points: FloatArray) -> tuple[float, ...]:
@@ -129,14 +130,6 @@ def _add_guesses(marked: _MarkedPoints, raw: RawProfiles) -> None:
         )
         for value in guesses:
             marked.add(f"{value:.10g}", np.equal(remaining[:, axis], value), guessed=True)
-
-
-def _holds_marker(points: FloatArray, value: float) -> BoolArray:
-    """Return whether a coordinate of each point is a marker, (n,); 0 only marks as a height."""
-    if value == 0:  # an x of 0 is common
-        points = points[:, -1:]
-    marked: BoolArray = np.any(np.abs(points - value) <= _TOLERANCE * abs(value), axis=1)
-    return marked
 
 
 def _repeated_zeros(section: FloatArray) -> BoolArray:

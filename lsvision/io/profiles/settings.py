@@ -70,10 +70,9 @@ class ReadSettings:
     flip : bool, optional
         True where heights grow away from the sensor (ranges), False where they grow towards it.
     lost : float, str or sequence, optional
-        Value in the file that marks a lost point, in the units of the file, such as ``-9999`` or
-        ``"-9999,ERR"``; 0 only as a height, since an x of 0 is common; ``"none"`` if every number
-        is a height. By default values that repeat far from the rest are read as lost points, with
-        a note.
+        Height that marks a lost point, in the units of the file, such as ``-9999`` or
+        ``"-9999,ERR"``; ``"none"`` if every number is a height. By default values that repeat far
+        from the rest are read as lost points, with a note.
     transpose : bool
         True if each column of the matrix is a profile.
     x0, dx : float, optional

@@ -185,9 +185,10 @@ def test_of_distances_a_single_one_that_is_none_is_a_marker(odd, markers):
     assert find_lost_markers(values, is_range=True) == markers
 
 
-def test_a_stated_marker_of_0_leaves_the_point_at_x_0(write, arc):
+@pytest.mark.parametrize("marker", [0, -1])
+def test_a_stated_marker_leaves_the_point_with_this_x(write, arc, marker):
     points = arc.round(3)
-    points[40] = 0.0, -130.0
-    rows = [f"{x},{0 if k in (3, 7) else z}" for k, (x, z) in enumerate(points.tolist())]
-    file = inspect_profiles(write("\n".join(rows)), lost=0)
+    points[40] = marker, -130.0
+    rows = [f"{x},{marker if k in (3, 7) else z}" for k, (x, z) in enumerate(points.tolist())]
+    file = inspect_profiles(write("\n".join(rows)), lost=marker)
     assert np.flatnonzero(np.isnan(file.profiles[0].points[:, 0])).tolist() == [3, 7]
