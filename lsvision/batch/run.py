@@ -13,8 +13,9 @@ from lsvision.errors import LsvisionError, UnwritableFile
 from lsvision.files.limited_reading import current_size_limit
 from lsvision.files.printable import printable_name
 
-Report = Callable[[FileOutcome], None]
-"""Type of a function that is called with the outcome of each file."""
+Report = Callable[[FileOutcome, int], None]
+"""Type of a function that is called with the outcome of each file that was measured, and the number
+of files that are left."""
 
 
 def plan_tasks(sources: Sequence[Path], root: Path, folder: Path, job: BatchJob) -> list[FileTask]:
@@ -66,7 +67,7 @@ def run_batch(
     *,
     jobs: int = 1,
     scheduler: str | None = None,
-    report: Report = lambda _: None,
+    report: Report = lambda *_: None,
 ) -> Status:
     """Measure the files that have no valid results yet, and record the outcome of each.
 
@@ -84,7 +85,7 @@ def run_batch(
     scheduler : str, optional
         Address of a Dask scheduler, whose workers measure the files instead of `jobs` processes.
     report : callable
-        Function that is called with the outcome of each file, as soon as it is in the manifest.
+        Function that is called as soon as the outcome of a file is in the manifest.
 
     Returns
     -------
@@ -109,11 +110,13 @@ def run_batch(
         manifest.begin(len(tasks))
         for task in remaining_tasks:
             _make_folder(task.output.parent)
+        left = len(remaining_tasks)
         for task, value in _run_tasks(remaining_tasks, jobs, scheduler):
             is_set_aside = isinstance(value, EndedProcess)
             outcome = value if isinstance(value, FileOutcome) else _outcome_of_ended_process(task)
             manifest.add(outcome, set_aside=is_set_aside)
-            report(outcome)
+            left -= 1
+            report(outcome, left)
     status = read_status(folder)
     if status is None:
         raise LsvisionError(

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 @expand_option_groups
 def batch(
     *,
+    ctx: typer.Context,
     files: Annotated[
         list[str] | None,
         typer.Argument(metavar="FILE|DIR|GLOB", help="Any number of files of profiles."),
@@ -88,11 +89,16 @@ def batch(
     folders are shared):
       lsvision batch /data/profiles --out /data/cylinders --scheduler tcp://HOST:8786
     """  # noqa: D301 - the backspace makes click keep the line breaks
-    if status is not None and not files and out is None:
+    if status is not None and _given_options(ctx) == ["status"]:
         _print_status(status)
         return
     if status is not None or not files or out is None:
         raise typer.BadParameter("expected files and --out DIR, or --status DIR alone")
+    if scheduler is not None and jobs is not None:
+        raise typer.BadParameter(
+            "expected --jobs or --scheduler, got both: the workers of the scheduler decide how "
+            "many processes they start"
+        )
     from lsvision.batch.process_pool import default_jobs
     from lsvision.batch.run import plan_tasks, run_batch
 
@@ -101,13 +107,7 @@ def batch(
     )
     options = reading.parse()
     job = _batch_job(measuring, options, job_file)
-    sources, missing = find_sources(files, suffixes_of_profiles(reading.dx))
-    if Path(STDIN) in sources:
-        raise typer.BadParameter("expected files on a disk, got - for standard input")
-    for failure in missing:
-        print_error(str(failure))
-    if not sources:
-        raise typer.Exit(FAILED)
+    sources, any_missing = _find_sources(files, suffixes_of_profiles(reading.dx))
     tasks = plan_tasks(sources, _root(sources), out, job)
     report = _Report(len(tasks))
     try:
@@ -124,8 +124,29 @@ def batch(
     report.print_notes()
     names = [task.name for task in tasks]
     _print_summary(result, names)
-    if missing or any(result.outcomes[name].error for name in names):
+    if any_missing or any(result.outcomes[name].error for name in names):
         raise typer.Exit(FAILED)
+
+
+def _given_options(ctx: typer.Context) -> list[str]:
+    """Return the names of the arguments and options on the command line."""
+    return [
+        name
+        for name in ctx.params
+        if (source := ctx.get_parameter_source(name)) and source.name == "COMMANDLINE"
+    ]
+
+
+def _find_sources(names: Sequence[str], suffixes: frozenset[str]) -> tuple[list[Path], bool]:
+    """Return the files, at least one, and whether any is missing, which is printed as an error."""
+    sources, missing = find_sources(names, suffixes)
+    if Path(STDIN) in sources:
+        raise typer.BadParameter("expected files on a disk, got - for standard input")
+    for failure in missing:
+        print_error(str(failure))
+    if not sources:
+        raise typer.Exit(FAILED)
+    return sources, bool(missing)
 
 
 def _batch_job(
@@ -186,12 +207,12 @@ def _print_summary(status: "Status", names: Sequence[str] = ()) -> None:
 
 
 class _Report(StatusLine):
-    """Progress on stderr, called with the outcome of each file; a line per failure.
+    """Progress on stderr, and a line per failure; a `Report` of `run_batch`.
 
     Parameters
     ----------
     total : int
-        Number of files of the batch.
+        Number of files of the batch, including those that an earlier run has measured.
     """
 
     def __init__(self, total: int) -> None:
@@ -200,7 +221,7 @@ class _Report(StatusLine):
         self._files = self._profiles = 0
         self._notes: dict[str, list[str]] = {}
 
-    def __call__(self, outcome: "FileOutcome") -> None:
+    def __call__(self, outcome: "FileOutcome", left: int) -> None:
         self._files += 1
         self._profiles += outcome.profiles
         for note in outcome.notes:
@@ -209,10 +230,9 @@ class _Report(StatusLine):
             self.clear()
             print_error(outcome.error)
         seconds = max(time.monotonic() - self._start, 1e-3)
-        left = seconds / self._files * (self._total - self._files)
         self.write(
-            f"{self._files}/{self._total} files, {self._profiles} profiles, "
-            f"{self._profiles / seconds:.0f}/s, {duration_text(left)} left"
+            f"{self._total - left}/{self._total} files, {self._profiles} profiles, "
+            f"{self._profiles / seconds:.0f}/s, {duration_text(seconds / self._files * left)} left"
         )
 
     def print_notes(self) -> None:

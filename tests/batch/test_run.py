@@ -78,12 +78,21 @@ def test_any_number_of_processes_writes_the_same_bytes(folder):
 def test_what_is_done_is_not_done_again_and_what_changed_is(folder):
     run_batch(tasks_of(folder), folder / "out")
     seen = []
-    run_batch(tasks_of(folder), folder / "out", report=seen.append)
+    run_batch(tasks_of(folder), folder / "out", report=lambda outcome, _: seen.append(outcome))
     assert seen == []
     write_parquet(folder / "in" / "part-1.parquet", 4)
     (folder / "out" / "a.csv.parquet").unlink()
-    run_batch(tasks_of(folder), folder / "out", report=seen.append)
+    run_batch(tasks_of(folder), folder / "out", report=lambda outcome, _: seen.append(outcome))
     assert sorted(outcome.name for outcome in seen) == ["a.csv", "part-1.parquet"]
+
+
+def test_a_run_that_goes_on_tells_how_many_files_are_left(folder):
+    run_batch(tasks_of(folder), folder / "out")
+    for name in ("a.csv", "part-1.parquet"):
+        (folder / "in" / name).touch()
+    left = []
+    run_batch(tasks_of(folder), folder / "out", report=lambda _, count: left.append(count))
+    assert left == [1, 0]
 
 
 def test_a_manifest_that_was_cut_off_costs_one_file(folder):
@@ -93,7 +102,9 @@ def test_a_manifest_that_was_cut_off_costs_one_file(folder):
     leftover = folder / "out" / "sub" / f"{TEMPORARY}00.part"
     leftover.touch()
     seen = []
-    status = run_batch(tasks_of(folder), folder / "out", report=seen.append)
+    status = run_batch(
+        tasks_of(folder), folder / "out", report=lambda outcome, _: seen.append(outcome)
+    )
     assert len(seen) == 1
     assert (status.files, len(status.done)) == (3, 3)
     assert not leftover.exists()
@@ -171,7 +182,12 @@ def test_a_process_that_ends_costs_nothing_and_a_file_that_ends_it_twice_is_set_
         assert "a.csv: it ended its process twice" in failed.error
         assert "(1 set aside)" in summary(status)
         seen = []
-        run_batch(tasks_of(folder, job), folder / "out", jobs=2, report=seen.append)
+        run_batch(
+            tasks_of(folder, job),
+            folder / "out",
+            jobs=2,
+            report=lambda outcome, _: seen.append(outcome),
+        )
         assert seen == []
 
 
@@ -192,7 +208,7 @@ def test_a_folder_that_cannot_be_written_ends_the_batch(folder):
 
 
 def test_a_second_run_into_the_same_folder_is_rejected(folder):
-    def again(_):
+    def again(*_):
         with pytest.raises(LsvisionError, match="another run writes into it"):
             run_batch(tasks_of(folder), folder / "out")
         raise KeyboardInterrupt

@@ -11,6 +11,9 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from lsvision.batch.measure_file import FileOutcome
+from lsvision.cli.batch import _Report
+
 REPOSITORY = Path(__file__).parents[2]
 
 
@@ -50,7 +53,31 @@ def test_a_broken_file_and_a_missing_one_are_reported_and_the_rest_is_done(run, 
     assert "in/b.csv: expected x and height" in run("batch", "--status", out).stdout
 
 
-@pytest.mark.parametrize("words", [[], ["a.csv"], ["--out", "x"], ["--out", "x", "--status", "x"]])
+def test_the_time_left_counts_the_files_that_are_left(capsys, monkeypatch):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    now = iter([0.0, 10.0])
+    monkeypatch.setattr(time, "monotonic", lambda: next(now))
+    _Report(100)(FileOutcome("a.csv", profiles=5), 3)  # 96 files are of an earlier run
+    assert "97/100 files, 5 profiles, 0/s, 0 min 30 s left" in capsys.readouterr().err
+
+
+def test_processes_of_this_machine_and_a_cluster_exclude_each_other(run, folder):
+    words = ("batch", folder / "in", "--out", folder / "out", "--scheduler", "tcp://127.0.0.1:1")
+    done = run(*words, "--jobs", 2)
+    assert done.exit_code == 2
+    assert "expected --jobs or --scheduler, got both" in done.stderr
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        [],
+        ["a.csv"],
+        ["--out", "x"],
+        ["--out", "x", "--status", "x"],
+        ["--status", "x", "--radius", "19"],
+    ],
+)
 def test_usage_is_reported(run, words):
     result = run("batch", *words)
     assert result.exit_code == 2
