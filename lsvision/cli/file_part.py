@@ -115,7 +115,7 @@ def read_parts(source: Path | LiveCamera, options: PartOptions) -> Iterator[File
     LsvisionError
         If the file cannot be read.
     """
-    if _is_image_source(source, options):
+    if is_image_source(source, options):
         yield _read_images(source, options)
         return
     for part in iterate_source(Path(str(source)), options.reading):
@@ -126,13 +126,13 @@ def read_parts(source: Path | LiveCamera, options: PartOptions) -> Iterator[File
 
 def read_whole(source: Path | LiveCamera, options: PartOptions) -> FilePart:
     """Return all profiles of a file as one part; see `read_parts`."""
-    if _is_image_source(source, options):
+    if is_image_source(source, options):
         return _read_images(source, options)
     file = read_source(Path(str(source)), options.reading)
     return FilePart(file, several=len(file.profiles) > 1, header=_header(options, file))
 
 
-def _is_image_source(source: Path | LiveCamera, options: PartOptions) -> bool:
+def is_image_source(source: Path | LiveCamera, options: PartOptions) -> bool:
     """Return whether a source is a camera, or a file that is read as images."""
     return isinstance(source, LiveCamera) or holds_images(source, options.imaging, options.reading)
 

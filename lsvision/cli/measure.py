@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from lsvision.cli.file_part import PartOptions
+from lsvision.cli.file_part import PartOptions, is_image_source
 from lsvision.cli.image_options import (
     BayerPattern,
     Laser,
@@ -34,7 +34,12 @@ from lsvision.cli.profile_options import (
     Verbose,
 )
 from lsvision.cli.robot_options import RobotOptions, parse_robot_frame
-from lsvision.cli.sources import MEASURED_SUFFIXES, find_sources, suffixes_of_profiles
+from lsvision.cli.sources import (
+    MEASURED_SUFFIXES,
+    VIDEO_SUFFIXES,
+    find_sources,
+    suffixes_of_profiles,
+)
 from lsvision.errors import LsvisionError
 
 
@@ -121,6 +126,11 @@ def measure(
     check_picture(plot)
     noise = sensor.parse()
     measuring = build_measure_function(radius, known_radius, known_phi_deg, noise, paper=paper)
+    if surface_std and (paper or noise is not None):
+        raise typer.BadParameter(
+            "expected --surface-std, or --paper, --sensor or --range-std, got both: it adds to the "
+            "noise predicted from the pixels, which these options replace"
+        )
     options = reading.parse()
     suffixes = suffixes_of_profiles(reading.dx) if light_section is None else MEASURED_SUFFIXES
     paths, missing = find_sources(files or (), suffixes)
@@ -142,6 +152,7 @@ def measure(
         verbose=verbose,
         debug=ctx.find_root().params.get("debug", False),
     )  # fmt: skip
+    _reject_options_without_files(sources, part)
     pictures = (
         None if plot is None else Pictures(plot, several=len(sources) > 1, command_files=taken)
     )
@@ -150,6 +161,22 @@ def measure(
     _report_missing(missing, robot.poses)
     failed = _measure_all(sources, run, json_file, csv_file) + len(missing)
     _report_failed(failed, len(sources) + len(missing), plot)
+
+
+def _reject_options_without_files(sources: Sequence[Path | LiveCamera], part: PartOptions) -> None:
+    """Raise an error for options of images, videos or profiles if there is no file of the kind."""
+    if part.imaging is None or not sources:
+        return
+    are_images = [is_image_source(source, part) for source in sources]
+    if not any(are_images):
+        raise typer.BadParameter("expected images with --light-section, got profiles only")
+    if part.reading and all(are_images):
+        raise typer.BadParameter("expected profiles with options for reading, got images only")
+    if part.imaging.frames is not None and not any(
+        isinstance(source, LiveCamera) or source.suffix.lower() in VIDEO_SUFFIXES
+        for source in sources
+    ):
+        raise typer.BadParameter("expected a video or --camera with --frames, got none")
 
 
 def _report_missing(missing: Sequence[LsvisionError], poses: Path | None) -> None:

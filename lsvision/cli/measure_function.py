@@ -33,13 +33,13 @@ def build_measure_function(
         Noise of the points.
     paper : bool
         Whether to measure by the paper's pipeline as published, which has no priors and no noise
-        model: only with `radius` or with `known_radius`, around which it searches.
+        model: it searches in the range `radius`, or around `known_radius`.
 
     Raises
     ------
     typer.BadParameter
         If a radius is not a number, not positive, or the range is reversed; if a tilt is not in
-        [0, 90) deg; or for a sensor or a tilt with `paper`.
+        [0, 90) deg; or with `paper` for a sensor, a tilt, or both `radius` and `known_radius`.
     """
     # These import typer, which the processes that run the function do not need.
     import typer
@@ -52,6 +52,11 @@ def build_measure_function(
         raise typer.BadParameter(
             "expected --paper, or --sensor, --range-std or --known-phi-deg, got both: the paper's "
             "pipeline uses neither the noise nor a known tilt"
+        )
+    if paper and search_range is not None and known is not None:
+        raise typer.BadParameter(
+            "expected --paper with --radius or --known-radius, got both: the paper's pipeline only "
+            "searches in a range"
         )
     if paper:
         return partial(_measure_profiles_paper, radius=search_range, known_radius=known)

@@ -117,6 +117,8 @@ def plan(
 
     try:
         view = _build_view(sensor, range_std, standoff=standoff, pitch=pitch)
+        if known_radius and target_radius is not None:
+            raise ValueError("expected --known-radius or --target-radius, got both")
         target = _build_target(target_phi_deg, target_radius)
         if (sections is None or sections == 1) and target is None:
             _reject_scan_options(

@@ -141,7 +141,7 @@ class ReadingOptions:
         str | None,
         typer.Option(
             metavar="VALUE|none",
-            help="Mark of a lost point, e.g. -9999 or ERR; else guessed from values far from "
+            help="Height of a lost point, e.g. -9999 or ERR; else guessed from values far from "
             "the rest.",
         ),
     ] = None

@@ -48,6 +48,10 @@ if TYPE_CHECKING:
     from lsvision.sensors.profile_sensor import ProfileSensor
 
 
+MAX_POSE_STD_MM, MAX_FEED_STD_DEG = 1000, 57
+"""Largest --pose-std and --feed-std-deg, as of `lsvision.scan.PoseErrors` (1 rad is 57.3 deg)."""
+
+
 @expand_option_groups
 def scan(
     *,
@@ -75,11 +79,15 @@ def scan(
         typer.Option(
             metavar="MM",
             min=0,
+            max=MAX_POSE_STD_MM,
             help="One sigma of each pose per axis, in addition to the hand-eye file's.",
         ),
     ] = 0.0,
     feed_std_deg: Annotated[
-        float, typer.Option(metavar="DEG", min=0, help="One sigma of the feed's direction.")
+        float,
+        typer.Option(
+            metavar="DEG", min=0, max=MAX_FEED_STD_DEG, help="One sigma of the feed's direction."
+        ),
     ] = 0.0,
     json_file: JsonFile = None,
     csv_file: CsvFile = None,
@@ -128,9 +136,9 @@ def scan(
 
     from lsvision.scan import fit_sections_jointly
 
-    pose_errors = _build_pose_errors(pose_std, feed_std_deg, motion)
     profiles, names, records = _read_all(sources, options)
     base_from_sections = scan_poses(motion, len(profiles))
+    pose_errors = _build_pose_errors(pose_std, feed_std_deg, motion, base_from_sections)
     measurements = _measure_all(profiles, names, search, known, noise)
     scan_result = fit_sections_jointly(
         profiles, base_from_sections, measurements, known_radius=known, sensor=noise,
@@ -147,19 +155,28 @@ def scan(
 
 
 def _build_pose_errors(
-    pose_std: float, feed_std_deg: float, motion: Encoder | Robot
+    pose_std: float,
+    feed_std_deg: float,
+    motion: Encoder | Robot,
+    base_from_sections: "Sequence[Pose]",
 ) -> "PoseErrors":
     """Return the errors of the poses, from the options (mm, deg) and the hand-eye file."""
     from lsvision.scan import PoseErrors
+    from lsvision.scan.pose_errors import require_feed
 
+    errors = PoseErrors(
+        pose_std=pose_std,
+        feed_std=math.radians(feed_std_deg),
+        calibration=motion.calibration if isinstance(motion, Robot) else None,
+    )
     try:
-        return PoseErrors(
-            pose_std=pose_std,
-            feed_std=math.radians(feed_std_deg),
-            calibration=motion.calibration if isinstance(motion, Robot) else None,
-        )
-    except ValueError as error:
-        raise typer.BadParameter(str(error)) from None
+        require_feed(base_from_sections, errors)
+    except ValueError:
+        raise typer.BadParameter(
+            "expected --feed-std-deg with a feed, got a first and a last pose with the same "
+            "origin: end the scan at another position, or state --pose-std"
+        ) from None
+    return errors
 
 
 def _read_all(

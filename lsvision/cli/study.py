@@ -79,6 +79,11 @@ def repeat(
         raise typer.BadParameter(
             f"expected --quantity among {', '.join(QUANTITIES)}, got {quantity!r}"
         )
+    if quantity == "radius" and known_radius is not None:
+        raise typer.BadParameter(
+            "expected --known-radius with another --quantity than radius: its values would be the "
+            "known radius"
+        )
     _check_limits(tolerance, level)
     if not math.isfinite(reference):
         raise typer.BadParameter(f"expected a finite --reference, got {reference:g}")

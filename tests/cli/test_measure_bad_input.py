@@ -177,6 +177,10 @@ def test_a_million_points_are_measured(run, tmp_path):
         (["--format", "docx"], "expected format among text"),
         (["--paper", "--sensor", "lps36"], "expected --paper, or --sensor, --range-std or"),
         (["--paper", "--known-phi-deg", "0"], "uses neither the noise nor a known tilt"),
+        (
+            ["--paper", "--radius", "19", "--known-radius", "19"],
+            "expected --paper with --radius or --known-radius, got both",
+        ),
         (["--columns", "1"], "expected columns of x and height"),
         (["--plot", "out.pdf"], "expected --plot F.png or F.svg, got 'out.pdf'"),
     ],

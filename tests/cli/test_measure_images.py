@@ -242,6 +242,9 @@ def test_a_useless_rig_is_rejected_by_name(run, tmp_path, change, words):
         (("--surface-std", "-1"), "--surface-std"),
         (("--surface-std", "inf"), "expected a finite --surface-std in mm, got inf"),
         (("--frames", "0"), "--frames"),
+        (("--frames", "3"), "expected a video or --camera with --frames, got none"),
+        (("--surface-std", "1", "--sensor", "lps36"), "expected --surface-std, or --paper, --sen"),
+        (("--units", "um"), "expected profiles with options for reading, got images only"),
     ],
 )
 def test_a_slip_in_an_option_is_a_usage_error(run, options, words):
@@ -301,6 +304,12 @@ def test_real_stripes_are_found_and_daylight_has_none(run):
     for name in ("left01", "left09", "right05"):
         line = error_line(run("line", REAL / "opencv-samples" / f"{name}.jpg"))
         assert f"{name}.jpg: no laser line" in line
+
+
+def test_a_rig_without_an_image_is_a_usage_error(run, written, pipe):
+    result = run("measure", written(pipe), *RIG)
+    assert result.exit_code == 2
+    assert "expected images with --light-section, got profiles only" in result.stderr
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,8 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from lsvision.cli.scan import scan
+from lsvision.cli.scan import MAX_FEED_STD_DEG, MAX_POSE_STD_MM, scan
+from lsvision.scan import PoseErrors
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 PAIR = FIXTURES / "scan_welded_pair"
@@ -103,6 +104,7 @@ def test_arcs_that_do_not_meet_ask_for_the_poses(run) -> None:
         ([PAIR, "--poses", "p.csv"], 2, "expected --convention ur, kuka"),
         ([PAIR, "--poses", "p.csv", "--convention", "euler"], 2, "got euler"),
         ([PAIR, *MOTION, "--plot", "a.bmp"], 2, "expected --plot F.png or F.svg"),
+        ([PAIR, *MOTION, "--feed-std-deg", 80], 2, "--feed-std-deg': expected at most 57, got"),
         (["nowhere.csv", *MOTION], 1, "nowhere.csv"),
         ([PAIR, "--feed", "1,0,0", "--step", 1], 1, "all 20 sections lie in one plane"),
     ],
@@ -112,6 +114,26 @@ def test_slips_are_reported_in_one_line(run, words, code: int, message: str) -> 
     assert result.exit_code == code
     assert message in " ".join(result.stderr.split())
     assert "Traceback" not in result.stderr
+
+
+def test_limits_of_the_poses_errors_are_those_of_a_scan() -> None:
+    assert PoseErrors(pose_std=MAX_POSE_STD_MM, feed_std=np.radians(MAX_FEED_STD_DEG))
+    with pytest.raises(ValueError, match="pose_std"):
+        PoseErrors(pose_std=MAX_POSE_STD_MM + 1)
+    with pytest.raises(ValueError, match="feed_std"):
+        PoseErrors(feed_std=np.radians(MAX_FEED_STD_DEG + 1))
+
+
+def test_an_error_of_the_feed_without_a_feed_is_a_usage_error(run, tmp_path) -> None:
+    there_and_back = np.array([np.eye(4)] * 3)
+    there_and_back[1, 2, 3] = 5.0
+    poses = tmp_path / "poses.csv"
+    np.savetxt(poses, there_and_back.reshape(3, 16), delimiter=",")
+    sections = [PAIR / f"section_{number:02}.csv" for number in range(3)]
+    robot = ("--poses", poses, "--convention", "matrix")
+    result = run(*sections, *robot, "--feed-std-deg", 1)
+    assert result.exit_code == 2
+    assert "expected --feed-std-deg with a feed" in result.stderr
 
 
 def test_the_length_of_the_feed_does_not_matter(run) -> None:

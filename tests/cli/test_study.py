@@ -74,6 +74,11 @@ def test_repeats_of_theta_scatter_about_a_reference_of_0(run, written):
     [
         ("repeat", ("--reference", "nan"), "expected a finite --reference, got nan"),
         ("repeat", ("--reference", "19", "--tolerance", "0"), "expected --tolerance above 0"),
+        (
+            "repeat",
+            ("--reference", "19", "--known-radius", "19"),
+            "expected --known-radius with another --quantity than radius",
+        ),
         ("grr", ("--tolerance", "0"), "expected --tolerance above 0, got 0"),
         ("grr", ("--tolerance", "inf"), "expected --tolerance above 0, got inf"),
     ],
