@@ -120,7 +120,7 @@ def _attribute_table(attributes: Sequence[Mapping[str, Any]]) -> "pa.Table":
         values = [profile.get(name) for profile in attributes]
         try:
             columns[name] = pa.array(values)
-        except (pa.ArrowInvalid, pa.ArrowTypeError):
+        except (pa.ArrowInvalid, pa.ArrowTypeError, OverflowError):  # also integers above 64 bit
             columns[name] = pa.array([None if value is None else str(value) for value in values])
     return pa.table(columns)
 

@@ -44,7 +44,7 @@ def sphere(
     radius: Annotated[
         float | None,
         typer.Option(
-            metavar="MM", help="Radius of the sphere; estimated if not given, as a check."
+            metavar="MM", help="Radius of the sphere; without it, it is estimated: compare both."
         ),
     ] = None,
     plan: PosePlanOptions,
@@ -52,9 +52,9 @@ def sphere(
 ) -> None:
     """Calibrate a profile sensor to the robot on a sphere; the best target for most.
 
-    Twelve poses: tilts of up to 35 deg about both axes, all rotations about the viewing direction,
-    the sphere at the left and right and at near and far ranges, and the laser plane 0.3 to 0.85
-    radii beside its centre on both sides.
+    Take twelve poses: tilts of up to 35 deg about both axes, all rotations about the viewing
+    direction, the sphere at the left and right and at near and far ranges, and the laser plane 0.3
+    to 0.85 radii beside its centre on both sides.
 
     \b
     The shipped example:
@@ -78,8 +78,8 @@ def plane(
 ) -> None:
     """Calibrate a profile sensor to the robot on a flat plate.
 
-    Twenty poses, tilted by ± 40 deg about two axes, at near and far ranges. The rotation is more
-    accurate than with a sphere, but a point in the measuring range 2 to 3 times less accurate.
+    Take twenty poses, tilted by ± 40 deg about two axes, at near and far ranges. The rotation is
+    more accurate than with a sphere, but a point in the measuring range 2 to 3 times less accurate.
 
     \b
       lsvision calibrate hand-eye plane plate/ --poses poses.csv --convention ur --out hand_eye.json

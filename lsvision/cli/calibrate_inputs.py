@@ -89,7 +89,7 @@ def image_files(names: Sequence[str]) -> list[Path]:
 
 
 def profile_files(names: Sequence[str], dx: float | None) -> list[Path]:
-    """Return the profile files as `image_files` image files; with ``--dx`` also height maps."""
+    """Return the profile files, as `image_files` does; with ``--dx`` also height maps."""
     return _find(names, suffixes_of_profiles(dx))
 
 

@@ -179,8 +179,9 @@ def _range_warning(profile: "Profile", sensor: "ProfileSensor | None") -> str | 
     ):
         return None
     return (
-        f"the points lie {distance:.0f} mm from the sensor's origin, and it measures at "
-        f"{sensor.min_range:g} to {sensor.max_range:g} mm: check that heights start at the sensor"
+        f"the points lie {distance:.0f} mm from the sensor's origin, and its noise is stated for "
+        f"{sensor.min_range:g} to {sensor.max_range:g} mm: check this range, and that heights "
+        "start at the sensor"
     )
 
 

@@ -51,7 +51,10 @@ class HandEyeResultOptions:
     """
 
     out: Annotated[
-        Path, typer.Option("--out", "-o", metavar="F.json", help="The calibration, for scan.")
+        Path,
+        typer.Option(
+            "--out", "-o", metavar="F.json", help="The calibration, for measure and scan."
+        ),
     ]
     mounting: Annotated[
         str,

@@ -103,10 +103,14 @@ class SensorOptions:
             if self.range_std is not None:
                 from lsvision.sensors.profile_sensor import ProfileSensor
 
-                reference = self.reference_range
+                given = self.reference_range
+                reference = DEFAULT_REFERENCE_MM if given is None else given
                 return ProfileSensor(
                     range_std=self.range_std,
-                    reference_range=DEFAULT_REFERENCE_MM if reference is None else reference,
+                    reference_range=reference,
+                    # For the warning of points far outside of them; they change no result.
+                    min_range=reference / 2,
+                    max_range=2 * reference,
                 )
         except ValueError as error:
             raise typer.BadParameter(str(error)) from None

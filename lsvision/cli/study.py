@@ -214,6 +214,8 @@ def _read_trials(
     rows = csv.DictReader(io.StringIO(text), delimiter=separator)
     names = [name.strip() for name in rows.fieldnames or ()]
     for column in (value, part, operator):
+        if names.count(column) > 1:
+            raise UnreadableFile(f"{path}: expected one column {column!r}, got several")
         if column not in names:
             raise UnreadableFile(
                 f"{path}: expected a column {column!r}, got {', '.join(names) or 'none'}: name it "

@@ -31,6 +31,7 @@ def table_of(part):
         (({}, {"part": "A"}), [None, "A"]),
         (({"part": "A"}, {"part": 7}), ["A", "7"]),
         (({"part": 1}, {"part": 7}), [1, 7]),
+        (({"part": 1}, {"part": 10**25}), ["1", str(10**25)]),
     ],
 )
 def test_an_attribute_may_be_missing_or_of_another_type_in_a_profile(part, attributes, expected):

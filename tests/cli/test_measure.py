@@ -152,8 +152,13 @@ def test_other_ways_to_measure_find_the_pipe(run, rows, written, pipe, options):
 
 def test_heights_not_counted_from_the_sensor_are_noted(run, written, pipe):
     middle = written(pipe + np.array([0, 400]))
-    warning = "mm from the sensor's origin, and it measures at 200 to 600 mm: check that heights"
+    warning = "mm from the sensor's origin, and its noise is stated for 200 to 600 mm: check"
     assert warning in run("measure", middle, "--sensor", "lps36hi").stdout
+    noise = ("--range-std", 0.03)
+    assert "stated for 200 to 800 mm: check" in run("measure", middle, *noise).stdout
+    far = (written(10 * pipe, "far.csv"), "--range-std", 0.3, "--reference-range")
+    assert "stated for 200 to 800 mm: check" in run("measure", *far, 400).stdout
+    assert "sensor's origin" not in run("measure", *far, 4000).stdout
     assert "sensor's origin" not in run("measure", middle).stdout
     assert "sensor's origin" not in run("measure", written(pipe), "--sensor", "lps36").stdout
 

@@ -94,6 +94,7 @@ def test_a_number_without_meaning_is_a_usage_error(run, written, pipe, command, 
         ("part,operator,value\n1,a,1\n\n1,a,x\n", "line 4: expected a number in 'value', got 'x'"),
         ("part,operator,value\n1,a,nan\n", "line 2: expected a number in 'value', got 'nan'"),
         ("part,operator,value\n1,a\n", "line 2: expected a number in 'value', got ''"),
+        ("part,operator,value,value\n1,a,1,2\n", "expected one column 'value', got several"),
         ("value,part,operator\n1,a\n", "line 2: expected a name in 'part' and in 'operator'"),
     ],
 )

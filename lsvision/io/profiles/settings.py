@@ -91,8 +91,9 @@ class ReadSettings:
     Raises
     ------
     ValueError
-        For an unknown format, unit or plane, a spacing of 0, a count that is not above 0, a number
-        that is not finite, or columns that are not two or three, below 0 or stated twice.
+        For an unknown format, unit or plane, a spacing of 0, an `x0` without `dx`, a count that is
+        not above 0, a number that is not finite, or columns that are not two or three, below 0 or
+        stated twice.
     TypeError
         For a column that is neither a whole number nor a name.
 
@@ -132,6 +133,8 @@ class ReadSettings:
             value = getattr(self, name)
             if value is not None and not math.isfinite(value):
                 raise ValueError(f"expected a finite {name}, got {value}")
+        if self.x0 is not None and self.dx is None:
+            raise ValueError("expected dx with x0, got none")
         if self.lost is not None:
             object.__setattr__(self, "lost", _parse_markers(self.lost))
         if self.columns is not None:
