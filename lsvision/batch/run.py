@@ -1,6 +1,7 @@
 """Run a batch: write one Parquet file of results per file of profiles, and a manifest."""
 
 import importlib.util
+import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
@@ -44,7 +45,8 @@ def plan_tasks(sources: Sequence[Path], root: Path, folder: Path, job: BatchJob)
     tasks: dict[Path, FileTask] = {}
     folder = folder.absolute()
     for source in map(Path.absolute, sources):
-        relative_path = source.relative_to(root)
+        # Without "..", which would name a file outside of the folder of the results.
+        relative_path = Path(os.path.abspath(source)).relative_to(root)  # noqa: PTH100
         suffix = "" if relative_path.suffix.lower() == ".parquet" else ".parquet"
         output = folder / relative_path.with_name(relative_path.name + suffix)
         if source.resolve().is_relative_to(folder.resolve()):

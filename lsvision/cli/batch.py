@@ -1,5 +1,6 @@
 """``lsvision batch``: a Parquet file of cylinders for each file of profiles; resumable."""
 
+import glob
 import os
 import time
 from collections.abc import Sequence
@@ -22,6 +23,7 @@ from lsvision.cli.profile_options import (
 from lsvision.cli.progress import StatusLine, duration_text
 from lsvision.cli.sources import find_sources, suffixes_of_profiles
 from lsvision.errors import LsvisionError
+from lsvision.files.file_kinds import is_directory
 from lsvision.files.limited_reading import STDIN
 
 if TYPE_CHECKING:
@@ -108,7 +110,7 @@ def batch(
     options = reading.parse()
     job = _batch_job(measuring, options, job_file)
     sources, any_missing = _find_sources(files, suffixes_of_profiles(reading.dx))
-    tasks = plan_tasks(sources, _root(sources), out, job)
+    tasks = plan_tasks(sources, _root(files), out, job)
     report = _Report(len(tasks))
     try:
         result = run_batch(
@@ -182,9 +184,20 @@ def _batch_job(
     return BatchJob(partial(measure_profiles_of_job, job=job), options, job)
 
 
-def _root(sources: Sequence[Path]) -> Path:
-    """Return the folder that holds all sources."""
-    return Path(os.path.commonpath([source.absolute().parent for source in sources]))
+def _root(names: Sequence[str]) -> Path:
+    """Return the folder that holds all files that the names denote, present and future ones.
+
+    Results are named relative to it: files that are added to a folder or pattern change no names.
+    """
+    return Path(os.path.commonpath([_folder_of(name) for name in names if name]))
+
+
+def _folder_of(name: str) -> str:
+    """Return the absolute folder of a file, folder or pattern; of a pattern the part without it."""
+    folder = Path(name) if is_directory(name) else Path(name).parent
+    while glob.has_magic(str(folder)) and not is_directory(folder):
+        folder = folder.parent
+    return os.path.abspath(folder)  # noqa: PTH100 - Path.absolute keeps the ".." of a name
 
 
 def _print_status(folder: Path) -> None:

@@ -101,6 +101,33 @@ def test_the_failure_of_another_file_in_an_earlier_run_does_not_count(run, folde
     assert run("batch", "--status", out).stdout.startswith("2 of 3 files done, 1 failed, 0 left")
 
 
+def test_files_in_a_new_folder_do_not_rename_the_results_of_others(run, folder, written, pipe):
+    out, pattern = folder / "out", folder / "in" / "**" / "*.csv"
+    for path in (folder / "in").iterdir():
+        path.unlink()
+    written(pipe, "in/monday/a.csv")
+    assert run("batch", pattern, "--out", out, "--jobs", 1).exit_code == 0
+    written(pipe, "in/tuesday/a.csv")
+    done = run("batch", pattern, "--out", out, "--jobs", 1)
+    assert done.stdout.startswith("2 of 2 files done")
+    assert [str(path.relative_to(out)) for path in sorted(out.rglob("*.parquet"))] == [
+        "monday/a.csv.parquet",
+        "tuesday/a.csv.parquet",
+    ]
+
+
+def test_results_of_a_folder_above_lie_in_the_folder_of_results(run, folder, monkeypatch):
+    (folder / "in" / "sub").mkdir()
+    (folder / "in" / "b.csv").rename(folder / "in" / "sub" / "b.csv")
+    monkeypatch.chdir(folder / "in" / "sub")
+    assert run("batch", "b.csv", "../a.csv", "--out", folder / "out", "--jobs", 1).exit_code == 0
+    results = (folder / "out").rglob("*.parquet")
+    assert sorted(str(path.relative_to(folder / "out")) for path in results) == [
+        "a.csv.parquet",
+        "sub/b.csv.parquet",
+    ]
+
+
 def test_a_folder_without_a_batch_has_no_status(run, tmp_path):
     result = run("batch", "--status", tmp_path)
     assert result.exit_code == 1
