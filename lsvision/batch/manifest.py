@@ -172,7 +172,6 @@ class Manifest:
         path = self._folder / MANIFEST
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
-            status = read_status(self._folder)
             self._file = path.open("a+", encoding="utf-8")
         except OSError as error:
             where = (
@@ -181,6 +180,7 @@ class Manifest:
             raise UnwritableFile(f"{where}: name a folder that can be written") from None
         try:
             _lock_file(self._file, self._folder)
+            status = read_status(self._folder)  # once locked: another run may have begun it
             self._end_cut_line()
             self._check_job(status)
         except LsvisionError:

@@ -9,6 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import lsvision as lsv
+from lsvision.batch import manifest
 from lsvision.batch.job import BatchJob
 from lsvision.batch.manifest import MANIFEST, SCHEMA, read_status, summary
 from lsvision.batch.measure_file import TEMPORARY, FileOutcome, measure_file
@@ -217,6 +218,18 @@ def test_a_second_run_into_the_same_folder_is_rejected(folder):
         run_batch(tasks_of(folder), folder / "out", report=again)
     status = run_batch(tasks_of(folder), folder / "out")
     assert len(status.done) == 3
+
+
+def test_a_run_that_began_and_ended_just_before_the_lock_is_known(folder, monkeypatch):
+    lock = manifest._lock_file
+
+    def lock_after_another_run(*arguments):
+        monkeypatch.setattr(manifest, "_lock_file", lock)
+        run_batch(tasks_of(folder), folder / "out")
+        lock(*arguments)
+
+    monkeypatch.setattr(manifest, "_lock_file", lock_after_another_run)
+    assert len(run_batch(tasks_of(folder), folder / "out").done) == 3
 
 
 def test_results_never_overwrite_a_source_or_each_other(folder):
