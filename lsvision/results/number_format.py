@@ -35,10 +35,10 @@ def format_value(value: float, std: float) -> str:
 
     Examples
     --------
-    >>> format_value(19.0234, 0.0512), format_value(359.4, 12.3)
-    ('19.023 ± 0.051', '359 ± 12')
+    >>> format_value(19.0234, 0.0512), format_value(359.4, 12.3), format_value(-0.01, 2.0)
+    ('19.023 ± 0.051', '359 ± 12', '0.0 ± 2.0')
     """
-    return f"{value:.{decimals_for(std)}f} ± {format_std(std)}"
+    return f"{value:z.{decimals_for(std)}f} ± {format_std(std)}"
 
 
 def format_std(std: float) -> str:

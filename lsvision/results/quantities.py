@@ -118,7 +118,7 @@ class Estimate:
         """Interval, with as many decimals as the number."""
         low, high = self.interval
         decimals = decimals_for(self.std)
-        return f"{low:.{decimals}f} .. {high:.{decimals}f}"
+        return f"{low:z.{decimals}f} .. {high:z.{decimals}f}"
 
     @property
     def record(self) -> Record:

@@ -78,9 +78,9 @@ class Result(ComparedByValue, ABC):
         Returns
         -------
         pandas.DataFrame
-            Columns with the names of the keys of `to_dict` and of the columns of ``--csv``; an
-            interval has two columns, ``*_low_95_*`` and ``*_high_95_*``; in a study ``*_low`` and
-            ``*_high``, at its level.
+            Columns with the names of the keys of `to_dict`; of a `Measurement` and a `Verdict` they
+            are columns of ``--csv``. An interval has two, ``*_low_95_*`` and ``*_high_95_*``; in a
+            study ``*_low`` and ``*_high``, at its level.
 
         Raises
         ------

@@ -122,8 +122,7 @@ def _axes(box: FloatArray, to_pixels: Callable[[Points], FloatArray]) -> list[st
 def _end_numbers(low: float, high: float) -> list[str]:
     """Return both ends of an axis with at least two digits of their distance."""
     decimals = max(0, 1 - math.floor(math.log10(max(high - low, MIN_LENGTH_MM))))
-    rounded = [round(value, decimals) + 0.0 for value in (low, high)]  # -0.0 + 0.0 is 0.0
-    return [with_minus_signs(f"{value:.{decimals}f}") for value in rounded]
+    return [with_minus_signs(f"{value:z.{decimals}f}") for value in (low, high)]  # z: no -0.0
 
 
 def _cylinder(

@@ -13,6 +13,7 @@ from lsvision.results.number_format import decimals_for, format_value
         (19.02341, 0.0512, "19.023 ± 0.051"),
         (359.4, 12.3, "359 ± 12"),
         (19022.4, 640.0, "19022 ± 640"),
+        (-0.01, 2.0, "0.0 ± 2.0"),
         (19.0, 0.0, "19.0000 ± 0"),
         (19.0, math.inf, "19.0000 ± unknown"),
         (19.0, math.nan, "19.0000 ± unknown"),
