@@ -79,7 +79,9 @@ class _OneLineErrors(TyperGroup):
         except LsvisionError as error:
             print_error(str(error), debug=ctx.params["debug"])
         except MemoryError:
-            print_error("out of memory: measure fewer files at once", debug=ctx.params["debug"])
+            print_error(
+                "out of memory: use fewer or smaller inputs at once", debug=ctx.params["debug"]
+            )
         raise typer.Exit(FAILED)
 
 

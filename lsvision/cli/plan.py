@@ -33,6 +33,9 @@ MAX_SECTIONS = 2048
 DEFAULT_PITCH_MM = 0.6
 """Default of --pitch with --range-std: the point spacing of the paper's sensor."""
 
+MAX_STANDOFF_PITCHES = 1e5
+"""Largest ratio of --standoff to --pitch: memory grows with it; no sensor has as many points."""
+
 
 def plan(
     *,
@@ -215,11 +218,17 @@ def _build_view(
     Raises
     ------
     ValueError
-        If both are given, or one is invalid.
+        If both are given, one is invalid, or the pitch is too fine.
     """
     from lsvision.planning import SensorView
     from lsvision.sensors.profile_sensor import ProfileSensor, find_sensor
 
+    stated_pitch = DEFAULT_PITCH_MM if pitch is None and range_std is not None else pitch
+    if stated_pitch is not None and 0 < MAX_STANDOFF_PITCHES * stated_pitch < standoff:
+        raise ValueError(
+            f"expected a --pitch of at least {standoff / MAX_STANDOFF_PITCHES:g} mm with "
+            f"--standoff {standoff:g}, got {stated_pitch:g}"
+        )
     if range_std is None:
         return SensorView(sensor=find_sensor(sensor or "lps36hi"), standoff=standoff, pitch=pitch)
     if sensor is not None:
@@ -233,15 +242,16 @@ def _build_view(
         max_range=2 * standoff,
         width_at_max_range=2 * standoff,
     )
-    return SensorView(
-        sensor=generic_sensor, standoff=standoff, pitch=DEFAULT_PITCH_MM if pitch is None else pitch
-    )
+    return SensorView(sensor=generic_sensor, standoff=standoff, pitch=stated_pitch)
 
 
 def _build_target(phi_deg: float | None, radius_mm: float | None) -> "AccuracyTarget | None":
     """Return the target with these standard deviations; None if neither is given."""
     from lsvision.planning import AccuracyTarget
 
+    for option, value in (("--target-phi-deg", phi_deg), ("--target-radius", radius_mm)):
+        if value is not None and not 0 < value < math.inf:
+            raise ValueError(f"expected {option} above 0, got {value:g}")
     if phi_deg is None and radius_mm is None:
         return None
     return AccuracyTarget(

@@ -98,7 +98,7 @@ class TargetOptions:
 
 def _parse_counts(text: str) -> tuple[int, int]:
     """Return columns and rows from a text such as ``11x8``."""
-    match = re.fullmatch(r"(\d+)[xX](\d+)", text.strip())
+    match = re.fullmatch(r"(\d{1,3})[xX](\d{1,3})", text.strip())
     if not match:
-        raise typer.BadParameter(f"expected --counts NxM, for example 11x8, got {text!r}")
+        raise typer.BadParameter(f"expected --counts NxM up to 999x999, such as 11x8, got {text!r}")
     return int(match[1]), int(match[2])

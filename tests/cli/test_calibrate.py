@@ -97,7 +97,7 @@ def test_circle_grid_and_chessboard_need_counts_and_square(run, tmp_path):
     ("words", "error"),
     [
         (("--target", "checkers"), "expected --target charuco, chessboard"),
-        (("--counts", "eleven"), "expected --counts NxM, for example 11x8, got 'eleven'"),
+        (("--counts", "eleven"), "expected --counts NxM up to 999x999, such as 11x8, got 'eleven'"),
         (("--square", "10", "--marker", "12"), "expected 0 < marker < square 10 mm, got 12"),
         (
             ("--target", "chessboard", "--counts", "9x6", "--square", "20", "--marker", "5"),

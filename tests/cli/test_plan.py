@@ -60,6 +60,11 @@ def test_theta_of_an_upright_pipe_is_not_determinable():
         (["--radius", "19", "--phi-deg", "90"], "(90 deg), got"),
         (["--radius", "19", "--sensor", "lps99"], "lps36hi, lps36"),
         (["--radius", "19", "--sensor", "lps36", "--range-std", "0.1"], "got both"),
+        (["--radius", "19", "--target-phi-deg", "0"], "expected --target-phi-deg above 0, got 0"),
+        (
+            ["--radius", "19", "--pitch", "1e-7"],
+            "expected a --pitch of at least 0.004 mm with --st",
+        ),
         (["--radius", "19", "--known-radius", "--target-radius", "1"], "--target-radius, got both"),
         (["--radius", "19", "--sections", "2049"], "equal to 2048"),
         (["--radius", "19", "--spacing", "2"], "2 or more, or a target, with --spacing, got"),
