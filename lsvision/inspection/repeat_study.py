@@ -120,8 +120,9 @@ class RepeatStudy(Result):
         low, high = self.bias_interval
         low_std, high_std = self.std_interval
         significance = "significant" if self.p_value < SIGNIFICANCE else "not significant"
+        mean_std = self.std / math.sqrt(self.count)
         lines = [
-            f"{self.count} values, mean {format_value(self.mean, self.std)}, reference "
+            f"{self.count} values, mean {format_value(self.mean, mean_std)}, reference "
             f"{self.reference:g}",
             f"bias {self.bias:.4g}, {100 * self.level:g} % interval {low:.4g} .. {high:.4g} "
             f"({significance}, p {self.p_value:.3f})",

@@ -5,6 +5,8 @@ import json
 import numpy as np
 import pytest
 
+from lsvision.results.number_format import format_value
+
 
 def test_study_repeat_compares_with_the_reference(run, written, tmp_path):
     angle = np.linspace(2.6, 0.5, 160)
@@ -19,7 +21,8 @@ def test_study_repeat_compares_with_the_reference(run, written, tmp_path):
     record = json.loads(out.read_text())
     low, high = record["bias_interval"]
     assert (record["count"], low < 0 < high) == (4, True)
-    assert done.stdout.startswith("radius in mm:\n4 values, mean")
+    mean = format_value(record["mean"], record["std"] / 2)  # of 4 values
+    assert done.stdout.startswith(f"radius in mm:\n4 values, mean {mean}, reference 19\n")
     wrong = run("study", "repeat", *paths, "--reference", "19", "--quantity", "colour")
     assert wrong.exit_code == 2
     assert "expected --quantity among radius, theta" in wrong.stderr
