@@ -178,6 +178,8 @@ def main() -> None:
             stream.reconfigure(errors="backslashreplace")
     # The commands report implausible units themselves, unless --units states them.
     warnings.filterwarnings("ignore", "expected a profile in mm", UserWarning)
+    # Processes that this one starts get its -W options.
+    sys.warnoptions.append("ignore:expected a profile in mm:UserWarning")
     for name in ("SIGTERM", "SIGHUP"):  # like Ctrl-C: results so far are written
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), _interrupt)

@@ -147,10 +147,10 @@ class DetectedBoards:
         assert isinstance(calibration.target, Pose)
         corners = []
         for view, flange in zip(self.views, flanges, strict=True):
-            target_frame_from_camera = (
-                _mount_pose(flange, calibration.mounting) @ calibration.mount_from_sensor
-            )
-            camera_from_board = target_frame_from_camera.inverse() @ calibration.target
+            mount_pose = _mount_pose(flange, calibration.mounting)
+            # In the frame in which the board does not move, as `calibration.target`.
+            camera_pose = mount_pose @ calibration.mount_from_sensor
+            camera_from_board = camera_pose.inverse() @ calibration.target
             predicted = self.camera.project(camera_from_board.apply(view.points))
             corners.append((view.pixels, predicted - view.pixels))
         warnings = [add_file_names(text, image=names, pose=names) for text in self.warnings]

@@ -29,7 +29,9 @@ def new_job(
     name: Annotated[str | None, typer.Option(metavar="NAME", help="Name of the job.")] = None,
     tolerance: Annotated[
         float,
-        typer.Option(min=1e-6, metavar="MM", help="Tolerance of each radius, to either side."),
+        typer.Option(
+            min=1e-6, metavar="MM", help="Tolerance of each radius, to either side, and of gaps."
+        ),
     ] = 0.1,
     radius: Radius = None,
     reading: ReadingOptions,

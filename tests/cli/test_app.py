@@ -208,10 +208,21 @@ def test_name_that_is_no_text_is_shown_with_escapes(tmp_path):
     assert result.stderr == "lsvision: \\xff.csv: no such file: check the name\n"
 
 
-def test_units_that_are_stated_are_not_questioned(tmp_path):
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_units_that_are_stated_are_not_questioned(tmp_path, jobs):
     rows = "\n".join(f"{k * 6e-4:.5f},-0.4" for k in range(200))
     (tmp_path / "m.csv").write_text(f"x,z\n{rows}\n")
-    command = [sys.executable, "-m", "lsvision", "measure", "m.csv", "--units", "mm"]
+    command = [
+        sys.executable,
+        "-m",
+        "lsvision",
+        "measure",
+        "m.csv",
+        "--units",
+        "mm",
+        "--jobs",
+        jobs,
+    ]
     done = subprocess.run(
         command, cwd=tmp_path, capture_output=True, text=True, check=False,
         env={**os.environ, "PYTHONPATH": str(Path(lsvision.__file__).parents[1])},

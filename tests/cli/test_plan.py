@@ -27,7 +27,7 @@ def test_one_section_is_a_row_with_units():
     assert rows(result) == [["1", "-", "0", "96", "0.39", "4.4", "1.9"]]
 
 
-def test_scan_stands_below_the_section_it_betters():
+def test_a_scan_is_more_accurate_than_its_section():
     one, scan = rows(run("--radius", "19", "--range-std", "0.1", "--sections", "20"))
     assert scan[:3] == ["20", "1", "19"]
     assert float(scan[-1]) < float(one[-1]) / 10
@@ -43,7 +43,7 @@ def test_as_many_sections_are_allowed_as_are_proposed():
     assert MAX_SECTIONS == MAX_SECTIONS_OF_A_TARGET
 
 
-def test_known_radius_betters_phi():
+def test_a_known_radius_makes_phi_more_accurate():
     free, known = (rows(run("--radius", "19", *more))[0] for more in ((), ("--known-radius",)))
     assert known[-3] == "0"
     assert float(known[-1]) < float(free[-1]) / 3
