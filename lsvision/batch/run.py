@@ -116,6 +116,8 @@ def run_batch(
         for task, value in _run_tasks(remaining_tasks, jobs, scheduler):
             is_set_aside = isinstance(value, EndedProcess)
             outcome = value if isinstance(value, FileOutcome) else _outcome_of_ended_process(task)
+            if outcome.error:  # results of an earlier version of the file
+                task.output.unlink(missing_ok=True)
             manifest.add(outcome, set_aside=is_set_aside)
             left -= 1
             report(outcome, left)

@@ -167,6 +167,13 @@ def test_a_broken_file_is_reported_and_tried_again(folder):
     assert not run_batch(tasks_of(folder), folder / "out").failed
 
 
+def test_a_file_that_no_longer_can_be_measured_keeps_no_earlier_results(folder):
+    run_batch(tasks_of(folder), folder / "out")
+    (folder / "in" / "part-1.parquet").write_bytes(b"PAR1")
+    assert len(run_batch(tasks_of(folder), folder / "out").failed) == 1
+    assert sorted(files(folder / "out")) == ["a.csv.parquet", "sub/part-2.parquet"]
+
+
 @pytest.mark.parametrize(("times", "aside"), [(1, False), (99, True)])
 def test_a_process_that_ends_costs_nothing_and_a_file_that_ends_it_twice_is_set_aside(
     folder, times, aside
