@@ -22,6 +22,9 @@ MAX_SECOND_LINE_FRACTION = 0.2
 """Fraction of columns with a second line above which a note is printed."""
 MAX_SATURATED_FRACTION = 0.2
 """Fraction of saturated points of the line above which a note is printed."""
+MAX_GREY_DIFFERENCE = 4
+"""Largest difference of the channels of a pixel in a grey video, since codecs round brightness and
+colours separately; 2 in motion JPEG, 3 in MPEG-4. Units: DN of 8 bit."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,7 +147,12 @@ class LiveCamera:
 
 def is_image(source: Path) -> bool:
     """Return whether the suffix of a file is that of an image or a video."""
-    return source.suffix.lower() in IMAGE_SUFFIXES | VIDEO_SUFFIXES
+    return source.suffix.lower() in IMAGE_SUFFIXES or is_video(source)
+
+
+def is_video(source: Path) -> bool:
+    """Return whether the suffix of a file is that of a video."""
+    return source.suffix.lower() in VIDEO_SUFFIXES
 
 
 def holds_images(source: Path, imaging: ImagingOptions | None, reading: "ReadOptions") -> bool:
@@ -226,6 +234,8 @@ def read_image_source(
             "lsvision calibrate laser-plane"
         )
     images = _read_images(source, imaging.frames)
+    if imaging.line.channel == "grey" and (isinstance(source, LiveCamera) or is_video(source)):
+        images = map(_remove_rounded_colours, images)
     return _read_profiles(Path(str(source)), images, imaging, remedies)
 
 
@@ -235,13 +245,23 @@ def _read_images(source: Path | LiveCamera, max_frames: int | None) -> Iterable[
         from lsvision.io.frames import capture_frames
 
         return capture_frames(source.index, source.frames)
-    if source.suffix.lower() in VIDEO_SUFFIXES:
+    if is_video(source):
         from lsvision.io.frames import read_frames
 
         return islice(read_frames(source), max_frames)
     from lsvision.io.images import read_image
 
     return [read_image(source)]
+
+
+def _remove_rounded_colours(image: Any) -> Any:
+    """Return a frame of a grey video with three equal channels; one with colours as it is."""
+    import cv2
+    import numpy as np
+
+    if image.ndim == 2 or np.ptp(image, axis=2).max() > MAX_GREY_DIFFERENCE:
+        return image
+    return cv2.cvtColor(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), cv2.COLOR_GRAY2BGR)
 
 
 def _read_profiles(

@@ -16,7 +16,7 @@ from lsvision.cli.image_options import (
     Method,
     parse_imaging,
 )
-from lsvision.cli.image_sources import LiveCamera
+from lsvision.cli.image_sources import LiveCamera, is_video
 from lsvision.cli.measure_files import RunOptions, measure_sources
 from lsvision.cli.measure_function import build_measure_function
 from lsvision.cli.messages import FAILED, print_error
@@ -34,12 +34,7 @@ from lsvision.cli.profile_options import (
     Verbose,
 )
 from lsvision.cli.robot_options import RobotOptions, parse_robot_frame
-from lsvision.cli.sources import (
-    MEASURED_SUFFIXES,
-    VIDEO_SUFFIXES,
-    find_sources,
-    suffixes_of_profiles,
-)
+from lsvision.cli.sources import MEASURED_SUFFIXES, find_sources, suffixes_of_profiles
 from lsvision.errors import LsvisionError
 
 
@@ -173,8 +168,7 @@ def _reject_options_without_files(sources: Sequence[Path | LiveCamera], part: Pa
     if part.reading and all(are_images):
         raise typer.BadParameter("expected profiles with options for reading, got images only")
     if part.imaging.frames is not None and not any(
-        isinstance(source, LiveCamera) or source.suffix.lower() in VIDEO_SUFFIXES
-        for source in sources
+        isinstance(source, LiveCamera) or is_video(source) for source in sources
     ):
         raise typer.BadParameter("expected a video or --camera with --frames, got none")
 

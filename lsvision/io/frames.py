@@ -34,8 +34,8 @@ def read_frames(path: str | os.PathLike[str]) -> Iterator[Frame]:
     Yields
     ------
     (height, width, 3) ndarray of uint8
-        Blue, green, red; three equal channels in a grey video. Not rotated by the orientation that
-        the file states.
+        Blue, green, red; in a grey video equal but for the rounding of its codec. Not rotated by
+        the orientation that the file states.
 
     Raises
     ------

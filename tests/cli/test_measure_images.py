@@ -139,6 +139,20 @@ def test_a_video_is_measured_frame_by_frame(run, rows, video, tmp_path):
     assert sorted(path.name for path in tmp_path.glob("*.png")) == ["p-0.png", "p-2.png"]
 
 
+def test_a_grey_video_needs_no_laser_colour(run, rows, video):
+    """Its frames have colours by the rounding of motion JPEG."""
+    result = run("measure", video, *RIG)
+    assert len(radii(rows, result)) == 2
+
+
+def test_a_video_in_colours_needs_one(run, single, tmp_path):
+    path = tmp_path / "red.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 5.0, single.shape[::-1])
+    writer.write(cv2.merge([single // 4, single // 4, single]))
+    writer.release()
+    assert "red.avi: it has colours" in run("measure", path, *RIG).stderr
+
+
 def test_only_so_many_frames_are_taken(run, rows, video):
     result = run("measure", video, *RIG, "--frames", 1, "--laser", "white")
     assert len(radii(rows, result)) == 1
