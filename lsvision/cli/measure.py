@@ -124,7 +124,7 @@ def measure(
     if surface_std and (paper or noise is not None):
         raise typer.BadParameter(
             "expected --surface-std, or --paper, --sensor or --range-std, got both: it adds to the "
-            "noise predicted from the pixels, which these options replace"
+            "noise predicted from the pixels, which is not used with these options"
         )
     options = reading.parse()
     suffixes = suffixes_of_profiles(reading.dx) if light_section is None else MEASURED_SUFFIXES
