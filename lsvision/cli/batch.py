@@ -25,6 +25,7 @@ from lsvision.cli.sources import find_sources, suffixes_of_profiles
 from lsvision.errors import LsvisionError
 from lsvision.files.file_kinds import is_directory
 from lsvision.files.limited_reading import STDIN
+from lsvision.results.summaries import counted
 
 if TYPE_CHECKING:
     from lsvision.batch.job import BatchJob
@@ -244,7 +245,7 @@ class _Report(StatusLine):
             print_error(outcome.error)
         seconds = max(time.monotonic() - self._start, 1e-3)
         self.write(
-            f"{self._total - left}/{self._total} files, {self._profiles} profiles, "
+            f"{self._total - left}/{self._total} files, {counted(self._profiles, 'profile')}, "
             f"{self._profiles / seconds:.0f}/s, {duration_text(seconds / self._files * left)} left"
         )
 
