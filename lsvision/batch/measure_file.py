@@ -141,7 +141,7 @@ def _write_results(task: FileTask) -> FileOutcome:
     try:
         for part in iterate_profiles(task.source, **task.job.reading):
             require_plausible_units(part.file)
-            notes |= dict.fromkeys(_list_notes(part.file))
+            notes |= dict.fromkeys(list_notes(part.file))
             measured = _measure_part(task, part)
             table = result_table(task.name, part, measured, task.job.inspection)
             writer = writer or _open_writer(temporary, table.schema)
@@ -157,7 +157,7 @@ def _write_results(task: FileTask) -> FileOutcome:
     return FileOutcome(task.name, profiles, cylinders, rejections, notes=tuple(notes))
 
 
-def _list_notes(file: ProfileFile) -> Iterator[str]:
+def list_notes(file: ProfileFile) -> Iterator[str]:
     """Yield the assumptions and omissions in reading a file."""
     if file.units_assumed:
         yield f"units taken as {file.units}: state them with --units"

@@ -116,13 +116,12 @@ def read_sources(sources: Sequence[Path], options: "ReadOptions") -> "list[Profi
     UnreadableFile
         If a file cannot be read; see `read_source`.
     """
+    from lsvision.batch.measure_file import list_notes
+
     files = [read_source(source, options) for source in sources]
     paths_by_note: dict[str, list[Path]] = {}
     for file in files:
-        notes = [*file.notes]
-        if file.units_assumed:
-            notes.append(f"units taken as {file.units}: state them with --units")
-        for note in notes:
+        for note in list_notes(file):
             paths_by_note.setdefault(note, []).append(file.path)
     print_notes(paths_by_note)
     return files
