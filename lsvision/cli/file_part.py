@@ -15,6 +15,7 @@ from lsvision.cli.image_sources import (
 )
 from lsvision.cli.robot_frame import RobotFrame
 from lsvision.cli.sources import iterate_source, read_source
+from lsvision.files.limited_reading import MAX_SIZE
 
 if TYPE_CHECKING:
     from lsvision.batch.measure_group import MeasureFunction
@@ -47,6 +48,8 @@ class PartOptions:
         Whether to list the rejected arcs, too.
     debug : bool
         Whether to print the tracebacks of exceptions.
+    max_size : int
+        Largest size of a file that is read in another process. Units: bytes.
     """
 
     measuring: "MeasureFunction"
@@ -56,6 +59,7 @@ class PartOptions:
     placing: RobotFrame | None = None
     verbose: bool = False
     debug: bool = False
+    max_size: int = MAX_SIZE
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,6 +36,7 @@ from lsvision.cli.profile_options import (
 from lsvision.cli.robot_options import RobotOptions, parse_robot_frame
 from lsvision.cli.sources import MEASURED_SUFFIXES, find_sources, suffixes_of_profiles
 from lsvision.errors import LsvisionError
+from lsvision.files.limited_reading import current_size_limit
 
 
 @expand_option_groups
@@ -146,6 +147,7 @@ def measure(
         placing=placing,
         verbose=verbose,
         debug=ctx.find_root().params.get("debug", False),
+        max_size=current_size_limit(),
     )  # fmt: skip
     _reject_options_without_files(sources, part)
     pictures = (

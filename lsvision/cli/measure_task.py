@@ -9,6 +9,7 @@ from pathlib import Path
 from lsvision.cli.file_part import FilePart, PartOptions
 from lsvision.cli.image_sources import LiveCamera
 from lsvision.cli.part_results import PartResult, measure_files, measure_parts
+from lsvision.files.limited_reading import size_limit
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,4 +43,5 @@ def measure_task(options: PartOptions, task: MeasureTask) -> list[PartResult]:
         return [PartResult(errors=[task.error])]
     if task.part is not None:
         return measure_parts(options, [task.part])
-    return measure_files(options, [Path(str(source)) for source in task.sources])
+    with size_limit(options.max_size):
+        return measure_files(options, [Path(str(source)) for source in task.sources])

@@ -69,9 +69,10 @@ def test_standard_input_is_measured(run, pipe):
 
 def test_a_file_above_the_limit_is_rejected_and_the_limit_can_be_raised(run, written, pipe):
     path = written(pipe)
-    outcome = run("measure", path, "--max-size", "1kB")
-    assert outcome.exit_code == FAILED
-    assert f"{path}: expected 1 kB at most" in outcome.stderr
+    for jobs in (1, 2):
+        outcome = run("measure", path, "--max-size", "1kB", "--jobs", jobs)
+        assert outcome.exit_code == FAILED
+        assert f"{path}: expected 1 kB at most" in outcome.stderr
     assert run("--max-size=1 MB", "measure", path).exit_code == 0
     for size in ("0", "-1", "much", "1e9", "²GB"):
         assert run("measure", path, "--max-size", size).exit_code == USAGE
