@@ -38,7 +38,7 @@ def test_a_killed_worker_costs_nothing_and_the_bytes_are_those_of_this_machine(t
     sources = sorted(source.iterdir())
     killed = []
 
-    def report(_):
+    def report(*_):
         if not killed:
             worker = next(iter(cluster.workers.values()))
             killed.append(worker.pid)
@@ -108,7 +108,7 @@ def test_a_scheduler_that_goes_away_is_reported_and_costs_no_finished_file(
         write_parquet(source / f"{number}.parquet", 2, first_id=number)
     tasks, finished = plan_tasks(sorted(source.iterdir()), source, out, BatchJob()), []
 
-    def report(outcome):
+    def report(outcome, _):
         finished.append(outcome.name)
         if len(finished) == 2:
             process.send_signal(end)
