@@ -52,7 +52,7 @@ def _remarks(tube: "ScannedCylinder", shape: "TubeShape | None") -> list[str]:
     from lsvision.scan.shape_result import shape_lines
 
     low, high = tube.axial_range
-    remarks = [f"measured from {low:.1f} to {high:.1f} mm along the axis from its point"]
+    remarks = [f"measured from {low:z.1f} to {high:z.1f} mm along the axis from its point"]
     if tube.twin is not None:
         remarks.append(twin_note(tube.twin))
     if shape is not None:
