@@ -143,7 +143,7 @@ def parse_document(text: str, source: Path, schemas: Sequence[str]) -> dict[str,
     schema = values.get("schema") if isinstance(values, dict) else None
     if schema not in schemas:
         raise UnreadableFile(
-            f"{source} has schema {schema!r} and needs {schemas[-1]!r}: name another file"
+            f"{source} has schema {schema!r} and needs {schemas[-1]!r}: calibrate again"
         )
     if values.get("units") != UNITS:
         raise UnreadableFile(

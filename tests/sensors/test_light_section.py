@@ -197,11 +197,7 @@ def damaged(path, change):
 @pytest.mark.parametrize(
     ("change", "error", "match"),
     [
-        (
-            lambda v: v.update(schema="x/1"),
-            UnreadableFile,
-            "has schema 'x/1' and needs .*: name anoth",
-        ),
+        (lambda v: v.update(schema="x/1"), UnreadableFile, "has schema 'x/1' and needs"),
         (lambda v: v["units"].update(length="m"), UnreadableFile, "has units .* convert"),
         (lambda v: v.pop("laser_plane"), UnreadableFile, "lacks 'laser_plane'"),
         (lambda v: v["camera"].pop("size"), UnreadableFile, "lacks 'size'"),
