@@ -168,7 +168,9 @@ def _reject_options_without_files(sources: Sequence[Path | LiveCamera], part: Pa
     if not any(are_images):
         raise typer.BadParameter("expected images with --light-section, got profiles only")
     if part.reading and all(are_images):
-        raise typer.BadParameter("expected profiles with options for reading, got images only")
+        raise typer.BadParameter(
+            "expected profiles with options for reading them, such as --units, got images only"
+        )
     if part.imaging.frames is not None and not any(
         isinstance(source, LiveCamera) or is_video(source) for source in sources
     ):

@@ -258,7 +258,7 @@ def test_a_useless_rig_is_rejected_by_name(run, tmp_path, change, words):
         (("--frames", "0"), "--frames"),
         (("--frames", "3"), "expected a video or --camera with --frames, got none"),
         (("--surface-std", "1", "--sensor", "lps36"), "expected --surface-std, or --paper, --sen"),
-        (("--units", "um"), "expected profiles with options for reading, got images only"),
+        (("--units", "um"), "expected profiles with options for reading them, such as --un"),
     ],
 )
 def test_a_slip_in_an_option_is_a_usage_error(run, options, words):
