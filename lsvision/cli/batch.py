@@ -177,6 +177,8 @@ def _batch_job(
     job = Job.load(path)
     if (unused := describe_unused_keys(job)) is not None:
         print_error(f"{path}: note: {unused}")
+    if job.golden is not None:
+        print_error(f"{path}: note: batch does not check the golden part, as lsvision inspect does")
     if job.scan is not None or job.rig.light_section is not None:
         raise LsvisionError(
             f"{path}: expected a job for profiles, got one for scans or images: use lsvision "

@@ -179,6 +179,10 @@ name = "tube"
 range_std_mm = 0.03
 [output]
 results = "results"
+[golden]
+radius_mm = 19
+tolerance_mm = 3
+every_hours = 8
 [[part]]
 name = "left"
 x_mm = [-5, 5]
@@ -193,7 +197,9 @@ radius_mm = { nominal = 19, upper = 3, lower = -3 }
         pq.read_table(out / f"{name}.csv.parquet").to_pylist() for name in ("a", "b")
     )
     assert (left["decision"], right["decision"]) == ("OK", "NG")  # the other one lies at 30 mm
-    assert "job.toml: note: not used: [output] (" in run(*words).stderr
+    notes = run(*words).stderr
+    assert "job.toml: note: not used: [output] (" in notes
+    assert "job.toml: note: batch does not check the golden part" in notes
     (folder / "job.toml").write_text((folder / "job.toml").read_text().replace("= 3", "= 2"))
     assert "results of another job (job_hash" in run(*words).stderr
     both = run(*words, "--radius", 19)
