@@ -11,6 +11,7 @@ from lsvision.batch.manifest import Manifest, Status, read_status
 from lsvision.batch.measure_file import FileOutcome, FileTask, measure_file
 from lsvision.batch.process_pool import EndedProcess, Finished, run_tasks
 from lsvision.errors import LsvisionError, UnwritableFile
+from lsvision.files.file_kinds import exists
 from lsvision.files.limited_reading import current_size_limit
 from lsvision.files.printable import printable_name
 
@@ -116,7 +117,7 @@ def run_batch(
         for task, value in _run_tasks(remaining_tasks, jobs, scheduler):
             is_set_aside = isinstance(value, EndedProcess)
             outcome = value if isinstance(value, FileOutcome) else _outcome_of_ended_process(task)
-            if outcome.error:  # results of an earlier version of the file
+            if outcome.error and exists(task.source):  # results of an earlier version of the file
                 task.output.unlink(missing_ok=True)
             manifest.add(outcome, set_aside=is_set_aside)
             left -= 1

@@ -297,6 +297,7 @@ def test_a_source_that_has_gone_is_one_failed_file(folder):
     (folder / "in" / "a.csv").unlink()
     status = run_batch(tasks, folder / "out")
     assert "a.csv: no such file" in status.failed[0].error
+    assert (folder / "out" / "a.csv.parquet").exists()
     assert len(status.done) == 2
 
 
