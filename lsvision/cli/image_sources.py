@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -23,8 +23,8 @@ MAX_SECOND_LINE_FRACTION = 0.2
 MAX_SATURATED_FRACTION = 0.2
 """Fraction of saturated points of the line above which a note is printed."""
 MAX_GREY_DIFFERENCE = 4
-"""Largest difference of the channels of a pixel in a grey video, since codecs round brightness and
-colours separately; 2 in motion JPEG, 3 in MPEG-4. Units: DN of 8 bit."""
+"""Largest difference of a pixel's channels in a grey video, by the rounding of its codec: 2 in
+motion JPEG, 3 in MPEG-4. Units: DN of 8 bit."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -236,6 +236,8 @@ def read_image_source(
     images = _read_images(source, imaging.frames)
     if imaging.line.channel == "grey" and (isinstance(source, LiveCamera) or is_video(source)):
         images = map(_remove_rounded_colours, images)
+        if imaging.laser_off is not None:  # perhaps a frame of the same video
+            imaging = replace(imaging, laser_off=_remove_rounded_colours(imaging.laser_off))
     return _read_profiles(Path(str(source)), images, imaging, remedies)
 
 
@@ -324,8 +326,7 @@ def _prefix_errors(where: str, remedies: ImageRemedies) -> Iterator[None]:
     try:
         yield
     except NoLaserLine as error:
-        remedy = error.remedy and remedies.line
-        raise NoLaserLine(f"{where}: {error.finding}", remedy) from error
+        raise NoLaserLine(f"{where}: {error.finding}", error.remedy and remedies.line) from error
     except (LsvisionError, ValueError) as error:  # ValueError: a laser-off frame of another depth
         raise LsvisionError(f"{where}: {error}") from error
 
@@ -372,9 +373,8 @@ def _summary(lines: "list[LaserLine]", frames: int) -> str:
 
     std = float(np.median(np.concatenate([line.std[~np.isnan(line.std)] for line in lines])))
     lost, total = sum(line.lost for line in lines), sum(map(len, lines))
-    texts = [f"{frames} frames"] if frames > 1 else ["image"]
-    texts += [f"line along {lines[0].direction}", f"{lost} of {total} points lost"]
-    return ", ".join([*texts, f"{std:.2g} px"])
+    source = f"{frames} frames" if frames > 1 else "image"
+    return f"{source}, line along {lines[0].direction}, {lost} of {total} points lost, {std:.2g} px"
 
 
 def _warnings(lines: "list[LaserLine]", frames: int) -> "list[str]":

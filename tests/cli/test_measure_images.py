@@ -10,6 +10,7 @@ import pytest
 from lsvision.calibration.board_in_plane import calibrate_board_in_plane
 from lsvision.calibration.target import Chessboard
 from lsvision.io import frames
+from lsvision.io.frames import read_frames
 from lsvision.io.images import read_image
 
 REPOSITORY = Path(__file__).parents[2]
@@ -139,10 +140,13 @@ def test_a_video_is_measured_frame_by_frame(run, rows, video, tmp_path):
     assert sorted(path.name for path in tmp_path.glob("*.png")) == ["p-0.png", "p-2.png"]
 
 
-def test_a_grey_video_needs_no_laser_colour(run, rows, video):
+def test_a_grey_video_needs_no_laser_colour(run, rows, video, tmp_path):
     """Its frames have colours by the rounding of motion JPEG."""
-    result = run("measure", video, *RIG)
-    assert len(radii(rows, result)) == 2
+    (_, dark, _) = read_frames(video)
+    cv2.imwrite(str(tmp_path / "dark.png"), dark)
+    for more in ((), ("--laser-off", tmp_path / "dark.png")):
+        result = run("measure", video, *RIG, *more)
+        assert len(radii(rows, result)) == 2, result.output
 
 
 def test_a_video_in_colours_needs_one(run, single, tmp_path):
