@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
 
@@ -123,10 +123,7 @@ def measure(
     noise = sensor.parse()
     measuring = build_measure_function(radius, known_radius, known_phi_deg, noise, paper=paper)
     if surface_std and (paper or noise is not None):
-        raise typer.BadParameter(
-            "expected --surface-std, or --paper, --sensor or --range-std, got both: it adds to the "
-            "noise predicted from the pixels, which is not used with these options"
-        )
+        _reject_surface_std()
     options = reading.parse()
     suffixes = suffixes_of_profiles(reading.dx) if light_section is None else MEASURED_SUFFIXES
     paths, missing = find_sources(files or (), suffixes)
@@ -158,6 +155,14 @@ def measure(
     _report_missing(missing, robot.poses)
     failed = _measure_all(sources, run, json_file, csv_file) + len(missing)
     _report_failed(failed, len(sources) + len(missing), plot)
+
+
+def _reject_surface_std() -> NoReturn:
+    """Raise the error of a roughness beside options with which it would have no effect."""
+    raise typer.BadParameter(
+        "expected --surface-std, or --paper, --sensor or --range-std, got both: it adds to the "
+        "noise predicted from the pixels, which is not used with these options"
+    )
 
 
 def _reject_options_without_files(sources: Sequence[Path | LiveCamera], part: PartOptions) -> None:
