@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -56,7 +57,8 @@ def test_a_broken_file_and_a_missing_one_are_reported_and_the_rest_is_done(run, 
 def test_the_time_left_counts_the_files_that_are_left(capsys, monkeypatch):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     now = iter([0.0, 10.0])
-    monkeypatch.setattr(time, "monotonic", lambda: next(now))
+    clock = SimpleNamespace(monotonic=lambda: next(now))
+    monkeypatch.setattr(sys.modules["lsvision.cli.batch"], "time", clock)
     _Report(100)(FileOutcome("a.csv", profiles=5), 3)  # 96 files are of an earlier run
     assert "97/100 files, 5 profiles, 0/s, 0 min 30 s left" in capsys.readouterr().err
 
