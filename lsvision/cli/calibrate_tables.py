@@ -32,7 +32,10 @@ def pose_rows(hand_eye: "HandEye", names: Sequence[str]) -> list[tuple[str, str,
 
 
 def plan_rows(plan: "PosePlan") -> list[tuple[str, ...]]:
-    """Return for each planned pose: number from 1, position and predicted std, in mm."""
+    """Return for each planned pose: number from 1, position, and std predicted after it, in mm.
+
+    The std is that of the target's mean position in the view.
+    """
     return [
         (str(number), *(f"{value:.1f}" for value in pose.translation), f"{std:.4f}")
         for number, (pose, std) in enumerate(

@@ -356,7 +356,7 @@ def _report_pose_plan(plan: "PosePlan", out: Path | None) -> None:
     """Print the planned poses, and write them as 4x4 rows."""
     from lsvision.files.atomic_files import write_atomic
 
-    header = ("next pose", "x mm", "y mm", "z mm", "predicted mm")
+    header = ("next pose", "x mm", "y mm", "z mm", "std after it mm")
     typer.echo("\n".join(["", *text_table([header, *plan_rows(plan)], left=1)]))
     if out is not None:
         rows = [
