@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lsvision.cli.measure_function import build_measure_function
-from lsvision.cli.messages import FAILED, print_error, print_notes
+from lsvision.cli.messages import FAILED, print_error, print_lines, print_notes
 from lsvision.cli.option_groups import expand_option_groups
 from lsvision.cli.profile_options import (
     KnownPhi,
@@ -211,8 +211,7 @@ def _print_status(folder: Path) -> None:
     if status is None:
         raise LsvisionError(f"{folder / MANIFEST}: no such file: name the --out of a batch")
     _print_summary(status)
-    for outcome in status.failed:
-        typer.echo(f"  {outcome.error}")
+    print_lines(f"  {outcome.error}" for outcome in status.failed)
 
 
 def _print_summary(status: "Status", names: Sequence[str] = ()) -> None:

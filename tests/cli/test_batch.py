@@ -70,6 +70,14 @@ def test_processes_of_this_machine_and_a_cluster_exclude_each_other(run, folder)
     assert "expected --jobs or --scheduler, got both" in done.stderr
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="names without control characters")
+def test_a_name_in_the_status_has_no_control_characters(run, folder):
+    (folder / "in" / "\x1b[31m.csv").write_text("no numbers")
+    run("batch", folder / "in", "--out", folder / "out", "--jobs", 1)
+    status = run("batch", "--status", folder / "out")
+    assert r"in/\x1b[31m.csv: expected x and height" in status.stdout
+
+
 @pytest.mark.parametrize(
     "words",
     [
