@@ -14,12 +14,18 @@ import numpy as np
 from lsvision.cylinder.fit_result import CylinderFit
 from lsvision.geometry import FloatArray, tangent_frame
 from lsvision.inspection.relation import Relation, Seam
-from lsvision.inspection.uncertain import Length, Scalar
+from lsvision.inspection.uncertain import Gap, Length, Scalar, Uncertain
 
 DERIVATIVE_STEP = 1e-6
 """Step of the central differences by the parameters. Units: mm or rad."""
 PARALLEL_SINE = 1e-9
 """Sine of the angle below which two directions count as parallel."""
+MAX_ANGLE_SIDE_BY_SIDE = math.radians(70)
+"""Angle of the axes above which they are always compared at their common perpendicular: there is no
+common length, and their mean direction changes abruptly at a right angle. Units: rad."""
+MIN_UP_SINE = 0.1
+"""Smallest sine of the angle between an axis and the direction of flush: along its axis a cylinder
+has no crest."""
 
 Range = tuple[float, float]
 """First and last position along an axis. Units: mm."""
@@ -58,11 +64,23 @@ def relate_axes(
     Returns
     -------
     Relation
-        At the common perpendicular of the axes if it lies within the observed length of both, else
-        in the middle of the length along which both were observed: distance of the axes, gap of the
-        surfaces, flush, angle and seam. Covariances are propagated to first order: a common
-        perpendicular moves with the axes, positions in the middle of the length are kept fixed.
+        At the common perpendicular of the axes if it lies within the observed length of both, or
+        the angle of the axes exceeds `MAX_ANGLE_SIDE_BY_SIDE`; else in the middle of the length
+        along which both were observed: distance of the axes, gap of the surfaces, flush, angle and
+        seam. Covariances are propagated to first order: a common perpendicular moves with the axes,
+        positions in the middle of the length are kept fixed.
+
+    Raises
+    ------
+    ValueError
+        If `up` is nearly along an axis; see `MIN_UP_SINE`.
     """
+    for observed in (first, second):
+        if up is not None and np.linalg.norm(np.cross(up, observed.fit.direction)) < MIN_UP_SINE:
+            raise ValueError(
+                "expected up across both axes, got a direction along one: a cylinder has no crest "
+                "along its axis; leave up and flush out"
+            )
     pair = _Pair.of(first, second)
     values = pair.values(np.zeros(10), up)
     steps = DERIVATIVE_STEP * np.eye(10)
@@ -76,10 +94,13 @@ def relate_axes(
     def scalar(row: int) -> Scalar:
         return Scalar(float(values[row]), math.sqrt(max(covariance[row, row], 0.0)), dof)
 
-    quantities: dict[str, Length | Scalar] = {
-        "distance": Length(values[:2], covariance[:2, :2], dof),
+    distance = Length(values[:2], covariance[:2, :2], dof)
+    radii_std = math.hypot(first.fit.radius_std, second.fit.radius_std)
+    radii = Scalar(first.fit.radius + second.fit.radius, radii_std, dof)
+    quantities: dict[str, Uncertain] = {
+        "distance": distance,
         "angle": Length(values[2:4], covariance[2:4, 2:4], dof, math.pi / 2),
-        "gap": scalar(4),
+        "gap": Gap(distance, radii, scalar(4).std),
     }
     if up is not None:
         quantities["flush"] = scalar(5)
@@ -147,7 +168,7 @@ class _Pair:
         Vectors along which the offset of the axes is resolved: an orthonormal basis perpendicular
         to the mean direction; for crossing axes, their common unit normal and a row of zeros.
     crossing : bool
-        Whether the common perpendicular lies within the observed length of both.
+        Whether they are compared at the common perpendicular.
     """
 
     first: CylinderFit
@@ -161,11 +182,13 @@ class _Pair:
     def of(cls, first: ObservedCylinder, second: ObservedCylinder) -> _Pair:
         """Return the pair, with its positions at the common perpendicular or the common middle."""
         a, b = first.fit, second.fit
-        sign = 1.0 if a.direction @ b.direction >= 0 else -1.0
+        cosine = float(a.direction @ b.direction)
+        sign = 1.0 if cosine >= 0 else -1.0
         along = _nearest_approach((a.point, a.direction), (b.point, b.direction))
         ranges = first.axial_range, second.axial_range
-        if along is not None and all(
-            low <= s <= high for s, (low, high) in zip(along, ranges, strict=True)
+        if along is not None and (
+            abs(cosine) < math.cos(MAX_ANGLE_SIDE_BY_SIDE)
+            or all(low <= s <= high for s, (low, high) in zip(along, ranges, strict=True))
         ):
             normal = np.cross(a.direction, b.direction)
             basis = np.stack([normal / np.linalg.norm(normal), np.zeros(3)])

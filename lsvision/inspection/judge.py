@@ -76,8 +76,8 @@ def judge(
         If the arguments are not a measurement and a job.
     ValueError
         If the job limits a quantity that a measurement of this kind does not have: for flush in a
-        scan `up` is needed; known radii of parts are for profiles only, windows in z for scans
-        only.
+        scan `up` is needed, across both axes; known radii of parts are for profiles only, windows
+        in z for scans only.
     FitFailed
         If the fit with a part's known radius overflows or is not an ellipse.
 

@@ -31,8 +31,8 @@ def relate(
         errors of a pose or a calibration that are common to both are then counted twice. An
         ambiguous one, of a scan with one section, is taken as it is, without its twin.
     up : (3,) array_like, optional
-        In space: direction along which flush is measured, base frame, of any length. Not used in a
-        section, where flush is along Y.
+        In space: direction along which flush is measured, across both axes, base frame, of any
+        length. Not used in a section, where flush is along Y.
 
     Returns
     -------
@@ -40,17 +40,17 @@ def relate(
         In a section: distance of the centres, gap and flush of the ellipses in its plane; the angle
         between the axes has a wide interval, because the signs of both tilts are unknown. In space:
         all quantities (flush only with `up`) at the common perpendicular of the axes, or in the
-        middle of the common observed length if the perpendicular lies outside, as for parallel
-        pipes; and the seam, which is the point midway between both surfaces and the direction of a
-        weld there.
+        middle of the common observed length if the perpendicular lies outside and the angle is at
+        most 70 deg, as for parallel pipes; and the seam, which is the point midway between both
+        surfaces and the direction of a weld there.
 
     Raises
     ------
     TypeError
         If one is measured in a section and the other in space, or one is not a cylinder.
     ValueError
-        If both are the same cylinder; in space, if `up` is not three finite numbers, or all are
-        zero.
+        If both are the same cylinder; in space, if `up` is not three finite numbers, all are zero,
+        or it is along an axis.
 
     Examples
     --------

@@ -51,9 +51,9 @@ class Seam(ComparedByValue):
     direction_std : float
         Root mean square angle of `direction` to the true one. Units: rad.
     crossing : bool
-        Whether the common perpendicular of the axes lies within the observed length of both
-        cylinders; otherwise `points` are in the middle of the length along which both were
-        observed.
+        Whether `points` are the ends of the common perpendicular of the axes, because it lies
+        within the observed length of both cylinders or the axes are nearly perpendicular; otherwise
+        they are in the middle of the length along which both were observed.
     """
 
     points: FloatArray

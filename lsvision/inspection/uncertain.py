@@ -142,6 +142,40 @@ class Length(ComparedByValue):
         return _lower_length_bound(length, unit, stds, (1 - level) / 2), length + factor * upper_std
 
 
+@dataclass(frozen=True)
+class Gap:
+    """Distance of two axes minus both radii.
+
+    Parameters
+    ----------
+    distance : Length
+        Distance of the axes.
+    radii : Scalar
+        Sum of both radii.
+    std : float
+        Standard uncertainty, including the correlation of distance and radii.
+    """
+
+    distance: Length
+    radii: Scalar
+    std: float
+
+    @property
+    def value(self) -> float:
+        """The estimate."""
+        return self.distance.value - self.radii.value
+
+    def interval(self, level: float) -> tuple[float, float]:
+        """Return the interval by Student's t, lower if the axes may coincide.
+
+        The measured distance of coinciding axes is always too large.
+        """
+        low, high = Scalar(self.value, self.std, self.radii.degrees_of_freedom).interval(level)
+        if self.distance.interval(level)[0] == 0:
+            low = min(low, -self.radii.interval(level)[1])
+        return low, high
+
+
 def _lower_length_bound(length: float, unit: FloatArray, stds: FloatArray, tail: float) -> float:
     """Return the true length for which a measured one exceeds `length` with probability `tail`.
 

@@ -8,9 +8,10 @@ import pytest
 from scipy import stats
 
 import lsvision as lsv
+from lsvision.cylinder.fit_result import CylinderFit
 from lsvision.ellipse.parameters import ellipse_from_parameters
 from lsvision.geometry import Cylinder
-from lsvision.inspection.axis_relation import angle_between
+from lsvision.inspection.axis_relation import ObservedCylinder, angle_between, relate_axes
 from lsvision.measure import measure_cylinders
 from lsvision.scan import measure_scan
 from lsvision.simulate import (
@@ -297,3 +298,47 @@ def test_what_cannot_be_compared_is_rejected():
         relation.estimate("radius")
     with pytest.raises(ValueError, match="expected a level between 0 and 1, got 95"):
         relation.interval("gap", 95)
+
+
+def exact(point, direction, radius, stds=(0.05, 0.05, 1e-3, 1e-3, 0.03), ends=(-30.0, 30.0)):
+    """A cylinder in space with independent errors of these stds."""
+    residuals = np.zeros(10)
+    fit = CylinderFit(
+        Cylinder(point, direction, radius), np.diag(np.square(stds)), residuals, residuals,
+        residuals + 1, residuals == 0, 1.0, math.inf,
+    )  # fmt: skip
+    return ObservedCylinder(fit, ends)
+
+
+def test_perpendicular_axes_are_compared_at_their_common_perpendicular():
+    """A branch that ends before the run does not change with the sign of a hardly tilted axis."""
+    run = exact((0, -400, 0), (0, 0, 1), 10.0)
+    relations = [
+        relate_axes(run, exact((0, -405, 0), (1, 0, tilt), 8.0, ends=(15.0, 60.0)))
+        for tilt in (1e-3, -1e-3)
+    ]
+    for relation in relations:
+        assert relation.seam.crossing
+        assert relation.distance == pytest.approx(5, abs=1e-6)
+        assert relation.gap == pytest.approx(-13, abs=1e-6)
+        assert relation.seam.point == pytest.approx([0, -403.5, 0], abs=1e-6)
+
+
+def test_the_gap_of_coaxial_tubes_has_its_coverage(rng):
+    stds, draws, misses = np.array([0.05, 0.05, 1e-5, 1e-5, 0.02]), 400, 0
+    for _ in range(draws):
+        errors = rng.normal(0, 1, (2, 5)) * stds
+        pair = [
+            exact((x, y, 0), (0, 0, 1), radius + error, stds)
+            for radius, (x, y, *_, error) in zip((10, 8), errors, strict=True)
+        ]
+        low, high = relate_axes(*pair).interval("gap")
+        misses += not low <= -18 <= high
+    assert misses <= stats.binom.ppf(0.9999, draws, 0.05)
+
+
+def test_flush_along_an_axis_is_rejected():
+    pair = exact((0, 0, 0), (0, 0, 1), 10.0), exact((25, 0, 0), (0, 0.1, 1), 10.0)
+    with pytest.raises(ValueError, match="expected up across both axes, got a direction along one"):
+        relate_axes(*pair, np.array([0, 0.02, 1]) / math.hypot(0.02, 1))
+    assert "flush" in relate_axes(*pair, UP).quantities
