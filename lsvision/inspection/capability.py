@@ -73,7 +73,8 @@ def estimate_capability(
     Raises
     ------
     ValueError
-        With fewer than two values, or values that are all equal.
+        With fewer than two values, values that are all equal, or one that is not finite; if the
+        limits are reversed or both infinite, or the level is not between 0 and 1.
 
     References
     ----------
@@ -89,8 +90,13 @@ def estimate_capability(
     from scipy.special import ndtri
     from scipy.stats import chi2
 
+    require_study_arguments(level)
     measured = np.asarray(values, dtype=np.float64)
     count = len(measured)
+    if not np.isfinite(measured).all():
+        raise ValueError("expected finite values, got some that are not: leave them out")
+    if not limits[0] < limits[1] or not any(map(math.isfinite, limits)):
+        raise ValueError(f"expected limits (lower, upper), one or both finite, got {limits}")
     # From the first value, so that equal values have no spread by rounding errors of their mean.
     offsets = measured - measured[:1]
     std = float(offsets.std(ddof=1)) if count > 1 else 0.0
@@ -126,6 +132,11 @@ def binomial_interval(hits: int, count: int, level: float = 0.95) -> tuple[float
     level : float
         Level of confidence; the interval contains the probability at least that often.
 
+    Raises
+    ------
+    ValueError
+        If `hits` is not from 0 to `count`, or the level not between 0 and 1.
+
     Examples
     --------
     >>> low, high = binomial_interval(0, 30)
@@ -134,7 +145,18 @@ def binomial_interval(hits: int, count: int, level: float = 0.95) -> tuple[float
     """
     from scipy.special import betaincinv
 
+    require_study_arguments(level)
+    if not 0 <= hits <= count:
+        raise ValueError(f"expected hits from 0 to {count}, got {hits}")
     tail = (1 - level) / 2
     low = float(betaincinv(hits, count - hits + 1, tail)) if hits else 0.0
     high = float(betaincinv(hits + 1, count - hits, 1 - tail)) if hits < count else 1.0
     return low, high
+
+
+def require_study_arguments(level: float, tolerance: float | None = None) -> None:
+    """Raise a ValueError unless the level is between 0 and 1, and a given tolerance above 0."""
+    if not 0 < level < 1:
+        raise ValueError(f"expected a level between 0 and 1, got {level}")
+    if tolerance is not None and not 0 < tolerance < math.inf:
+        raise ValueError(f"expected a finite tolerance above 0, got {tolerance}")

@@ -10,7 +10,7 @@ import numpy as np
 
 from lsvision.errors import TooFewPoints
 from lsvision.geometry import FloatArray
-from lsvision.inspection.capability import NOT_CLAIMED
+from lsvision.inspection.capability import NOT_CLAIMED, require_study_arguments
 from lsvision.inspection.variance_intervals import (
     mean_square_interval,
     require_finite_values,
@@ -238,7 +238,8 @@ def study_gauge(
     Raises
     ------
     ValueError
-        If the values have another number of dimensions.
+        If the values have another number of dimensions, the tolerance is not above 0, or the level
+        is not between 0 and 1.
     TooFewPoints, LsvisionError
         With fewer than two parts, operators or trials; if a value is not finite.
 
@@ -247,6 +248,7 @@ def study_gauge(
     AIAG, Measurement Systems Analysis, 4th edition, appendix A; for the intervals see
     `lsvision.inspection.variance_intervals`.
     """
+    require_study_arguments(level, tolerance)
     table = np.asarray(values, dtype=np.float64)
     if table.ndim != 3:
         raise ValueError(f"expected values of shape (parts, operators, trials), got {table.shape}")

@@ -10,7 +10,7 @@ import numpy as np
 
 from lsvision.errors import TooFewPoints
 from lsvision.geometry.arrays import rms
-from lsvision.inspection.capability import NOT_CLAIMED
+from lsvision.inspection.capability import NOT_CLAIMED, require_study_arguments
 from lsvision.inspection.variance_intervals import require_finite_values
 from lsvision.results.number_format import format_value
 from lsvision.results.quantities import Record, finite_or_none
@@ -164,6 +164,9 @@ def study_repeats(
     ------
     TooFewPoints, LsvisionError
         With fewer than two values; if a value is not finite.
+    ValueError
+        If the reference or a std is not finite, the tolerance is not above 0, or the level is not
+        between 0 and 1.
 
     Examples
     --------
@@ -173,6 +176,9 @@ def study_repeats(
     """
     from scipy.stats import chi2, t
 
+    require_study_arguments(level, tolerance)
+    if not (math.isfinite(reference) and np.isfinite(stds).all()):
+        raise ValueError(f"expected a finite reference and finite stds, got {reference} and {stds}")
     measured = np.asarray(values, dtype=np.float64)
     count = len(measured)
     if count < 2:

@@ -103,6 +103,40 @@ def test_a_value_that_is_not_finite_is_rejected():
         study_gauge(values)
 
 
+@pytest.mark.parametrize("level", [95, 0.0, math.nan])
+def test_a_level_that_is_no_probability_is_rejected(level):
+    for study in (
+        lambda: study_repeats([1.0, 1.1], 1.0, level=level),
+        lambda: study_gauge(TABLE, level=level),
+        lambda: estimate_capability([1.0, 1.1], (0.0, 2.0), level=level),
+        lambda: binomial_interval(1, 2, level),
+    ):
+        with pytest.raises(ValueError, match=f"expected a level between 0 and 1, got {level}"):
+            study()
+
+
+@pytest.mark.parametrize("tolerance", [0.0, -1.0, math.nan, math.inf])
+def test_a_tolerance_that_is_not_above_zero_is_rejected(tolerance):
+    for study in (
+        lambda: study_repeats([1.0, 1.1], 1.0, tolerance=tolerance),
+        lambda: study_gauge(TABLE, tolerance=tolerance),
+    ):
+        with pytest.raises(ValueError, match=f"finite tolerance above 0, got {tolerance}"):
+            study()
+
+
+def test_arguments_of_studies_that_give_no_number_are_rejected():
+    with pytest.raises(ValueError, match="finite reference and finite stds, got nan"):
+        study_repeats([1.0, 1.1], math.nan)
+    with pytest.raises(ValueError, match="expected finite values, got some"):
+        estimate_capability([1.0, math.nan], (0.0, 2.0))
+    for limits in ((2.0, 0.0), (-math.inf, math.inf)):
+        with pytest.raises(ValueError, match=r"limits \(lower, upper\), one or both finite, got"):
+            estimate_capability([1.0, 1.1], limits)
+    with pytest.raises(ValueError, match="expected hits from 0 to 2, got 3"):
+        binomial_interval(3, 2)
+
+
 def test_the_frame_of_a_study_has_the_ends_of_its_intervals():
     study = study_repeats([1.0, 1.2, 1.1], 1.0)
     (row,) = study.to_dataframe().to_dict("records")
