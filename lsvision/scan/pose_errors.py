@@ -5,13 +5,13 @@ of the sections only in part; both enter as the linear response of the fit to th
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lsvision.cylinder.fit_result import CylinderFit, estimate_variance_factor
 from lsvision.cylinder.problem import PARAMETERS, axis_distances, parameters_from_cylinder
-from lsvision.cylinder.robot_frame import SectionMount, rigid_motion_jacobian, robot_covariance
+from lsvision.cylinder.robot_frame import SectionMount, rigid_motion_jacobian
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.geometry import FloatArray, Pose, tangent_frame
 from lsvision.scan.cloud import ScanCloud
@@ -76,13 +76,38 @@ def require_feed(base_from_sections: Sequence[Pose], errors: PoseErrors) -> None
             )
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class PoseErrorResponse:
+    """Changes of the parameters of a fit by pose errors of one standard deviation.
+
+    Parameters
+    ----------
+    common : (5, k) ndarray
+        By the errors common to all sections, in the columns of `common_error_jacobian` and the
+        order of ``fit.covariance``. Units: mm, rad.
+    sections : (s, 5, k) ndarray
+        For each section with points, ascending, by its own errors, in the columns of
+        `section_error_jacobian`.
+    """
+
+    common: FloatArray
+    sections: FloatArray
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance of the fit by the errors of the poses alone, (5, 5)."""
+        own = np.einsum("sik,sjk->ij", self.sections, self.sections)
+        covariance: FloatArray = self.common @ self.common.T + own
+        return covariance
+
+
 def propagate_pose_errors(
     fit: CylinderFit,
     cloud: ScanCloud,
     errors: PoseErrors,
     known_radius: RadiusPrior | None = None,
-) -> FloatArray:
-    """Return the covariance of a joint fit including the errors of the poses.
+) -> tuple[FloatArray, PoseErrorResponse]:
+    """Return the covariance of a joint fit including the errors of the poses, and the response.
 
     Parameters
     ----------
@@ -97,15 +122,24 @@ def propagate_pose_errors(
 
     Returns
     -------
-    (5, 5) ndarray
+    covariance : (5, 5) ndarray
         In the order of ``fit.covariance``, at ``fit.point``. Units: mm, rad.
+    response : PoseErrorResponse
+        The linear response of the fit to the errors, whose covariance is a part of the first.
     """
+    starts = np.unique(cloud.point_sections, return_index=True)[1]
     if errors.is_zero:
-        return fit.covariance
-    if len(np.unique(cloud.point_sections)) == 1:
-        pose_jacobian = _single_section_jacobian(fit, cloud.poses[cloud.point_sections[0]], errors)
-        total: FloatArray = fit.covariance + pose_jacobian @ pose_jacobian.T
-        return total
+        no_response = np.zeros((PARAMETERS, 0)), np.zeros((len(starts), PARAMETERS, 3))
+        return fit.covariance, PoseErrorResponse(*no_response)
+    if len(starts) == 1:
+        response = _single_section_response(fit, cloud, errors)
+        return fit.covariance + response.covariance, response
+    # Outliers of a truncated fit have no weight.
+    fit = replace(
+        fit,
+        stds=np.where(fit.inliers, fit.stds, np.inf),
+        normalised=np.where(fit.inliers, fit.normalised, 0.0),
+    )
     frame, stds = tangent_frame(fit.direction), fit.stds[:, None]
     parameters = parameters_from_cylinder(frame, fit.cylinder)
     _, normals, _ = axis_distances(cloud.points @ frame.T, parameters)
@@ -116,25 +150,21 @@ def propagate_pose_errors(
     section_jacobian = section_error_jacobian(base_normals, cloud, errors) / stds
     # (J'J)^-1 of the fit, which maps a change d of the normalised distances to (J'J)^-1 J'd.
     fit_covariance = fit.covariance / fit.variance_factor
-    response = fit_covariance @ (cylinder_jacobian.T @ common_jacobian)
-    starts = np.unique(cloud.point_sections, return_index=True)[1]
-    section_response = fit_covariance @ np.add.reduceat(
-        cylinder_jacobian[:, :, None] * section_jacobian[:, None, :], starts
+    response = PoseErrorResponse(
+        fit_covariance @ (cylinder_jacobian.T @ common_jacobian),
+        fit_covariance
+        @ np.add.reduceat(cylinder_jacobian[:, :, None] * section_jacobian[:, None, :], starts),
     )
     factor = _remaining_variance_factor(
         fit, cylinder_jacobian, common_jacobian, section_jacobian, cloud
     )
-    covariance: FloatArray = (
-        fit_covariance * factor
-        + response @ response.T
-        + np.einsum("sik,sjk->ij", section_response, section_response)
-    )
+    covariance = fit_covariance * factor + response.covariance
     if known_radius is not None:
         # The fit weights the prior beside residuals with the pose errors: its own error remains.
         information = fit.variance_factor / known_radius.effective_std**2
         column = fit_covariance[:, 4]
         covariance += (fit.variance_factor - factor) * information * np.outer(column, column)
-    return covariance
+    return covariance, response
 
 
 def common_error_jacobian(
@@ -184,17 +214,20 @@ def section_error_jacobian(
 ) -> FloatArray:
     """Return the displacement of each point along a direction by the errors of its own section.
 
-    Parameters as for `common_error_jacobian`; the (n, k) result has 0 or 3 columns without a
-    calibration, 6 with one. Units: mm.
+    Parameters as for `common_error_jacobian`; the (n, k) result has 3 columns (translation along
+    the axes of the base frame), with a calibration 6 (and rotation). Units: mm.
     """
     if errors.calibration is None:
-        return errors.pose_std * directions if errors.pose_std > 0 else np.zeros((len(cloud), 0))
+        return errors.pose_std * directions
     pivots = np.array([_flange_origin(pose, errors.calibration) for pose in cloud.poses])
-    by_translation, by_rotation = _translation_and_rotation_jacobians(directions, cloud, pivots)
-    position_std, rotation_std = errors.calibration.robot_std
-    return np.hstack(
-        [np.hypot(position_std, errors.pose_std) * by_translation, rotation_std * by_rotation]
-    )
+    jacobians = _translation_and_rotation_jacobians(directions, cloud, pivots)
+    return np.hstack(jacobians) * _section_stds(errors, errors.calibration)
+
+
+def _section_stds(errors: PoseErrors, calibration: SectionMount) -> FloatArray:
+    """Return the stds of a section's own translations (mm) and rotations (rad), (6,)."""
+    position_std, rotation_std = calibration.robot_std
+    return np.repeat([np.hypot(position_std, errors.pose_std), rotation_std], 3)
 
 
 def _translation_and_rotation_jacobians(
@@ -219,25 +252,28 @@ def _covariance_root(covariance: FloatArray) -> FloatArray:
     return root
 
 
-def _single_section_jacobian(fit: CylinderFit, pose: Pose, errors: PoseErrors) -> FloatArray:
-    """Return the (5, k) change of a cylinder that moves rigidly with its only section.
-
-    One column for each error of one standard deviation; an error of the feed does not move it.
-    """
+def _single_section_response(
+    fit: CylinderFit, cloud: ScanCloud, errors: PoseErrors
+) -> PoseErrorResponse:
+    """Return the response of a cylinder that moves rigidly with its only section."""
+    section = cloud.point_sections[0]
+    pose, calibration = cloud.poses[section], errors.calibration
     # Rows: point (3), direction (3), radius.
-    columns = [errors.pose_std * np.eye(7, 3)]
-    calibration = errors.calibration
+    common, own = [np.zeros((7, 0))], errors.pose_std * np.eye(7, 3)
+    if errors.feed_std > 0:
+        feed, distances = feed_direction(cloud.poses)
+        lateral = tangent_frame(feed)[:2].T
+        common.append(errors.feed_std * distances[section] * np.eye(7, 3) @ lateral)
     if calibration is not None:
         axes = pose.rotation @ calibration.flange_from_section.rotation.T
         mount_jacobian = rigid_motion_jacobian(fit.cylinder, pose.translation, axes)
-        robot_jacobian = rigid_motion_jacobian(
-            fit.cylinder, _flange_origin(pose, calibration), np.eye(3)
-        )
-        columns.append(mount_jacobian @ _covariance_root(calibration.covariance))
-        columns.append(robot_jacobian @ _covariance_root(robot_covariance(calibration)))
-    error_jacobian = np.hstack(columns)
-    basis = fit.tangent_basis
-    return np.vstack([basis @ error_jacobian[:3], basis @ error_jacobian[3:6], error_jacobian[6]])
+        common.append(mount_jacobian @ _covariance_root(calibration.covariance))
+        flange = _flange_origin(pose, calibration)
+        own = rigid_motion_jacobian(fit.cylinder, flange, np.eye(3))
+        own = own * _section_stds(errors, calibration)
+    basis = np.zeros((PARAMETERS, 7))
+    basis[:2, :3], basis[2:4, 3:6], basis[4, 6] = fit.tangent_basis, fit.tangent_basis, 1.0
+    return PoseErrorResponse(basis @ np.hstack(common), (basis @ own)[None])
 
 
 def _remaining_variance_factor(
@@ -253,6 +289,8 @@ def _remaining_variance_factor(
     here and in the response of the fit. All Jacobians are divided by the points' standard
     deviations; each pose error has a prior standard deviation of 1.
     """
+    dof = int(fit.inliers.sum()) - PARAMETERS
+    before = _scaled_variance_factor(fit.normalised, dof, cloud)
     jacobian = np.hstack([cylinder_jacobian, common_jacobian])
     whitened, residuals, absorbed_dof = jacobian.copy(), fit.normalised.copy(), 0.0
     for section in np.unique(cloud.point_sections):
@@ -270,8 +308,14 @@ def _remaining_variance_factor(
     residuals -= whitened @ np.linalg.solve(
         jacobian.T @ whitened + prior_information, whitened.T @ fit.normalised
     )
-    dof = round(len(residuals) - PARAMETERS - absorbed_dof)
-    factor, _, std_scale = estimate_variance_factor(residuals, dof, known_noise=cloud.noise_known)
+    after = _scaled_variance_factor(residuals, round(dof - absorbed_dof), cloud)
+    # As a ratio, which keeps the effect of a truncation on the factor of the fit.
+    return fit.variance_factor * after / before
+
+
+def _scaled_variance_factor(normalised: FloatArray, dof: int, cloud: ScanCloud) -> float:
+    """Return the factor of normalised residuals on the covariance from the stds of the fit."""
+    factor, _, std_scale = estimate_variance_factor(normalised, dof, known_noise=cloud.noise_known)
     return factor * std_scale**2
 
 

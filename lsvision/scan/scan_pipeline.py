@@ -27,6 +27,7 @@ from lsvision.scan.cloud import (
 )
 from lsvision.scan.joint_fit import JointFit, JointFitSettings, fit_tracks
 from lsvision.scan.pose_errors import (
+    PoseErrorResponse,
     PoseErrors,
     common_error_jacobian,
     feed_direction,
@@ -273,11 +274,11 @@ def validate_poses(
 def build_scanned_cylinder(joint_fit: JointFit, errors: PoseErrors) -> ScannedCylinder:
     """Return the result of a joint fit: reference point, sign, covariance and axial range."""
     fit, cloud = joint_fit.fit, joint_fit.cloud
-    fit = replace(fit, covariance=propagate_pose_errors(fit, cloud, errors, joint_fit.known_radius))
-    fit = fit.with_reference_point(cloud.poses[0].translation)
     if _is_against_feed(fit.direction, cloud.poses):
         fit = fit.with_reversed_direction()
-    axial_range, range_covariance = _measure_axial_range(fit, cloud, errors)
+    covariance, response = propagate_pose_errors(fit, cloud, errors, joint_fit.known_radius)
+    fit = replace(fit, covariance=covariance).with_reference_point(cloud.poses[0].translation)
+    axial_range, range_covariance = _measure_axial_range(fit, cloud, errors, response)
     first_std, last_std = np.sqrt(range_covariance.diagonal()).tolist()
     return ScannedCylinder(
         fit=fit,
@@ -303,24 +304,28 @@ def _is_against_feed(direction: FloatArray, base_from_sections: Sequence[Pose]) 
 
 
 def _measure_axial_range(
-    fit: CylinderFit, cloud: ScanCloud, errors: PoseErrors
+    fit: CylinderFit, cloud: ScanCloud, errors: PoseErrors, response: PoseErrorResponse
 ) -> tuple[tuple[float, float], FloatArray]:
     """Return ``axial_range`` of a `ScannedCylinder` and the covariance (2, 2) of both ends.
 
-    It is that of the first and the last point along the axis: of their noise, of the poses, and of
-    the direction, whose error counts as independent of that of the poses. Units: mm, mm^2.
+    The ends are those of the first and the last point p along the axis: (p - o) d, with the origin
+    o of the first section. An error of a pose displaces p and, by the response of the fit, turns d;
+    the noise of p and of d counts as independent. Units: mm, mm^2.
     """
     along = (cloud.points - fit.point) @ fit.direction
     rows = np.array([along.argmin(), along.argmax()])
     end_points, axes = cloud.subset(rows), np.tile(fit.direction, (2, 1))
-    common = common_error_jacobian(axes, end_points, errors)
-    own = section_error_jacobian(axes, end_points, errors)
-    is_same_section = np.equal.outer(end_points.point_sections, end_points.point_sections)
-    noise_variances = fit.direction @ end_points.covariances @ fit.direction
-    covariance = np.diag(noise_variances) + common @ common.T + is_same_section * (own @ own.T)
-    # An end is at (p - o) d along the axis, with the origin o of the first section.
     by_direction = (end_points.points - cloud.poses[0].translation) @ fit.tangent_basis.T
-    covariance += by_direction @ fit.covariance[2:4, 2:4] @ by_direction.T
+    common = common_error_jacobian(axes, end_points, errors) + by_direction @ response.common[2:4]
+    noise_covariance = (fit.covariance - response.covariance)[2:4, 2:4]
+    covariance = np.diag(fit.direction @ end_points.covariances @ fit.direction)
+    covariance = covariance + common @ common.T + by_direction @ noise_covariance @ by_direction.T
+    own_errors = section_error_jacobian(axes, end_points, errors)
+    sections = np.unique(cloud.point_sections)
+    for section, section_response in zip(sections, response.sections, strict=True):
+        displaced = (end_points.point_sections == section)[:, None]
+        own = displaced * own_errors + by_direction @ section_response[2:4]
+        covariance += own @ own.T
     return (float(along[rows[0]]), float(along[rows[1]])), covariance
 
 

@@ -154,27 +154,34 @@ def _transform_to_axis_frame(tube: ScannedCylinder) -> _AxisFramePoints:
 def _fit_deviations(axis_points: _AxisFramePoints) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the parameters (10,), their information matrix and the normalised residuals (n,).
 
-    One Gauss-Newton step from the straight tube decides whether the points determine the
-    deviations. If not, its result is returned: further steps would lead to any shape, with an
-    uncertainty that is far too small.
+    If one Gauss-Newton step from the straight tube shows that the points do not determine the
+    deviations, its result is returned: further steps would lead to any shape, with an uncertainty
+    that is far too small.
     """
-    from scipy.optimize import leastsq
-
     straight = np.zeros(PARAMETERS)
     straight[4] = axis_points.radius
     residuals, jacobian = _residuals(axis_points, straight), _jacobian(axis_points, straight)
     information = jacobian.T @ jacobian
-    covariance = np.linalg.inv(information)
+    covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
     step = -covariance @ jacobian.T @ residuals
     residuals += jacobian @ step
     variance_factor = float(residuals @ residuals) / max(len(residuals) - PARAMETERS, 1)
-    stds = np.sqrt(variance_factor * covariance.diagonal())
-    if not stds.max() < MAX_LINEAR_STD * min(axis_points.radius, axis_points.half_length):
+    largest_std = math.sqrt(variance_factor * covariance.diagonal().max())
+    if not largest_std < MAX_LINEAR_STD * min(axis_points.radius, axis_points.half_length):
         return straight + step, information, residuals
+    return _fit_bent_tube(axis_points, straight)
+
+
+def _fit_bent_tube(
+    axis_points: _AxisFramePoints, initial_guess: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return what `_fit_deviations` returns, at the minimum next to an initial guess (10,)."""
+    from scipy.optimize import leastsq
+
     solution: FloatArray
     solution, *_ = leastsq(
         lambda x: _residuals(axis_points, x),
-        straight,
+        initial_guess,
         xtol=1e-10,
         ftol=1e-12,
         epsfcn=1e-11,

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from lsvision.cylinder.fit import CylinderFittingSettings
 from lsvision.cylinder.robot_frame import place_section
 from lsvision.ellipse.section import CylinderSection
 from lsvision.geometry import Pose
@@ -14,7 +15,8 @@ from lsvision.inspection.job_tables import Part
 from lsvision.inspection.quantities import measure_quantity
 from lsvision.measure import measure_cylinders
 from lsvision.profile import Profile
-from lsvision.scan import PoseErrors, ScannedCylinder, measure_scan
+from lsvision.scan import PoseErrors, ScannedCylinder, ScanSettings, measure_scan
+from lsvision.scan.joint_fit import JointFitSettings
 from lsvision.simulate import Scene, Tube
 from lsvision.simulate.hand_eye import noisy_pose
 from tests.scan.scans import feed, profiles_of
@@ -171,6 +173,64 @@ def test_the_length_seen_includes_errors_of_the_poses_as_far_as_they_change_it(
     noise_std = measure_quantity(exact, part, "length_seen_mm", 0.95).std
     stated = math.sqrt(lengths[0].std ** 2 - noise_std**2)
     assert stated == pytest.approx(spread, rel=RELATIVE_TOLERANCE, abs=0.05)
+
+
+def ends_covariance(found: ScannedCylinder) -> np.ndarray:
+    (first, last), between = found.axial_range_std, found.axial_range_covariance
+    return np.array([[first**2, between], [between, last**2]])
+
+
+@pytest.mark.parametrize("error", ["feed", "calibration"])
+def test_the_errors_of_the_ends_are_those_of_points_and_direction_together(
+    pipe: Tube, error: str
+) -> None:
+    """The sum over wrong poses, one for each error of one standard deviation."""
+    sections, std = feed(4, 12.0), 0.002
+    profiles = profiles_of(Scene((pipe,)), sections)
+    (exact,) = measure_scan(profiles, sections).cylinders
+    if error == "feed":
+        wrong = [[Pose.along((*lateral, 1.0), 12.0 * k) for k in range(4)]
+                 for lateral in ((std, 0.0), (0.0, std))]  # fmt: skip
+        (stated,) = measure_scan(profiles, sections, feed_std=std).cylinders
+    else:
+        mount = calibration()
+        wrong = []
+        for column in np.linalg.cholesky(mount.covariance).T:
+            turned = Rotation.from_rotvec(column[3:]).as_matrix() @ MOUNT.rotation
+            moved = Pose(turned, MOUNT.translation + column[:3])
+            wrong.append([section @ MOUNT.inverse() @ moved for section in sections])
+        (stated,) = measure_scan(profiles, sections, calibration=mount).cylinders
+    changes = []
+    for poses in wrong:
+        (found,) = measure_scan(profiles, poses).cylinders
+        origin = (poses[0].translation - sections[0].translation) @ found.direction
+        changes.append(np.array(found.axial_range) + origin - exact.axial_range)
+    added = ends_covariance(stated) - ends_covariance(exact)
+    expected = np.transpose(changes) @ changes
+    assert added == pytest.approx(expected, rel=0.1)
+    length = np.array([-1, 1])
+    assert length @ added @ length == pytest.approx(length @ expected @ length, rel=0.1)
+
+
+def test_a_truncated_fit_keeps_its_covariance_beside_negligible_errors(pipe: Tube) -> None:
+    profiles, poses = profiles_of(Scene((pipe,)), feed(4, 12.0)), feed(4, 12.0)
+    fitting = CylinderFittingSettings(truncation=2.0)
+    settings = ScanSettings(joint_fit=JointFitSettings(fitting=fitting))
+    exact, negligible = (
+        measure_scan(profiles, poses, settings=settings, pose_std=std).cylinders[0].covariance
+        for std in (0.0, 1e-9)
+    )
+    np.testing.assert_allclose(negligible, exact, rtol=1e-6)
+
+
+def test_the_only_section_with_points_moves_with_the_feed(pipe: Tube) -> None:
+    (profile,) = profiles_of(Scene((pipe,)), feed(1, 1.0))
+    empty = Profile(np.full((20, 2), np.nan))
+    (exact,) = measure_scan([empty, profile], feed(2, 100.0)).cylinders
+    (found,) = measure_scan([empty, profile], feed(2, 100.0), feed_std=0.01).cylinders
+    moved = found.fit.with_reference_point((0, -400, 100)).covariance
+    before = exact.fit.with_reference_point((0, -400, 100)).covariance
+    assert np.diag(moved - before)[:2].max() == pytest.approx(1.0, rel=0.01)  # 100 mm x 0.01
 
 
 def test_the_ends_deviate_as_the_direction_does() -> None:
