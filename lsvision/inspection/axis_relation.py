@@ -7,7 +7,7 @@ the first one's along a given direction.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from lsvision.cylinder.fit_result import CylinderFit
 from lsvision.geometry import FloatArray, tangent_frame
 from lsvision.inspection.relation import Relation, Seam
 from lsvision.inspection.uncertain import Gap, Length, Scalar, Uncertain
+from lsvision.results.quantities import LEVEL
 
 DERIVATIVE_STEP = 1e-6
 """Step of the central differences by the parameters. Units: mm or rad."""
@@ -97,18 +98,28 @@ def relate_axes(
     distance = Length(values[:2], covariance[:2, :2], dof)
     radii_std = math.hypot(first.fit.radius_std, second.fit.radius_std)
     radii = Scalar(first.fit.radius + second.fit.radius, radii_std, dof)
+    angle = Length(values[2:4], covariance[2:4, 2:4], dof, math.pi / 2)
     quantities: dict[str, Uncertain] = {
         "distance": distance,
-        "angle": Length(values[2:4], covariance[2:4, 2:4], dof, math.pi / 2),
+        "angle": angle,
         "gap": Gap(distance, radii, scalar(4).std),
     }
     if up is not None:
         quantities["flush"] = scalar(5)
-    return Relation(quantities, _build_seam(pair, values, covariance))
+    seam = _build_seam(pair, values, covariance)
+    if distance.interval(LEVEL)[0] == 0:
+        # The direction from one axis to the other, along which the point lies, may be any.
+        difference, basis = first.fit.radius - second.fit.radius, pair.offset_basis
+        point_covariance = seam.point_covariance + difference**2 / 2 * basis.T @ basis
+        seam = replace(seam, point_covariance=point_covariance)
+    if angle.interval(LEVEL)[1] == math.pi / 2:
+        # The other bisector of perpendicular axes may be the right one.
+        seam = replace(seam, direction_std=math.pi / 2)
+    return Relation(quantities, seam)
 
 
 def _build_seam(pair: _Pair, values: FloatArray, covariance: FloatArray) -> Seam:
-    """Return the seam of a pair from its `values` and their covariance (12, 12)."""
+    """Return the seam of a pair from its `values` and their covariance (12, 12), to first order."""
     projector = np.eye(3)
     if not pair.crossing:
         # The seam point may lie anywhere along the mean direction: only its errors perpendicular to

@@ -49,7 +49,8 @@ class Seam(ComparedByValue):
         Unit vector midway between both directions: along a weld between pipes that touch along
         their length.
     direction_std : float
-        Root mean square angle of `direction` to the true one. Units: rad.
+        Root mean square angle of `direction` to the true one; pi / 2 if the axes may be
+        perpendicular. Units: rad.
     crossing : bool
         Whether `points` are the ends of the common perpendicular of the axes, because it lies
         within the observed length of both cylinders or the axes are nearly perpendicular; otherwise

@@ -324,6 +324,21 @@ def test_perpendicular_axes_are_compared_at_their_common_perpendicular():
         assert relation.seam.point == pytest.approx([0, -403.5, 0], abs=1e-6)
 
 
+def test_the_seam_of_axes_that_intersect_at_a_right_angle_is_not_determined():
+    """Small errors exchange the sides, and the bisectors of the axes."""
+    seams = [
+        relate_axes(
+            exact((0, -400, 0), (0, 0, 1), 10.0), exact((0, -400 + error, 0), (1, 0, error), 6.0)
+        ).seam
+        for error in (1e-3, -1e-3)
+    ]
+    change = seams[1].point - seams[0].point
+    assert np.linalg.norm(change) == pytest.approx(4, abs=0.01)
+    for seam in seams:
+        assert seam.point_std > 2
+        assert seam.direction_std == math.pi / 2
+
+
 def test_the_gap_of_coaxial_tubes_has_its_coverage(rng):
     stds, draws, misses = np.array([0.05, 0.05, 1e-5, 1e-5, 0.02]), 400, 0
     for _ in range(draws):
