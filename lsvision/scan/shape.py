@@ -94,12 +94,13 @@ def measure_shape(tube: ScannedCylinder) -> TubeShape:
     # Centres refer to the straight axis of the joint fit; only the radius is the mean radius here.
     points = axis_points.points + np.array([[0.0], [0.0], [sum(tube.axial_range) / 2]])
     stds = axis_points.stds * std_scale * math.sqrt(factor)
+    radius, radius_std = float(estimate[4]), math.sqrt(covariance[4, 4])
     return TubeShape(
-        centres=fit_section_centres(tube.point_sections, points, stds, float(estimate[4])),
+        centres=fit_section_centres(tube.point_sections, points, stds, radius, radius_std),
         bow=bow,
         taper=taper,
         ovality_terms=ovality,
-        radius=float(estimate[4]),
+        radius=radius,
         half_length=axis_points.half_length,
     )
 
@@ -234,7 +235,11 @@ def _test_form_deviation(values: FloatArray, covariance: FloatArray, dof: float)
 
 
 def fit_section_centres(
-    point_sections: IntArray, points: FloatArray, stds: FloatArray, radius: float
+    point_sections: IntArray,
+    points: FloatArray,
+    stds: FloatArray,
+    radius: float,
+    radius_std: float,
 ) -> SectionCentres:
     """Return the circle fitted to the points of each section, projected along the axis.
 
@@ -246,12 +251,15 @@ def fit_section_centres(
         Coordinates along e_phi, e_theta and the axis, origin on the axis. Units: mm.
     stds : (n,) ndarray
         Standard deviation of each point's distance from the axis. Units: mm.
-    radius : float
-        Mean radius of the tube. Units: mm.
+    radius, radius_std : float
+        Mean radius of the tube, and its standard uncertainty. Units: mm.
     """
     sections, index = np.unique(point_sections, return_inverse=True)
     lateral, along = points[:2], points[2]
     centres, covariances = _fit_circles(lateral, stds, index, radius, free=2)
+    wrong_centres, _ = _fit_circles(lateral, stds, index, radius + radius_std, free=2)
+    by_radius = (wrong_centres - centres)[:, :2]
+    covariances = covariances + by_radius[:, :, None] * by_radius[:, None, :]
     circles, circle_covariances = _fit_circles(lateral, stds, index, radius, free=3)
     return SectionCentres(
         sections=sections,

@@ -30,7 +30,8 @@ class SectionCentres(ComparedByValue):
         Deviation of the centre of a circle with the tube's mean radius from the straight axis,
         along e_phi and e_theta. Units: mm.
     deviation_covariances : (k, 2, 2) ndarray
-        Covariances of `deviations`. Units: mm^2.
+        Covariances of `deviations`, with the error of the mean radius, which is common to all
+        sections: it displaces all centres in nearly the same way. Units: mm^2.
     radii : (k,) ndarray
         Radius of each section when fitted together with its centre. Units: mm.
     radii_std : (k,) ndarray

@@ -63,6 +63,18 @@ def test_p_values_of_straight_round_tubes_are_uniform(pipe: Tube) -> None:
     assert abs(np.mean(values) - 0.5) < SIGMAS * 0.048
 
 
+def test_the_section_centres_of_a_straight_tube_deviate_as_they_state(pipe: Tube) -> None:
+    squares = []
+    for seed in range(12):
+        centres = shape_of(Scene((pipe,)), 6, 6.0, seed).centres
+        for deviation, covariance in zip(
+            centres.deviations, centres.deviation_covariances, strict=True
+        ):
+            squares.append(deviation @ np.linalg.solve(covariance, deviation) / 2)
+    # The error of the radius is common to the sections of a tube: 12 independent values.
+    assert np.mean(squares) < 1 + SIGMAS * math.sqrt(2 / 12)
+
+
 def test_a_scan_that_is_too_short_shows_no_deviation() -> None:
     """Neither its fit nor its p-values are led astray: without the limit, 1 of 9 is significant."""
     values = []
