@@ -102,7 +102,7 @@ class Measure(JobTable):
 
     @model_validator(mode="after")
     def _check(self) -> Measure:
-        """Raise an error for an unknown sensor, a reversed range, or a noise model stated twice."""
+        """Raise an error for an unknown sensor, a noise model stated twice, or a wrong range."""
         if self.sensor is not None and self.range_std_mm is not None:
             raise ValueError("expected sensor or range_std_mm, got both: leave one out")
         if self.sensor is not None:
@@ -111,6 +111,10 @@ class Measure(JobTable):
             find_sensor(self.sensor)
         if isinstance(self.radius_mm, tuple) and self.radius_mm[0] >= self.radius_mm[1]:
             raise ValueError(f"radius_mm reversed: expected [min, max], got {list(self.radius_mm)}")
+        known = self.known_phi_deg
+        phi = known[0] if isinstance(known, tuple) else known
+        if phi is not None and phi >= 90:
+            raise ValueError(f"expected known_phi_deg below 90, got {phi:g}")
         return self
 
 

@@ -47,10 +47,11 @@ class PoseErrors:
     calibration: SectionMount | None = None
 
     def __post_init__(self) -> None:
-        for name, largest in (("pose_std", MAX_POSE_STD_MM), ("feed_std", MAX_FEED_STD)):
+        limits = {"pose_std": (MAX_POSE_STD_MM, "mm"), "feed_std": (MAX_FEED_STD, "rad")}
+        for name, (largest, unit) in limits.items():
             value = getattr(self, name)
             if not 0 <= value <= largest:
-                raise ValueError(f"expected {name} from 0 to {largest:g}, got {value}")
+                raise ValueError(f"expected {name} from 0 to {largest:g} {unit}, got {value}")
 
     @property
     def is_zero(self) -> bool:

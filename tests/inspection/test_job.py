@@ -74,6 +74,8 @@ def test_the_hash_is_that_of_the_content_not_of_the_layout():
          "got neither"),
         ("{ nominal = 19, upper = 0.1, lower = -0.1 }", "{ upper = 0.1, lower = -0.1 }",
          "line 12: part 1, radius_mm: expected a nominal beside upper and lower, got none"),
+        ('sensor = "lps36hi"', "known_phi_deg = [120, 1]",
+         "line 4: measure: expected known_phi_deg below 90, got 120"),
         ("{ min = 29.8, max = 30.2 }", "{ min = 30, max = 30 }",
          "line 18: part 2, diameter_mm: expected different limits, got 30 twice"),
         ("x_mm = [0, 40]", "x_mm = [-10, 40]",
