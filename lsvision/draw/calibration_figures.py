@@ -13,6 +13,7 @@ from lsvision.calibration.intrinsics import CameraCalibration
 from lsvision.calibration.laser_plane_result import LaserPlaneCalibration
 from lsvision.draw.figure_files import new_figure
 from lsvision.draw.space import fit_into_area, scale_axes
+from lsvision.draw.titles import make_printable
 from lsvision.geometry import FloatArray, Plane, Pose
 from lsvision.geometry.arrays import rms
 from lsvision.results.palette import BOARD, FRAME_AXES, INLIER, LASER_PLANE, OUTLIER
@@ -85,8 +86,8 @@ def draw_bars(
         axes.bar(centres, values, width, color=colours, alpha=1.0 if number == 0 else 0.45,
                  label=name)  # fmt: skip
     step = math.ceil(len(names) / MAX_BAR_LABELS)
-    axes.set_xticks(positions[::step], names[::step], rotation=45, ha="right", fontsize=8,
-                    parse_math=False)  # fmt: skip
+    axes.set_xticks(positions[::step], list(map(make_printable, names[::step])), rotation=45,
+                    ha="right", fontsize=8, parse_math=False)  # fmt: skip
     axes.set_ylabel(axis_label)
     if len(series) > 1:
         axes.legend(frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(series))

@@ -9,7 +9,7 @@ import numpy as np
 
 from lsvision.draw.figure_files import new_figure
 from lsvision.draw.measurement import draw_on_axes
-from lsvision.draw.titles import draw_legend, label_once
+from lsvision.draw.titles import draw_legend, label_once, make_printable
 from lsvision.geometry import Ellipse
 from lsvision.inspection.decision import Decision
 from lsvision.inspection.inspected import Series
@@ -112,8 +112,9 @@ def draw_judged_profile(measurement: Measurement, verdict: Verdict) -> Figure | 
                     _draw_limit(axes, ellipse, RADII_PER_UNIT[quantity.key] * limit)
         x, y = ellipse.centre
         axes.annotate(
-            f"{item.name}: {item.decision}", (x, y), xytext=(0, -16), textcoords="offset points",
-            ha="center", fontsize=8, color=DECISIONS[item.decision.value],
+            f"{make_printable(item.name)}: {item.decision}", (x, y), xytext=(0, -16),
+            textcoords="offset points", ha="center", fontsize=8, parse_math=False,
+            color=DECISIONS[item.decision.value],
         )  # fmt: skip
     draw_legend(axes, columns=LEGEND_COLUMNS)
     return figure

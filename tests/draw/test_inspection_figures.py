@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from matplotlib.colors import same_color
 
+from lsvision.draw.calibration_figures import draw_bars
+from lsvision.draw.figure_files import figure_bytes
 from lsvision.draw.inspection_figures import draw_judged_profile, draw_series
 from lsvision.inspection.inspected import JudgedMeasurement, collect_series
 from lsvision.inspection.job import Job
@@ -77,6 +79,18 @@ def test_without_limits_of_the_radius_the_legend_names_none():
     (axes,) = draw_judged_profile(*judged(UNLIMITED)).axes
     assert "limits of the radius" not in legend_of(axes)
     assert not [line for line in axes.lines if same_color(line.get_color(), LIMITS)]
+
+
+@pytest.mark.parametrize("name", ["$\\\\frac$", "管"])
+def test_a_part_with_any_name_is_drawn(name):
+    """Without an error of mathematical notation, or a warning of a missing glyph."""
+    figure = draw_judged_profile(*judged(LIMITED.replace('"left"', f'"{name}"')))
+    assert figure_bytes(figure, "png")
+
+
+@pytest.mark.parametrize("name", ["$\\frac$", "管"])
+def test_a_pose_with_any_name_is_drawn(name):
+    assert figure_bytes(draw_bars([name], [("residual", [1.0])], [], "mm"), "png")
 
 
 @pytest.mark.parametrize(("limits", "count"), [("min = 14, max = 16", 2), ("max = 16", 1)])
