@@ -16,10 +16,12 @@ import numpy as np
 from lsvision.cylinder.fit import CylinderFittingSettings, fit_cylinder
 from lsvision.cylinder.fit_result import CylinderFit
 from lsvision.cylinder.robot_frame import twin_jacobian
+from lsvision.ellipse.prior_check import CONTRADICTION_FRACTION, CONTRADICTION_SIGMAS
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.ellipse.section import CylinderSection
 from lsvision.errors import LsvisionError
 from lsvision.geometry import BoolArray, Cylinder, FloatArray, IntArray, Pose, tangent_frame
+from lsvision.results.number_format import format_value
 from lsvision.scan.cloud import ScanCloud
 from lsvision.scan.point_assignment import (
     PointAssignmentSettings,
@@ -321,19 +323,36 @@ def _assign_and_fit(
 
 def _rejection_reason(joint_fit: JointFit, settings: JointFitSettings) -> str | None:
     """Return why a joint fit is rejected; None if it is accepted."""
-    fit = joint_fit.fit
-    if joint_fit.normalised_rms > settings.max_normalised_rms:
-        return (
-            f"residual rms {joint_fit.normalised_rms:.1f} times the noise, limit "
-            f"{settings.max_normalised_rms:.1f}"
-        )
+    fit, rms, max_rms = joint_fit.fit, joint_fit.normalised_rms, settings.max_normalised_rms
+    if rms > max_rms:
+        return f"residual rms {rms:.1f} times the noise, limit {max_rms:.1f}"
     if fit.radius_std > settings.max_relative_radius_std * fit.radius:
         limit = settings.max_relative_radius_std * fit.radius
         return (
             f"radius {fit.radius:.3g} mm with a standard uncertainty of {fit.radius_std:.2g} mm, "
             f"limit {limit:.2g} mm"
         )
-    return None
+    return _contradicted_radius_reason(joint_fit, settings)
+
+
+def _contradicted_radius_reason(joint_fit: JointFit, settings: JointFitSettings) -> str | None:
+    """Return the reason why the points contradict a known radius; None if they do not.
+
+    The limits are those of a single section, which often does not determine the radius well enough
+    to contradict.
+    """
+    known, cloud = joint_fit.known_radius, joint_fit.cloud
+    if known is None:
+        return None
+    try:
+        free = _fit(cloud, np.arange(len(cloud)), joint_fit.fit.cylinder, None, settings)
+    except LsvisionError:  # without the known radius the points do not determine a cylinder
+        return None
+    uncertainty = CONTRADICTION_SIGMAS * math.hypot(free.radius_std, known.std)
+    if abs(free.radius - known.radius) <= max(uncertainty, CONTRADICTION_FRACTION * known.radius):
+        return None
+    points_radius = format_value(free.radius, free.radius_std)
+    return f"the known radius of {known.radius:g} mm contradicts the points: {points_radius} mm"
 
 
 def cylinder_from_single_section(cloud: ScanCloud, observation: ArcObservation) -> JointFit:

@@ -8,7 +8,7 @@ import pytest
 
 from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import Pose
-from lsvision.measure import Measurement
+from lsvision.measure import Measurement, measure_cylinders
 from lsvision.profile import Profile
 from lsvision.scan import ScannedCylinder, fit_sections_jointly, measure_scan, measure_sections
 from lsvision.sensors.profile_sensor import ProfileSensor
@@ -225,6 +225,16 @@ def test_a_scan_without_arcs_says_why(pipe: Tube) -> None:
     assert "contradicts the points" in scan.reason
     assert str(scan) == f"no cylinder found: {scan.reason}"
     assert measure_scan(profiles, poses).reason == ""
+
+
+def test_a_known_radius_that_only_all_sections_together_contradict_is_rejected(pipe: Tube) -> None:
+    """2.6 % too large: within the uncertainty of each section, but 30 times that of the scan."""
+    profiles, poses = profiles_of(Scene((pipe,)), feed(5, 10.0)), feed(5, 10.0)
+    wrong = 1.026 * pipe.cylinder.radius
+    assert any(measure_cylinders(profile, known_radius=wrong).cylinders for profile in profiles)
+    scan = measure_scan(profiles, poses, known_radius=(wrong, 0.01))
+    assert not scan.cylinders
+    assert "contradicts the points" in scan.reason
 
 
 def test_a_cylinder_detected_in_few_sections_is_rejected(pipe: Tube) -> None:
