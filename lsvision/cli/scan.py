@@ -107,7 +107,7 @@ def scan(
 ) -> None:
     """Measure cylinders in space from several sections of known pose, jointly.
 
-    Two sections 10 mm apart determine radius and direction 10 to 25 times better than one, and
+    Two sections 10 mm apart determine radius and direction 5 to 30 times better than one, and
     more sections better still. For each cylinder: radius, direction, a point of the axis, each with
     one sigma; with three or more sections also bow, taper and ovality.
 

@@ -28,7 +28,7 @@ MARKERS = {Decision.OK: "o", Decision.NG: "X", Decision.UNDECIDED: "D"}
 MAX_BINS = 30
 """Largest number of bins of the histogram."""
 RADII_PER_UNIT = {"radius_mm": 1.0, "diameter_mm": 0.5}
-"""Factors from the limits that are drawn to radii, by key."""
+"""Factor from a limit to a radius, for each key whose limits are drawn."""
 LEGEND_COLUMNS = 3
 """Columns of the legend of a judged profile: its picture is as wide as half a page."""
 

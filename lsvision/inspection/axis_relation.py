@@ -28,6 +28,9 @@ MIN_UP_SINE = 0.1
 """Smallest sine of the angle between an axis and the direction of flush: along its axis a cylinder
 has no crest."""
 
+OFFSET, ANGLE, GAP, FLUSH, POINT, DIRECTION = slice(2), slice(2, 4), 4, 5, slice(6, 9), slice(9, 12)
+"""Indices of the quantities that `_Pair.values` returns."""
+
 Range = tuple[float, float]
 """First and last position along an axis. Units: mm."""
 Positions = tuple[float, float]
@@ -76,36 +79,24 @@ def relate_axes(
     ValueError
         If `up` is nearly along an axis; see `MIN_UP_SINE`.
     """
-    for observed in (first, second):
-        if up is not None and np.linalg.norm(np.cross(up, observed.fit.direction)) < MIN_UP_SINE:
-            raise ValueError(
-                "expected up across both axes, got a direction along one: a cylinder has no crest "
-                "along its axis; leave up and flush out"
-            )
+    if up is not None:
+        _require_across(up, (first.fit, second.fit))
     pair = _Pair.of(first, second)
-    values = pair.values(np.zeros(10), up)
-    steps = DERIVATIVE_STEP * np.eye(10)
-    jacobian = np.array(
-        [(pair.values(step, up) - pair.values(-step, up)) / (2 * DERIVATIVE_STEP) for step in steps]
-    ).T
-    covariance = jacobian @ pair.covariance @ jacobian.T
+    values, covariance = pair.propagate(up)
     # The smaller number: Student's t is then not too narrow for either fit.
     dof = min(first.fit.degrees_of_freedom, second.fit.degrees_of_freedom)
-
-    def scalar(row: int) -> Scalar:
-        return Scalar(float(values[row]), math.sqrt(max(covariance[row, row], 0.0)), dof)
-
-    distance = Length(values[:2], covariance[:2, :2], dof)
+    gap_std, flush_std = np.sqrt(np.maximum(covariance.diagonal()[[GAP, FLUSH]], 0.0)).tolist()
     radii_std = math.hypot(first.fit.radius_std, second.fit.radius_std)
     radii = Scalar(first.fit.radius + second.fit.radius, radii_std, dof)
-    angle = Length(values[2:4], covariance[2:4, 2:4], dof, math.pi / 2)
+    distance = Length(values[OFFSET], covariance[OFFSET, OFFSET], dof)
+    angle = Length(values[ANGLE], covariance[ANGLE, ANGLE], dof, math.pi / 2)
     quantities: dict[str, Uncertain] = {
         "distance": distance,
         "angle": angle,
-        "gap": Gap(distance, radii, scalar(4).std),
+        "gap": Gap(distance, radii, gap_std),
     }
     if up is not None:
-        quantities["flush"] = scalar(5)
+        quantities["flush"] = Scalar(float(values[FLUSH]), flush_std, dof)
     seam = _build_seam(pair, values, covariance)
     if distance.interval(LEVEL)[0] == 0:
         # The direction from one axis to the other, along which the point lies, may be any.
@@ -118,6 +109,15 @@ def relate_axes(
     return Relation(quantities, seam)
 
 
+def _require_across(up: FloatArray, fits: tuple[CylinderFit, CylinderFit]) -> None:
+    """Raise ValueError if a unit vector is nearly along the axis of one of two cylinders."""
+    if min(np.linalg.norm(np.cross(up, fit.direction)) for fit in fits) < MIN_UP_SINE:
+        raise ValueError(
+            "expected up across both axes, got a direction along one: a cylinder has no crest "
+            "along its axis; leave up and flush out"
+        )
+
+
 def _build_seam(pair: _Pair, values: FloatArray, covariance: FloatArray) -> Seam:
     """Return the seam of a pair from its `values` and their covariance (12, 12), to first order."""
     projector = np.eye(3)
@@ -127,10 +127,10 @@ def _build_seam(pair: _Pair, values: FloatArray, covariance: FloatArray) -> Seam
         projector -= np.outer(pair.mean_direction, pair.mean_direction)
     return Seam(
         points=pair.foot_points(np.zeros(10)),
-        point=values[6:9],
-        point_covariance=projector @ covariance[6:9, 6:9] @ projector,
-        direction=values[9:12],
-        direction_std=math.sqrt(max(float(np.trace(covariance[9:12, 9:12])), 0.0)),
+        point=values[POINT],
+        point_covariance=projector @ covariance[POINT, POINT] @ projector,
+        direction=values[DIRECTION],
+        direction_std=math.sqrt(max(float(np.trace(covariance[DIRECTION, DIRECTION])), 0.0)),
         crossing=pair.crossing,
     )
 
@@ -208,12 +208,15 @@ class _Pair:
         along = _common_middle(first, second, mean)
         return cls(a, b, sign, along, tangent_frame(mean)[:2], crossing=False)
 
-    @property
-    def covariance(self) -> FloatArray:
-        """Covariance of the parameters of both cylinders, (10, 10)."""
+    def propagate(self, up: FloatArray | None) -> tuple[FloatArray, FloatArray]:
+        """Return `values` (12,) and their covariance (12, 12), to first order."""
         covariance = np.zeros((10, 10))
         covariance[:5, :5], covariance[5:, 5:] = self.first.covariance, self.second.covariance
-        return covariance
+        changes = [
+            self.values(step, up) - self.values(-step, up) for step in DERIVATIVE_STEP * np.eye(10)
+        ]
+        jacobian = np.array(changes).T / (2 * DERIVATIVE_STEP)
+        return self.values(np.zeros(10), up), jacobian @ covariance @ jacobian.T
 
     @property
     def mean_direction(self) -> FloatArray:

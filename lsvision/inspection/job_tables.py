@@ -21,6 +21,7 @@ from lsvision.inspection.limits import (
 Window = tuple[Number, Number]
 """Range (low, high) of a coordinate in which a part lies. Units: mm."""
 MAX_NAME_LENGTH = 80
+"""Largest number of characters of a name: it heads a row of a table."""
 Name = Annotated[str, Field(min_length=1, max_length=MAX_NAME_LENGTH)]
 Count = Annotated[int, Field(strict=True, ge=1)]
 NonNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0)]

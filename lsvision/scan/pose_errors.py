@@ -300,7 +300,7 @@ def _remaining_variance_factor(
             np.eye(section_jacobian.shape[1]) + section_jacobian[rows].T @ section_jacobian[rows]
         )
         for values in (whitened, residuals):
-            # (I + C C')^-1 v = v - C (I + C'C)^-1 C' v
+            # (I + C C')^-1 v = v - C (I + C'C)^-1 C' v, with the section's Jacobian C
             values[rows] -= section_jacobian[rows] @ (
                 inverse @ (section_jacobian[rows].T @ values[rows])
             )

