@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import json
 import math
-import operator
 from collections.abc import Sequence
 
 from lsvision.ellipse.section import CylinderSection
@@ -104,16 +103,21 @@ def _nominal_step(tolerance: float) -> float:
     return 10.0 ** math.floor(math.log10(tolerance / 10))
 
 
+def _nominal_radius(cylinder: CylinderSection, tolerance: float) -> float:
+    """Return the nominal radius that a job with a tolerance states for a cylinder. Units: mm."""
+    step = _nominal_step(tolerance)
+    return round(round(cylinder.radius / step) * step, 9)
+
+
 def _part_text(
     number: int, cylinder: CylinderSection, window: tuple[float, float], tolerance: float
 ) -> str:
     """Return the table of a part, numbered from 1, that lies in a window of x (mm)."""
-    step = _nominal_step(tolerance)
     return PART.format(
         number=number,
         left=window[0],
         right=window[1],
-        radius=round(round(cylinder.radius / step) * step, 9),
+        radius=_nominal_radius(cylinder, tolerance),
         tolerance=tolerance,
         text=format_value(cylinder.radius, cylinder.radius_std),
         phi=math.degrees(cylinder.phi),
@@ -150,18 +154,27 @@ def find_needed_tolerance(job: Job, cylinders: Sequence[CylinderSection]) -> flo
     float or None
         Rounded up to two digits. Units: mm.
     """
-    needed, tolerances = [], []
-    for part, cylinder in zip(job.parts, cylinders, strict=True):
-        low, high = cylinder.interval("radius", job.decision.level)
-        lower, upper = part.limits["radius_mm"].ends
-        # `build_job_text` writes limits that are symmetric about the nominal.
-        nominal = (lower + upper) / 2
-        needed.append(max(nominal - low, high - nominal))
-        tolerances.append((upper - lower) / 2)
-    if all(map(operator.lt, needed, tolerances)):
+    lower, upper = job.parts[0].limits["radius_mm"].ends
+    tolerance, level = (upper - lower) / 2, job.decision.level
+
+    def largest_deviation(tolerance: float) -> float:
+        """Return the largest distance of an interval's end from the nominal. Units: mm."""
+        deviations = []
+        for cylinder in cylinders:
+            low, high = cylinder.interval("radius", level)
+            nominal = _nominal_radius(cylinder, tolerance)
+            deviations.append(max(nominal - low, high - nominal))
+        return max(deviations)
+
+    needed = largest_deviation(tolerance)
+    if needed < tolerance:
         return None
-    digit = 10.0 ** (math.floor(math.log10(max(needed))) - 1)
-    return round((math.floor(max(needed) / digit) + 1) * digit, 9)
+    digit = 10.0 ** (math.floor(math.log10(needed)) - 1)
+    digits = math.floor(needed / digit) + 1
+    # With another tolerance the nominal is rounded to another step.
+    while largest_deviation(digits * digit) >= digits * digit:
+        digits += 1
+    return round(digits * digit, 9)
 
 
 def _x_windows(cylinders: Sequence[CylinderSection]) -> list[tuple[float, float]]:

@@ -14,7 +14,7 @@ from lsvision.inspection.append_only import append_record, read_records
 from lsvision.inspection.calibration_files import calibration_age_days, check_calibration_files
 from lsvision.inspection.golden import check_golden, find_blocking_reason
 from lsvision.inspection.history import describe_unrecorded_change, history_path, record_revision
-from lsvision.inspection.job_template import build_job_text
+from lsvision.inspection.job_template import build_job_text, find_needed_tolerance
 from lsvision.inspection.remedies import plan_remedies
 from lsvision.measure import measure_cylinders
 from lsvision.scan import measure_scan
@@ -198,6 +198,19 @@ def test_a_job_of_small_tolerances_has_all_digits():
         assert part.radius_mm.upper == 2e-4
     gap = lsv.relate(*found).gap
     assert made.relations[0].gap_mm.max == pytest.approx(max(gap, 0.0) + 2e-4, abs=1e-5)
+
+
+@pytest.mark.parametrize(("seed", "noise"), [(0, 0.1), (1, 0.05), (12, 0.4)])
+def test_a_job_of_the_needed_tolerance_is_ok(seed, noise):
+    """Although its nominal radius is rounded to another step."""
+    section = lsv.simulate.random_section("single", seed, noise_mm=noise)
+    found = measure_cylinders(section.profile)
+    narrow = lsv.Job.from_text(build_job_text("tube", found.cylinders, 0.01))
+    needed = find_needed_tolerance(narrow, found.cylinders)
+    assert needed is not None
+    made = lsv.Job.from_text(build_job_text("tube", found.cylinders, needed))
+    assert find_needed_tolerance(made, found.cylinders) is None
+    assert lsv.judge(found, made).decision == "OK"
 
 
 def test_what_would_decide_is_what_a_scan_then_reaches(scan):
