@@ -37,7 +37,8 @@ class Remedy:
     item, quantity : str
         Part and key.
     sections : int, optional
-        Number of sections of a scan, `SPACING_MM` apart; None if none of `SECTIONS` is enough.
+        Number of sections of a scan, `SPACING_MM` apart; None if none of `SECTIONS` is enough, or
+        nothing can be predicted.
     std : float
         Standard uncertainty that is predicted for this scan, in the unit of the key; NaN without
         `sections`.
@@ -88,6 +89,9 @@ def plan_remedies(verdict: Verdict, measurement: Measurement, job: Job) -> tuple
 def _plan_remedy(item: str, verdict: QuantityVerdict, section: CylinderSection, job: Job) -> Remedy:
     """Return the shortest scan that would decide a quantity, or why none would."""
     key, extra = verdict.key, job.extra_std(verdict.key)
+    if not verdict.estimate.determined:
+        reason = "no prediction: without a value its distance from the limit is not known"
+        return Remedy(item, key, None, math.nan, reason)
     distance = min(abs(verdict.estimate.value - limit) for limit in verdict.limits)
     permitted = distance / two_sided_factor(job.decision.level)
     if permitted <= extra:

@@ -24,6 +24,7 @@ from lsvision.simulate import (
     SectionSettings,
     Tube,
     simulate_scan,
+    simulate_section,
 )
 
 NOW = datetime.datetime(2026, 5, 1, 12, tzinfo=datetime.UTC)
@@ -211,6 +212,20 @@ def test_a_job_of_the_needed_tolerance_is_ok(seed, noise):
     made = lsv.Job.from_text(build_job_text("tube", found.cylinders, needed))
     assert find_needed_tolerance(made, found.cylinders) is None
     assert lsv.judge(found, made).decision == "OK"
+
+
+def test_nothing_is_predicted_for_a_quantity_without_a_value():
+    scene = Scene((Tube.of(19.0, 0.4, 0.0, (0.0, -400.0)),))
+    sensor = replace(SCENE_SENSOR, range_std=0.1)
+    section = simulate_section(scene, sensor, SectionSettings(), rng=np.random.default_rng(0))
+    job = lsv.Job.from_text(
+        'name = "tube"\n[[part]]\nname = "a"\norder = 1\ntheta_deg = { min = 0, max = 60 }'
+    )
+    found = measure_cylinders(section.profile)
+    assert not found.cylinders[0].theta_determined
+    (remedy,) = plan_remedies(lsv.judge(found, job), found, job)
+    assert remedy.sections is None
+    assert remedy.text.startswith("no prediction")
 
 
 def test_what_would_decide_is_what_a_scan_then_reaches(scan):
