@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.ellipse.section import CylinderSection
+from lsvision.geometry import FloatArray
 from lsvision.inspection.axis_relation import ObservedCylinder, relate_axes
 from lsvision.inspection.relation import Relation
 from lsvision.inspection.section_relation import relate_sections
@@ -77,12 +78,18 @@ def relate(
             "expected two cylinders of one section or two in space, got one of each: "
             "lsv.measure_scan gives both in space"
         )
-    direction = None
-    if up is not None:
-        direction = np.asarray(up, dtype=np.float64)
-        length = float(np.linalg.norm(direction)) if direction.shape == (3,) else math.nan
-        if not (math.isfinite(length) and length > 0):
-            raise ValueError(f"expected up as three numbers, not all zero, got {up!r}")
-        direction = direction / length
     first, second = (ObservedCylinder(tube.fit, tube.axial_range) for tube in (a, b))
-    return relate_axes(first, second, direction)
+    return relate_axes(first, second, None if up is None else _as_unit_vector(up))
+
+
+def _as_unit_vector(up: npt.ArrayLike) -> FloatArray:
+    """Return the direction of flush as a unit vector, (3,)."""
+    try:
+        direction = np.asarray(up, dtype=np.float64)
+        length = math.hypot(*direction) if direction.shape == (3,) else math.nan
+    except (TypeError, ValueError):
+        length = math.nan
+    if not (math.isfinite(length) and length > 0):
+        raise ValueError(f"expected up as three numbers, not all zero, got {up!r}")
+    unit: FloatArray = direction / length
+    return unit

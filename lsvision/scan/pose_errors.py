@@ -50,8 +50,15 @@ class PoseErrors:
         limits = {"pose_std": (MAX_POSE_STD_MM, "mm"), "feed_std": (MAX_FEED_STD, "rad")}
         for name, (largest, unit) in limits.items():
             value = getattr(self, name)
+            if not isinstance(value, int | float | np.number):
+                raise TypeError(f"expected {name} as a number in {unit}, got {value!r}")
             if not 0 <= value <= largest:
                 raise ValueError(f"expected {name} from 0 to {largest:g} {unit}, got {value}")
+        if self.calibration is not None and not hasattr(self.calibration, "flange_from_section"):
+            raise TypeError(
+                "expected calibration as HandEye.load or lsv.calibrate_hand_eye_* returns it, got "
+                f"{type(self.calibration).__name__}"
+            )
 
     @property
     def is_zero(self) -> bool:

@@ -131,7 +131,8 @@ def measure_scan(  # noqa: PLR0913 - the options of `measure_cylinders`, the pos
         pose is farther than 1e9 mm, a standard uncertainty is out of its range, or `feed_std` is
         given and the last section has the origin of the first.
     TypeError
-        If an element of `profiles` is not a profile, or one of `base_from_sections` not a pose.
+        If an element of `profiles` is not a profile, one of `base_from_sections` not a pose, a
+        standard uncertainty not a number, or `settings` or `calibration` something else.
     DegenerateGeometry
         If all sections lie in one plane: identical poses, or a feed along the laser plane.
     FitFailed
@@ -157,9 +158,15 @@ def measure_scan(  # noqa: PLR0913 - the options of `measure_cylinders`, the pos
     ['19.0 mm']
     """
     require_several(profiles)
+    if not isinstance(settings, ScanSettings):
+        raise TypeError(
+            f"expected ScanSettings, got {type(settings).__name__}: those of the single profiles "
+            "are ScanSettings(section=...)"
+        )
     checked_profiles, noise = [as_profile(profile) for profile in profiles], as_noise_model(sensor)
     poses = validate_poses(checked_profiles, base_from_sections)
     radius_prior = as_number_or_pair(known_radius, "known_radius", "mm", "(radius, std)")
+    pose_errors = PoseErrors(pose_std=pose_std, feed_std=feed_std, calibration=calibration)
     measurements = measure_sections(
         checked_profiles,
         radius=radius,
@@ -174,7 +181,7 @@ def measure_scan(  # noqa: PLR0913 - the options of `measure_cylinders`, the pos
         known_radius=radius_prior,
         sensor=noise,
         settings=settings,
-        pose_errors=PoseErrors(pose_std=pose_std, feed_std=feed_std, calibration=calibration),
+        pose_errors=pose_errors,
     )
 
 

@@ -291,6 +291,8 @@ def test_what_cannot_be_compared_is_rejected():
         lsv.relate(left, left)
     with pytest.raises(ValueError, match="expected up as three numbers, not all zero"):
         lsv.relate(tube, other, up=(0, 0, 0))
+    with pytest.raises(ValueError, match="expected up as three numbers, not all zero, got 'z'"):
+        lsv.relate(tube, other, up="z")
     relation = lsv.relate(left, right)
     with pytest.raises(ValueError, match="expected a quantity among distance, angle, gap, flush"):
         relation.interval("radius")

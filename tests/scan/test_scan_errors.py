@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lsvision import Pose, Profile, fit_cylinder, measure_scan
+from lsvision import Pose, Profile, Settings, fit_cylinder, measure_scan
 from lsvision.errors import DegenerateGeometry
 
 ANGLE = np.linspace(2.6, 0.5, 60)
@@ -22,6 +22,18 @@ def test_poses_that_are_too_far_are_rejected(step):
 def test_uncertainties_that_are_none_are_rejected(errors):
     with pytest.raises(ValueError, match=r"expected (pose|feed)_std from 0 to 1"):
         measure_scan([PIPE, PIPE], [Pose(), Pose.along((0, 0, 1), 5.0)], **errors)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [({"calibration": Pose()}, "calibration as HandEye.load or .* returns it, got Pose"),
+     ({"pose_std": (0.1, 0.1, 0.1)}, r"pose_std as a number in mm, got \(0.1, 0.1, 0.1\)"),
+     ({"settings": Settings()}, r"expected ScanSettings, got Settings: .* ScanSettings\(section=")],
+    ids=["calibration", "pose_std", "settings"],
+)  # fmt: skip
+def test_an_argument_of_another_type_is_rejected(arguments, message):
+    with pytest.raises(TypeError, match=message):
+        measure_scan([PIPE, PIPE], [Pose(), Pose.along((0, 0, 1), 5.0)], **arguments)
 
 
 def test_an_uncertain_feed_needs_a_feed():
