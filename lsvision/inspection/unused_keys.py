@@ -8,6 +8,11 @@ UNATTENDED_TABLES = ("source", "output")
 """Tables for unattended operation: where profiles come from, and where results go."""
 KEYS_OF_POSES = ("poses", "flange_from_section", "convention")
 """Keys of ``[rig]`` that give a scan its poses."""
+QUANTITIES_BY_REFERENCE = {
+    "nominal_direction": ("direction_deg",),
+    "nominal_point_mm": ("position_mm", "point_x_mm", "point_y_mm", "point_z_mm"),
+}
+"""Quantities of a part that are measured from each reference."""
 
 
 def describe_unused_keys(job: Job) -> str | None:
@@ -44,7 +49,7 @@ def describe_unused_keys(job: Job) -> str | None:
             "of range_std_mm: add it",
         ),
         (
-            _extra_stds_without_limits(job),
+            [*_extra_stds_without_limits(job), *_references_without_limits(job)],
             "of quantities that nothing limits",
         ),
     ]
@@ -64,6 +69,23 @@ def _extra_stds_without_limits(job: Job) -> list[str]:
     if job.golden is not None or "diameter_mm" in limited:
         limited.add("radius_mm")
     return [f"extra_std of {key}" for key in job.decision.extra_std if key not in limited]
+
+
+def _references_without_limits(job: Job) -> list[str]:
+    """Return the nominals of parts and directions of flush from which nothing is measured."""
+    unused = [
+        f"{key} of part {part.name!r}"
+        for part in job.parts
+        for key, quantities in QUANTITIES_BY_REFERENCE.items()
+        if getattr(part, key) is not None and part.limits.keys().isdisjoint(quantities)
+    ]
+    if job.scan:
+        unused += [
+            f"up of {' - '.join(relation.between)}"
+            for relation in job.relations
+            if relation.up is not None and relation.flush_mm is None
+        ]
+    return unused
 
 
 def _given_keys(job: Job, table: str, keys: tuple[str, ...]) -> list[str]:

@@ -59,6 +59,19 @@ def test_a_direction_for_flush_is_of_a_scan():
     assert note_on(SCAN + relation) is None
 
 
+def test_a_reference_from_which_nothing_is_measured_is_named():
+    part = (
+        '[[part]]\nname = "b"\norder = 2\nnominal_direction = [0, 0, 1]\n'
+        "nominal_point_mm = [0, 0, 0]\npoint_y_mm = { max = 1 }\n"
+    )
+    relation = '[[relation]]\nbetween = ["tube", "b"]\nup = [0, 1, 0]\ngap_mm = { max = 1 }\n'
+    assert note_on(SCAN + part + relation) == (
+        "not used: nominal_direction of part 'b', up of tube - b (of quantities that nothing "
+        "limits)"
+    )
+    assert note_on(SCAN + part + "direction_deg = { max = 1 }\n") is None
+
+
 def test_both_reasons_are_in_one_line():
     note = note_on(f'{LIVE}[rig]\nposes = "poses.csv"\n')
     assert "[source], [output]" in note
