@@ -68,6 +68,10 @@ class JointFitSettings:
     max_relative_radius_std: float = 0.1
     min_recognised_fraction: float = 0.5
 
+    def __post_init__(self) -> None:
+        if min(self.max_iterations, self.trial_sections) < 1:
+            raise ValueError(f"expected at least one iteration and one trial section, got {self}")
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class JointFit:
@@ -326,11 +330,11 @@ def _rejection_reason(joint_fit: JointFit, settings: JointFitSettings) -> str | 
     fit, rms, max_rms = joint_fit.fit, joint_fit.normalised_rms, settings.max_normalised_rms
     if rms > max_rms:
         return f"residual rms {rms:.1f} times the noise, limit {max_rms:.1f}"
-    if fit.radius_std > settings.max_relative_radius_std * fit.radius:
-        limit = settings.max_relative_radius_std * fit.radius
+    max_std = settings.max_relative_radius_std * fit.radius
+    if fit.radius_std > max_std:
         return (
             f"radius {fit.radius:.3g} mm with a standard uncertainty of {fit.radius_std:.2g} mm, "
-            f"limit {limit:.2g} mm"
+            f"limit {max_std:.2g} mm"
         )
     return _contradicted_radius_reason(joint_fit, settings)
 
@@ -338,8 +342,7 @@ def _rejection_reason(joint_fit: JointFit, settings: JointFitSettings) -> str | 
 def _contradicted_radius_reason(joint_fit: JointFit, settings: JointFitSettings) -> str | None:
     """Return the reason why the points contradict a known radius; None if they do not.
 
-    The limits are those of a single section, which often does not determine the radius well enough
-    to contradict.
+    The limits are those of a single section, which often determines the radius too poorly.
     """
     known, cloud = joint_fit.known_radius, joint_fit.cloud
     if known is None:
@@ -351,8 +354,8 @@ def _contradicted_radius_reason(joint_fit: JointFit, settings: JointFitSettings)
     uncertainty = CONTRADICTION_SIGMAS * math.hypot(free.radius_std, known.std)
     if abs(free.radius - known.radius) <= max(uncertainty, CONTRADICTION_FRACTION * known.radius):
         return None
-    points_radius = format_value(free.radius, free.radius_std)
-    return f"the known radius of {known.radius:g} mm contradicts the points: {points_radius} mm"
+    found = format_value(free.radius, free.radius_std)
+    return f"the known radius of {known.radius:g} mm contradicts the points: they give {found} mm"
 
 
 def cylinder_from_single_section(cloud: ScanCloud, observation: ArcObservation) -> JointFit:

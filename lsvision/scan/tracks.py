@@ -44,6 +44,10 @@ class TrackSettings:
     sigmas: float = 4.0
     window: int = 10
 
+    def __post_init__(self) -> None:
+        if self.window < 1:
+            raise ValueError(f"expected a window of at least one arc, got {self.window}")
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ArcObservation:

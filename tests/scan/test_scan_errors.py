@@ -5,6 +5,8 @@ import pytest
 
 from lsvision import Pose, Profile, Settings, fit_cylinder, measure_scan
 from lsvision.errors import DegenerateGeometry
+from lsvision.scan.joint_fit import JointFitSettings
+from lsvision.scan.tracks import TrackSettings
 
 ANGLE = np.linspace(2.6, 0.5, 60)
 PIPE = Profile(20 * np.column_stack([np.cos(ANGLE), np.sin(ANGLE)]) - [0, 400])
@@ -34,6 +36,16 @@ def test_uncertainties_that_are_none_are_rejected(errors):
 def test_an_argument_of_another_type_is_rejected(arguments, message):
     with pytest.raises(TypeError, match=message):
         measure_scan([PIPE, PIPE], [Pose(), Pose.along((0, 0, 1), 5.0)], **arguments)
+
+
+@pytest.mark.parametrize(
+    ("settings", "values"),
+    [(JointFitSettings, {"max_iterations": 0}), (JointFitSettings, {"trial_sections": 0}),
+     (TrackSettings, {"window": 0})],
+)  # fmt: skip
+def test_settings_with_which_nothing_is_done_are_rejected(settings, values):
+    with pytest.raises(ValueError, match="at least one"):
+        settings(**values)
 
 
 def test_an_uncertain_feed_needs_a_feed():
