@@ -47,17 +47,18 @@ CONDITIONS = tuple(
 
 @dataclass(frozen=True)
 class Outcome:
-    """A quantity of one part: whether a wrong answer was given, and how often none.
+    """Verdicts on a quantity of one part, by limits that are up to 3 sigma from the truth.
 
     Parameters
     ----------
     false_ok, false_ng : bool
-        Of a limit at a random distance of up to 3 sigma from the truth, on its good and bad side.
+        Whether the part is OK by a limit that it violates, NG by one that it keeps; each limit lies
+        at a random distance from the truth.
     at_limit : int
-        Answers, of the two sides, that are wrong where the limit lies at the truth itself.
+        Number of ends of the interval, 0 or 1, that are on the wrong side of the truth.
     undecided, least : float
-        Fraction of limits within 3 sigma of the truth that are left open, and the least fraction
-        that a rule with this guarantee needs for the best possible estimate; NaN where unknown.
+        Fraction of all such limits by which the part is undecided, and the smallest one that is
+        possible with the best estimate; NaN where unknown.
     """
 
     false_ok: bool
