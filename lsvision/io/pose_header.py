@@ -70,7 +70,7 @@ def read_pose_header(
     (2, 1, 0, 5, 4, 3)
     """
     labels = [split_label(cell) for cell in cells]
-    names = [_field_name(name, pose_convention) for name, _ in labels]
+    names = [field_name(name, pose_convention) for name, _ in labels]
     missing = [field for field in pose_convention.fields if field not in names]
     repeated = [field for field in pose_convention.fields if names.count(field) > 1]
     if repeated:
@@ -98,11 +98,11 @@ def read_pose_header(
     return PoseHeader(
         columns,
         common_length_unit(set(lengths) - {""}),
-        _common_angle_unit(set(angles) - {"", "-", "1"}),
+        common_angle_unit(set(angles) - {"", "-", "1"}),
     )
 
 
-def _field_name(name: str, pose_convention: PoseConvention) -> str:
+def field_name(name: str, pose_convention: PoseConvention) -> str:
     """Return the convention's field for a name in a header; the letters of any other name."""
     letters = re.sub(r"[\W_]", "", name)
     letters = _ALIASES.get(letters, letters)
@@ -126,8 +126,8 @@ def common_length_unit(units: set[str]) -> LengthUnit | None:
     raise ValueError(f"lengths in {', '.join(sorted(units))}: expected all in mm, or all in m")
 
 
-def _common_angle_unit(units: set[str]) -> AngleUnit | None:
-    """Return the unit of all angles of a header; None if it states none."""
+def common_angle_unit(units: set[str]) -> AngleUnit | None:
+    """Return the unit of all angles of a file from those stated; None if none is stated."""
     if not units:
         return None
     known = {ANGLE_UNITS.get(unit) for unit in units}

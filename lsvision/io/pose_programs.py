@@ -1,4 +1,4 @@
-"""Positions in robot programs: KUKA ``E6POS`` and ``FRAME`` aggregates, FANUC ``.ls`` listings."""
+"""Positions in programs of KUKA (``E6POS``, ``FRAME``), FANUC (``.ls``), ABB and Mitsubishi."""
 
 import re
 from pathlib import Path
@@ -17,6 +17,23 @@ _KUKA_FIELD = re.compile(rf"(?<![A-Z0-9])([A-Z][A-Z0-9]*)\s+({_NUMBER})", re.IGN
 _FANUC = re.compile(r"\bP\[\s*([0-9]{1,9})[^\]]{0,200}\]\s*\{([^{}]*)\}", re.IGNORECASE)
 _FANUC_FIELD = re.compile(r"\b([XYZWPR])\s*=\s*([^\s,;}]+)[ \t]*([A-Z]*)", re.IGNORECASE)
 _FANUC_FRAME = re.compile(r"\b(U[FT])\s*:\s*(\S{1,40}?)\s*,", re.IGNORECASE)
+
+
+def _numbers(count: int) -> str:
+    """Return the pattern of numbers between commas."""
+    return r"\s*,\s*".join([_NUMBER] * count)
+
+
+# A robtarget [[x, y, z], [q1, q2, q3, q4], [axis configuration], [external axes]].
+_ABB = re.compile(
+    rf"\[\s*\[\s*({_numbers(3)})\s*\]\s*,\s*\[\s*({_numbers(4)})\s*\]\s*,"
+    rf"\s*\[\s*{_numbers(4)}\s*\]\s*,\s*\["
+)
+_ABB_WORK_OBJECT = re.compile(r"\\WObj\s*:=\s*(\w+)", re.IGNORECASE)
+# A position (x, y, z, a, b, c, additional axes)(structure flag 1, structure flag 2).
+_MITSUBISHI = re.compile(
+    rf"\(\s*({_numbers(6)})\s*(?:,[-+\s0-9.,]*)?\)\s*\(\s*[0-9]+\s*,\s*[-+]?[0-9]+\s*\)"
+)
 
 
 def read_program_rows(
@@ -41,17 +58,19 @@ def read_program_rows(
     Raises
     ------
     UnreadableFile
-        For joint angles, positions that were never taught, several bases, user frames, tools or
-        motion groups, or a convention other than the maker's.
+        For joint angles, positions that were never taught, several bases, user frames, work
+        objects, tools or motion groups, or a convention other than the maker's.
     """
     for pattern, maker, read_rows in (
         (_KUKA, "kuka", _kuka_rows),
         (_FANUC, "fanuc", _fanuc_rows),
+        (_ABB, "abb", _abb_rows),
+        (_MITSUBISHI, "mitsubishi", _mitsubishi_rows),
     ):
         if pattern.search(text):
             if pose_convention.name != maker:
                 raise UnreadableFile(
-                    f"{path}: expected convention {maker!r} for a {maker.upper()} program, got "
+                    f"{path}: expected convention {maker!r} for the {maker.upper()} program, got "
                     f"{pose_convention.name!r}: use --convention {maker}"
                 )
             return read_rows(path, text, pose_convention)
@@ -111,8 +130,26 @@ def _fanuc_rows(path: Path, text: str, pose_convention: PoseConvention) -> list[
     return rows
 
 
+def _abb_rows(path: Path, text: str, _: PoseConvention) -> list[list[float]]:
+    """Return the positions of an ABB program (RAPID), without its comments, from ! on."""
+    text = "\n".join(line.partition("!")[0] for line in text.split("\n"))
+    work_objects = list(dict.fromkeys(_ABB_WORK_OBJECT.findall(text)))
+    _require_one(path, "in several work objects", "WObj", work_objects)
+    return [_split_numbers(",".join(groups)) for groups in _ABB.findall(text)]
+
+
+def _mitsubishi_rows(_: Path, text: str, __: PoseConvention) -> list[list[float]]:
+    """Return the positions of a Mitsubishi program, without its comments, from ' on."""
+    text = "\n".join(line.partition("'")[0] for line in text.split("\n"))
+    return [_split_numbers(numbers) for numbers in _MITSUBISHI.findall(text)]
+
+
+def _split_numbers(text: str) -> list[float]:
+    return [float(cell) for cell in text.split(",")]
+
+
 def _require_one(path: Path, kind: str, name: str, numbers: list[str]) -> None:
-    """Raise UnreadableFile if positions are of several tools, user frames or bases."""
+    """Raise UnreadableFile if positions are of several tools, or in several frames."""
     if len(numbers) > 1:
         raise UnreadableFile(
             f"{path}: positions {kind} ({name} {', '.join(numbers)}): teach all in one"

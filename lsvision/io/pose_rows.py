@@ -9,10 +9,18 @@ from typing import Any
 from lsvision.errors import UnreadableFile
 from lsvision.files.json_text import parse_json
 from lsvision.files.limited_reading import read_text
-from lsvision.io.pose_header import ANGLE_UNITS, PoseHeader, common_length_unit, read_pose_header
+from lsvision.io.pose_header import (
+    ANGLE_UNITS,
+    PoseHeader,
+    common_angle_unit,
+    common_length_unit,
+    field_name,
+    read_pose_header,
+)
 from lsvision.io.pose_programs import read_program_rows
+from lsvision.io.profiles.json_statements import lines_on_units
 from lsvision.io.profiles.unit_statements import find_unit_statements
-from lsvision.io.profiles.units import split_label
+from lsvision.io.profiles.units import NOT_LENGTHS, StatedUnit, parse_unit, split_label
 from lsvision.io.robot_conventions import AngleUnit, LengthUnit, PoseConvention
 from lsvision.io.yaml_text import parse_yaml
 
@@ -20,6 +28,11 @@ _LETTER = re.compile(r"[^\W\d_eE]")
 """Letter of a name or a unit; e and E are also those of 1e3."""
 _COMMA_NUMBER = re.compile(r"[-+]?[0-9]+(?:,[0-9]+)?(?:[eE][-+]?[0-9]+)?")
 """Number with a decimal comma between digits, or a whole number."""
+_QUOTED = re.compile(r'"([^"]*)"')
+_ANGLE_UNIT = re.compile(
+    rf"(?<![\w.])(?<![0-9] )(?:{'|'.join(ANGLE_UNITS)})(?!\w| ?c\b|/s)", re.IGNORECASE
+)
+"""Unit of angles without a number before it, as in "tilt 30 deg"; not deg C or deg/s."""
 
 
 @dataclass(frozen=True)
@@ -33,8 +46,8 @@ class PoseRows:
     length_unit, angle_unit : str or None
         None where the file states none.
     may_state_units : bool
-        Whether the format of the file has a place for units: JSON and YAML have one only for that
-        of lengths, a key such as ``unit`` beside the list.
+        Whether the file may have a header with units: JSON and YAML have none, but keys such as
+        ``unit`` and ``angle_unit`` beside the list.
     """
 
     rows: list[list[float]]
@@ -65,20 +78,15 @@ def read_pose_rows(path: Path, pose_convention: PoseConvention, skip_columns: in
     if suffix in {".json", ".rob", ".yaml", ".yml"}:
         parse = parse_json if suffix in {".json", ".rob"} else parse_yaml
         document = _parse(path, text, parse)
-        items = document.items() if isinstance(document, Mapping) else ()
-        try:
-            length_unit = _stated_length_unit(
-                [f"# {key}: {value}" for key, value in items if isinstance(value, str)]
-            )
-        except ValueError as error:
-            raise UnreadableFile(f"{path}: {error}") from error
+        lines = lines_on_units(document) if isinstance(document, Mapping) else ()
+        stated = _stated_units(path, [f"# {line}" for line in lines], pose_convention)
         rows = _structured_rows(document, pose_convention, path)
-        return PoseRows(rows, length_unit, may_state_units=False)
+        return PoseRows(rows, stated.length_unit, stated.angle_unit, may_state_units=False)
     program = read_program_rows(path, text, pose_convention)
     return (
         _text_rows(path, text, pose_convention, skip_columns)
         if program is None
-        else PoseRows(program, "mm", "deg")  # as KUKA and FANUC write all programs
+        else PoseRows(program, "mm", "deg")  # as these makers write all programs
     )
 
 
@@ -96,7 +104,11 @@ def _structured_rows(
 ) -> list[list[float]]:
     """Return the rows of a list of poses in JSON or YAML."""
     if isinstance(document, Mapping):
-        lists = {key: value for key, value in document.items() if isinstance(value, list)}
+        lists = {
+            key: value
+            for key, value in document.items()
+            if isinstance(value, list) and not any(isinstance(item, str) for item in value)
+        }
         if len(lists) != 1:
             raise UnreadableFile(
                 f"{path}: expected one list of poses under one key, got {len(lists)} lists "
@@ -130,25 +142,57 @@ def _text_rows(path: Path, text: str, pose_convention: PoseConvention, skip: int
     """Return the rows of a text table with the units that its header or comments state."""
     lines = text.splitlines()
     numbered = [(n, cells) for n, line in enumerate(lines, 1) if (cells := _split_cells(line))]
-    first = numbered[0][1] if numbered else []
-    has_names = any(map(_LETTER.search, first)) and not any(map(_is_number, first))
-    names = first if has_names else _commented_header(lines, numbered)
+    names, numbered = _separate_header(lines, numbered, pose_convention)
+    stated = _stated_units(path, lines, pose_convention)
     try:
         header = read_pose_header(names, pose_convention, skip) if names else PoseHeader()
-        length_unit = header.length_unit or _stated_length_unit(lines)
     except ValueError as error:
         raise UnreadableFile(f"{path}: {error}") from error
     rows = []
-    for number, cells in numbered[has_names:]:
+    for number, cells in numbered:
         location = f"{path}: line {number}"
         if len(cells) <= max(header.columns, default=0):
             raise UnreadableFile(f"{location}: expected a number under each name, got {len(cells)}")
         pose_cells = [cells[column] for column in header.columns] or cells[skip:]
         rows.append(_parse_row(pose_cells, pose_convention, location))
-    return PoseRows(rows, length_unit, header.angle_unit)
+    return PoseRows(
+        rows, header.length_unit or stated.length_unit, header.angle_unit or stated.angle_unit
+    )
 
 
-def _commented_header(lines: Sequence[str], numbered: Sequence[tuple[int, list[str]]]) -> list[str]:
+_NumberedCells = tuple[int, list[str]]
+"""Number of a line, and its cells."""
+
+
+def _separate_header(
+    lines: Sequence[str], numbered: list[_NumberedCells], pose_convention: PoseConvention
+) -> tuple[list[str], list[_NumberedCells]]:
+    """Return the names of the columns, empty without a header, and the rows below it.
+
+    The names are in the first row, then a row of units may follow, or in a comment. Numbers 0, 1,
+    2, ... of the columns, as pandas writes them, are no pose.
+    """
+    first = numbered[0][1] if numbered else []
+    if [cell for cell in first if cell] == [str(k) for k in range(sum(map(bool, first)))]:
+        return [], numbered[1:]
+    if not any(map(_LETTER.search, first)) or any(map(_is_number, first)):
+        return _commented_header(lines, numbered, pose_convention), numbered
+    units = numbered[1][1] if len(numbered) > 1 else []
+    if len(units) != len(first) or not all(map(_is_unit, units)):
+        return first, numbered[1:]
+    names = [f"{name} [{unit.strip('[]()')}]" for name, unit in zip(first, units, strict=True)]
+    return names, numbered[2:]
+
+
+def _is_unit(cell: str) -> bool:
+    """Return whether a cell below the names holds a unit, or the sign of none."""
+    word = cell.strip("[]() ").lower()
+    return word in NOT_LENGTHS or word in ("", "-", "1") or parse_unit(word) is not None
+
+
+def _commented_header(
+    lines: Sequence[str], numbered: Sequence[_NumberedCells], pose_convention: PoseConvention
+) -> list[str]:
     """Return the column names in the last comment above the first row of cells.
 
     Empty unless there is one name for each cell, and x, y and z are among them.
@@ -158,22 +202,39 @@ def _commented_header(lines: Sequence[str], numbered: Sequence[tuple[int, list[s
     number, cells = numbered[0]
     comments = [line.strip().lstrip("#%/ ") for line in lines[: number - 1] if line.strip()]
     names = _split_cells(comments[-1]) if comments else []
-    fields = [name for name in names if split_label(name)[0] in ("x", "y", "z")]
-    return names if len(names) == len(cells) and len(fields) == 3 else []
+    fields = [field_name(split_label(name)[0], pose_convention) for name in names]
+    return names if len(names) == len(cells) and {"x", "y", "z"} <= set(fields) else []
 
 
-def _stated_length_unit(lines: Sequence[str]) -> LengthUnit | None:
-    """Return the unit of length that the comments state; None without a statement.
+def _stated_units(path: Path, lines: Sequence[str], pose_convention: PoseConvention) -> PoseHeader:
+    """Return the units that the comments state, for all lengths and for all angles.
 
-    Statements on angles, such as ``all in deg``, do not count.
+    Raises
+    ------
+    UnreadableFile
+        If they state several, or one of lengths that is neither mm nor m.
     """
     comments = [line for line in lines if line.lstrip().startswith(("#", "%", "//"))]
-    stated = {
+    lengths = {
         statement.unit.unit or statement.unit.text
         for statement in find_unit_statements(comments)
-        if statement.axis is None and statement.unit.text.lower() not in ANGLE_UNITS
+        if statement.axis is None and not _is_about_angles(statement.unit)
     }
-    return common_length_unit(stated)
+    has_angles = pose_convention.is_euler or pose_convention.rotation == "rotvec"
+    angles = {unit.lower() for line in comments for unit in _ANGLE_UNIT.findall(line)}
+    try:
+        return PoseHeader(
+            length_unit=common_length_unit(lengths),
+            angle_unit=common_angle_unit(angles) if has_angles else None,
+        )
+    except ValueError as error:
+        raise UnreadableFile(f"{path}: {error}") from error
+
+
+def _is_about_angles(stated: StatedUnit) -> bool:
+    """Return whether a statement names units of angles only, as ``rotation unit: deg``."""
+    value, count = _ANGLE_UNIT.subn("", re.split("[:=]", stated.text)[-1])
+    return stated.unit is None and count > 0 and _LETTER.search(value) is None
 
 
 def _parse_row(cells: list[str], pose_convention: PoseConvention, location: str) -> list[float]:
@@ -192,9 +253,10 @@ def _parse_row(cells: list[str], pose_convention: PoseConvention, location: str)
 
 
 def _split_cells(line: str) -> list[str]:
-    """Return the cells of a line without its comment and brackets; empty if nothing remains."""
+    """Return the cells of a line without comment, quotes and brackets; empty if nothing remains."""
     line = line.split("#", maxsplit=1)[0].strip()
-    line = re.sub(r"\bp\[", "[", line)  # as Universal Robots write a pose
+    line = _QUOTED.sub(lambda quoted: quoted[1].replace(",", "."), line)
+    line = re.sub(r"^\w+\s*:?=\s*p\[|\bp\[", "[", line)  # as Universal Robots write a pose
     bare = re.sub(r"[()\[\]]", " ", line).strip().rstrip(",")
     is_header = _LETTER.search(line) is not None  # brackets are those of units
     if ";" in line:  # European spreadsheets: decimal comma

@@ -58,8 +58,9 @@ def read_robot_poses(
     convention's field names. In text: separated by commas, blanks, tabs or semicolons (then
     with a decimal comma if the file has one), brackets ignored, ``#`` begins a comment, one
     header line allowed; with a header that names all fields, columns are taken by name and
-    units as stated. Positions of KUKA (``E6POS``, ``FRAME``) and FANUC (``.ls``) programs are
-    read from their text. A folder or a pattern denotes files of one pose each.
+    units as stated, also in comments (``# angles in rad``). Positions of KUKA (``E6POS``,
+    ``FRAME``), FANUC (``.ls``), ABB (``robtarget``) and Mitsubishi programs are read from their
+    text. A folder or a pattern denotes files of one pose each.
 
     Parameters
     ----------

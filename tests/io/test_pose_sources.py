@@ -235,3 +235,88 @@ def test_angles_of_a_program_are_in_degrees_however_small(write):
     text = "{X 300, Y 0, Z 0, A 2, B 0, C 0}\n{X 350, Y 0, Z 0, A 3, B 0, C 0}\n"
     poses = read_robot_poses(write(text), "kuka")
     assert poses[1].rotation[1, 0] == pytest.approx(np.sin(np.radians(3)))
+
+
+ROBTARGET = "CONST robtarget p{n}:=[[{0},{1},{2}],[{3},{4},{5},{6}],[0,-1,0,0],[9E+09,9E9]];"
+QUATERNIONS = [[600.0, 10.5, 400.25, 1, 0, 0, 0], [610.0, -3.0, 380.0, 0.6, 0.0, -0.8, 0.0]]
+
+
+def test_targets_of_an_abb_program_without_its_tools(write):
+    lines = ["PERS tooldata t:=[TRUE,[[0,0,100],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];"]
+    lines += [ROBTARGET.format(*row, n=n) for n, row in enumerate(QUATERNIONS)]
+    lines += ["! " + lines[-1], r"MoveL p0,v100,fine,t\WObj:=wobj0;"]
+    plain = "\n".join(" ".join(map(str, row)) for row in QUATERNIONS)
+    path = write("\n".join(lines), "scan.mod")
+    assert_same(read_robot_poses(path, "abb"), read_robot_poses(write(plain, "p.txt"), "abb"))
+    with pytest.raises(UnreadableFile, match="use --convention abb"):
+        read_robot_poses(path, "ros")
+    path = write("\n".join([*lines, r"MoveL p1,v100,fine,t\WObj:=left;"]), "scan.mod")
+    with pytest.raises(UnreadableFile, match=r"several work objects \(WObj wobj0, left\)"):
+        read_robot_poses(path, "abb")
+
+
+@pytest.mark.parametrize(
+    "form",
+    [
+        "P{n}=({0:+.2f},{1:+.2f},{2:+.2f},{3:+.2f},{4:+.2f},{5:+.2f})(7,0) ' P9=(1,2,3,4,5,6)(7,0)",
+        "DEF POS P{n}=({0},{1},{2},{3},{4},{5},0.00,0.00)(6,-1048576)",
+    ],
+)
+def test_positions_of_a_mitsubishi_program(write, expected, form):
+    path = write("\n".join(form.format(*row, n=n) for n, row in enumerate(ROWS)), "scan.prg")
+    assert_same(read_robot_poses(path, "mitsubishi"), expected("mitsubishi"))
+
+
+UNITS_OF_ANGLES = [
+    "# angles in rad",
+    "# position in mm, orientation in radians",
+    "% units: mm, rad",
+    "# rotation unit: rad",
+    "X,Y,Z,A,B,C\nmm,mm,mm,rad,rad,rad",
+    "x,y,z,a,b,c\n[mm],[mm],[mm],[rad],[rad],[rad]",
+]
+
+
+@pytest.mark.parametrize("head", UNITS_OF_ANGLES)
+def test_the_unit_of_angles_above_the_poses_counts(write, expected, head):
+    rows = [[*row[:3], *np.radians(row[3:]).tolist()] for row in ROWS]
+    text = "\n".join([head, *(",".join(map(str, row)) for row in rows)])
+    assert_same(read_robot_poses(write(text), "kuka"), expected())
+
+
+@pytest.mark.parametrize(
+    "units",
+    ['"angle_unit": "rad"', '"units": {"length": "mm", "angle": "rad"}', '"units": ["mm", "rad"]'],
+)
+def test_the_unit_of_angles_beside_a_list_of_poses_counts(write, expected, units):
+    rows = [[*row[:3], *np.radians(row[3:]).tolist()] for row in ROWS]
+    path = write(f'{{{units}, "poses": {rows}}}', "poses.json")
+    assert_same(read_robot_poses(path, "kuka"), expected())
+
+
+def test_comments_with_other_angles_state_no_unit(write, expected):
+    text = "\n".join(",".join(map(str, row)) for row in ROWS)
+    head = "# tilt up to 0.5 rad, 2 deg/s, speed in rad/s, 22 °C\n"
+    assert_same(read_robot_poses(write(head + text), "kuka"), expected())
+    with pytest.raises(UnreadableFile, match="angles in deg, rad: expected all in deg"):
+        read_robot_poses(write("# angles in deg, the tilt in rad\n" + text), "kuka")
+
+
+@pytest.mark.parametrize(
+    "form",
+    [
+        '"{0}","{1}","{2}","{3}","{4}","{5}"',  # quotes around every cell, as some spreadsheets
+        "{0} {1} {2} {3} {4} {5}",
+    ],
+)
+@pytest.mark.parametrize("head", ["", "0,1,2,3,4,5\n"])  # pandas numbers columns without names
+def test_quotes_and_numbers_of_columns_are_no_part_of_a_pose(write, expected, form, head):
+    text = head + "\n".join(form.format(*row) for row in ROWS)
+    assert_same(read_robot_poses(write(text), "kuka"), expected())
+
+
+def test_a_trajectory_of_the_tum_benchmark(write):
+    lines = ["# timestamp tx ty tz qx qy qz qw"]
+    lines += [f"{k}.5 0.1 0.{k} 0.3 0 0 0 1" for k in (1, 2)]
+    poses = read_robot_poses(write("\n".join(lines), "trajectory.txt"), "ros")
+    npt.assert_allclose(poses[1].translation, (100, 200, 300))

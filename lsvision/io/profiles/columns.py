@@ -193,11 +193,17 @@ def _resolve_all_units(
 
 
 def _travel_unit(table: NumberTable, column: int) -> tuple[str | None, str]:
-    """Return the stated unit of the positions along the travel; or a note if it is no length."""
-    stated = table.units[column] if table.units else None
+    """Return the stated unit of the positions along the travel; or a note if it is no length.
+
+    An encoder without a unit counts steps.
+    """
+    label, stated = table.label(column), table.units[column] if table.units else None
     if stated is not None and stated.unit is None:
-        return None, f"{table.label(column)} in {stated.text!r}: positions left out"
-    return common_unit(stated, statements_about_axis(table.statements, "y")), ""
+        return None, f"{label} in {stated.text!r}: positions left out"
+    unit = common_unit(stated, statements_about_axis(table.statements, "y"))
+    if unit is None and label == "encoder":
+        return None, "encoder without a unit of length: positions left out"
+    return unit, ""
 
 
 def _requested_columns(table: NumberTable, columns: Sequence[int | str]) -> _Columns:

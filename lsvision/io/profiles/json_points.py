@@ -235,7 +235,7 @@ def _from_objects(
     """Return profiles of a list of points as objects, or of profiles as objects."""
     if all(map(is_laser_scan, document)):
         return profiles_from_scans(document)
-    keys = list(document[0])
+    keys = list(dict.fromkeys(chain(*document)))
     scalar_keys = [
         key
         for key in keys
@@ -248,7 +248,7 @@ def _from_objects(
     if profiles is None:
         return None
     attributes = [
-        {key: item[key] for key in keys if isinstance(item.get(key), str | int | float)}
+        {key: value for key, value in item.items() if isinstance(value, str | int | float)}
         for item in document
     ]
     if len(profiles.sections) == len(document) and any(attributes):  # one profile per object
@@ -264,7 +264,7 @@ def _table_from_objects(document: Sequence[Mapping[str, Any]], keys: Sequence[st
     for column, key in enumerate(keys):
         cells = [item.get(key) for item in document]
         if not all(map(is_scalar, cells)):
-            texts[column] = [str(cell) for cell in cells]
+            texts[column] = ["" if cell is None else str(cell) for cell in cells]
         else:
             values[:, column] = to_floats(cells)
     return NumberTable(

@@ -28,7 +28,36 @@ are rounded to a few digits."""
 def read_matrix(content: bytes, settings: ReadSettings) -> RawProfiles:
     """Return the profiles of a text with one row of heights each."""
     table = parse_table(decode_text(content), settings.lost_words)
-    return profiles_from_matrix(table, settings)
+    return profiles_from_text_matrix(table, settings)
+
+
+def profiles_from_text_matrix(table: NumberTable, settings: ReadSettings) -> RawProfiles:
+    """Return the profiles of a matrix in a text, without the numbers of its columns and rows.
+
+    Programs such as pandas write numbers of columns, 0, 1, ..., above a matrix, and those of rows
+    beside it, under an empty cell.
+
+    Raises
+    ------
+    UnreadableFile
+        As `profiles_from_matrix`, and if the first row may be such numbers or x.
+    """
+    values = table.values
+    beside_rows = int(np.isnan(values[0, 0]))
+    first = values[0, beside_rows:]
+    start = first[0] if len(first) else np.nan
+    is_numbered = start in (0, 1) and np.array_equal(first, start + np.arange(len(first)))
+    if table.names or min(len(values) - 1, len(first)) < 2 or not is_numbered:
+        return profiles_from_matrix(table, settings)
+    row = f"the first row, {start:g}, {start + 1:g}, ..., {first[-1]:g},"
+    if settings.dx is None and not (beside_rows or settings.transpose):
+        raise UnreadableFile(
+            f"{row} numbers the columns or is x in mm: state x, --x0 {start:g} --dx 1 if it is"
+        )
+    notes = (*table.notes, f"{row} numbers the columns: left out")
+    return profiles_from_matrix(
+        replace(table, values=values[1:, beside_rows:], notes=notes), settings
+    )
 
 
 def are_heights(width: int, settings: ReadSettings) -> bool:

@@ -3,7 +3,7 @@
 from lsvision.errors import UnreadableFile
 from lsvision.io.profiles.column_roles import names_section
 from lsvision.io.profiles.columns import profiles_from_table
-from lsvision.io.profiles.matrix import are_heights, profiles_from_matrix
+from lsvision.io.profiles.matrix import are_heights, profiles_from_text_matrix
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.text_table import decode_text, parse_table
 
@@ -30,7 +30,7 @@ def read_plain_text(content: bytes, settings: ReadSettings) -> RawProfiles:
         are_heights(table.values.shape[1], settings) and not names_section(table.names)
     )
     if is_matrix and settings.columns is None:
-        return profiles_from_matrix(table, settings)
+        return profiles_from_text_matrix(table, settings)
     if settings.dx is not None and settings.columns is None and not table.names:
         raise UnreadableFile(
             f"{table.values.shape[1]} columns, but --dx is for heights without x: leave it out "

@@ -91,8 +91,9 @@ def common_unit(
     stated += [statement.unit for statement in statements]
     for unit in stated:
         if unit.unit is None:
+            others = ", or choose other columns, --columns x,z" if unit is header_unit else ""
             raise UnreadableFile(
-                f"the unit {unit.text!r} is stated in it and not understood: {_REMEDY}"
+                f"the unit {unit.text!r} is stated in it and not understood: {_REMEDY}{others}"
             )
     sizes = {mm_per_unit(unit.unit): unit for unit in stated if unit.unit is not None}
     if len(sizes) > 1:

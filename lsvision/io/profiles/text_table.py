@@ -40,6 +40,9 @@ _SPLIT_COMMA = re.compile(r"(?:^|,)[-+]?[0-9]{1,3},0[0-9]+(?=[,.\r\n]|$)", re.MU
 # A number with a point before three digits, such as 1.234, and a whole one without a separator.
 _THOUSANDS_POINT = re.compile(r"[-+]?[1-9][0-9]{0,2}\.[0-9]{3}")
 _WHOLE = re.compile(r"[-+]?[0-9]{1,3}")
+_WHOLE_NUMBER = re.compile(r" ?[-+]?[0-9]+")
+MIN_DECIMALS = 3
+"""Smallest number of different decimals of the heights in a table split at decimal commas."""
 _SPLIT_NUMBERS = (
     "numbers seem to be split at their commas ({cells!r}): export with semicolons between cells "
     "and without thousands separators"
@@ -293,6 +296,27 @@ def _check_split_numbers(header: Header, values: FloatArray, sample: str, layout
         match = None if '"' in sample else _SPLIT_COMMA.search(sample)
         if match:
             raise UnreadableFile(_SPLIT_NUMBERS.format(cells=match[0].strip(",")))
+        if _are_whole_and_decimals(sample):
+            row = sample.splitlines()[0][:40]
+            raise UnreadableFile(
+                _SPLIT_NUMBERS.format(cells=row) + ", or name the columns in a header"
+            )
+
+
+def _are_whole_and_decimals(sample: str) -> bool:
+    """Return whether every second cell may be the decimals of the one before it.
+
+    All of these have the same number of digits, and the last ones differ, unlike a flag.
+    """
+    rows = [row.split(",") for row in sample.splitlines()]
+    decimals = [cell for row in rows for cell in row[1::2]]
+    return (
+        len({len(cell) for cell in decimals}) == 1
+        and all(map(str.isdecimal, decimals))
+        and all(map(_WHOLE_NUMBER.fullmatch, (cell for row in rows for cell in row[::2])))
+        and all(len(row) % 2 == 0 for row in rows)
+        and len({row[-1] for row in rows}) >= MIN_DECIMALS
+    )
 
 
 def _check_thousands_points(sample: str, layout: Layout) -> None:

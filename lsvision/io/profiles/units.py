@@ -64,7 +64,8 @@ _POWER_OF_TEN = re.compile(r"10[-+][0-9]+")
 NOT_LENGTHS = frozenset(
     "px pix pixel pixels count counts digit digits lsb inc incr increment increments "  # noqa: SIM905
     "inkremente tick ticks raw step steps bit bits v volt volts mv ma deg degree degrees "
-    "grad ° rad mrad s sec ms us µs ns min h hz khz % percent a.u. au dn adu arb".split()
+    "grad ° rad radian radians mrad s sec ms us µs ns min h hz khz % percent a.u. au dn adu "
+    "arb".split()
 )
 """Words for units of other quantities than length, and for no unit at all."""
 

@@ -207,3 +207,25 @@ def test_a_wide_table_with_x_and_z_in_its_header_has_one_point_per_line(write):
     file = inspect_profiles(write(text))
     npt.assert_array_equal(file.profiles[0].points, rows[:, :2])
     assert file.ignored == tuple(names[2:])
+
+
+@pytest.mark.parametrize("start", [0, 1])
+@pytest.mark.parametrize("beside_rows", [False, True])
+def test_numbers_of_columns_above_heights_are_no_profile(write, start, beside_rows):
+    rows = [[*range(start, start + 300)], *HEIGHTS.tolist()]
+    if beside_rows:
+        rows = [[cell, *row] for cell, row in zip(["", 0, 1, 2], rows, strict=True)]
+    path = write("\n".join(",".join(map(str, row)) for row in rows))
+    file = inspect_profiles(path, x0=-15, dx=0.1)
+    assert len(file.profiles) == 3
+    assert any("numbers the columns: left out" in note for note in file.notes)
+    npt.assert_allclose(file.profiles[0].points[:, 1], HEIGHTS[0])
+    npt.assert_allclose(file.profiles[0].points[[1, -1], 0], [-14.9, 14.9])
+    with pytest.raises(UnreadableFile, match="without x" if beside_rows else "or is x in mm"):
+        read_profiles(path)
+
+
+def test_numbers_of_transposed_columns_are_no_points(write):
+    text = "\n".join(",".join(map(str, row)) for row in [[0, 1, 2], *HEIGHTS.T.tolist()])
+    profiles = read_profiles(write(text), transpose=True, x0=-15, dx=0.1)
+    npt.assert_array_equal([profile.points[:, 1] for profile in profiles], HEIGHTS)

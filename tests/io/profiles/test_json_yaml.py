@@ -300,3 +300,13 @@ def test_profiles_in_different_units_are_named_as_such(write):
     with pytest.raises(UnreadableFile, match="its profiles differ in their units"):
         read_profiles(write(json.dumps(profiles)))
     assert len(read_profiles(write(json.dumps(profiles)), units="mm")) == 2
+
+
+def test_attributes_that_the_first_of_several_objects_lacks_are_kept(write, arc):
+    items = [{"points": arc.tolist()}, {"points": arc.tolist(), "part": "A7", "time": 3}]
+    file = inspect_profiles(write(json.dumps(items)))
+    assert [dict(row) for row in file.attributes] == [{}, {"part": "A7", "time": 3}]
+    points = [{"x": x, "z": z, "quality": "good"} for x, z in arc.tolist()]
+    for point in points[:5]:
+        del point["quality"]
+    assert inspect_profiles(write(json.dumps(points))).ignored == ("quality",)

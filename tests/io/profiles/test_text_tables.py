@@ -311,3 +311,32 @@ def test_an_indented_comment_among_cells_between_tabs_is_a_comment():
     table = parse_table("x\tz\n1\t2\n\t# pause\n\t#N/A\n3\t4\n")
     npt.assert_array_equal(table.values, [[1, 2], [np.nan, np.nan], [3, 4]])
     assert not table.invalid_cells
+
+
+@pytest.mark.parametrize("form", ["{x:.1f},{z:.1f}", "{x:.1f},0.0,{z:.1f}", "{x:.1f}, {z:.1f}"])
+def test_one_decimal_behind_a_comma_is_no_column(write, arc, form):
+    with pytest.raises(UnreadableFile, match=r"split at their commas.*or name the columns"):
+        read_profile(write("\n".join(lines_of(arc, form, comma=True))))
+
+
+@pytest.mark.parametrize("last", ["1", "{i}"])
+def test_whole_numbers_beside_a_flag_or_an_intensity_are_coordinates(write, arc, last):
+    whole = (1000 * arc).round()
+    lines = lines_of(whole, "{x:.0f},0,{z:.0f}," + last)
+    npt.assert_allclose(read_profile(write("\n".join(lines)), units="um").points, arc)
+
+
+def test_an_encoder_without_a_unit_has_no_positions(write, arc):
+    lines = [f"{x},{e},{z}" for e in (100, 200) for x, z in arc.tolist()]
+    for name, positions in (("encoder", None), ("encoder [um]", (0.1, 0.2)), ("y", (100, 200))):
+        file = inspect_profiles(write("\n".join([f"x [mm],{name},z", *lines])))
+        assert file.positions == positions
+        assert file.attributes[1] == {name.split()[0]: 200}
+        assert any("encoder without a unit" in note for note in file.notes) == (positions is None)
+
+
+def test_columns_of_an_unknown_unit_can_be_replaced_by_others(write, arc):
+    path = write("\n".join(["x;z_raw;z_filtered", *lines_of(arc, "{x};9;{z}")]))
+    with pytest.raises(UnreadableFile, match=r"'raw' is stated.*choose other columns, --columns"):
+        read_profile(path)
+    npt.assert_array_equal(read_profile(path, columns="x,z_filtered").points, arc)
