@@ -25,7 +25,7 @@ from lsvision.laser_line.image_array import as_image
 from lsvision.laser_line.line_blur import correct_line_blur
 from lsvision.profile import PointNoise, Profile
 from lsvision.sensors.camera import Camera
-from lsvision.sensors.rig_file import read_rig, write_rig
+from lsvision.sensors.rig_file import check_line_blur, read_rig, write_rig
 from lsvision.sensors.section_frame import section_pose
 
 STD_RATIO_ALONG_LINE = 0.05
@@ -70,7 +70,7 @@ class LightSection(ComparedByValue):
     Raises
     ------
     ValueError
-        If the blur is negative or not finite.
+        If the blur is negative, above `MAX_LINE_BLUR_PX` or not finite.
     DegenerateGeometry
         If the plane passes through the camera's centre, is parallel to the optical axis, or is
         not in view.
@@ -90,9 +90,7 @@ class LightSection(ComparedByValue):
     line_blur_px: float = 0.0
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.line_blur_px) and self.line_blur_px >= 0):
-            raise ValueError(f"expected line_blur_px >= 0, got {self.line_blur_px}")
-        object.__setattr__(self, "line_blur_px", float(self.line_blur_px))
+        object.__setattr__(self, "line_blur_px", check_line_blur(self.line_blur_px))
         object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
         _check_plane(self.camera, self.laser_plane)
 
@@ -260,6 +258,8 @@ class LightSection(ComparedByValue):
         ------
         UnwritableFile
             If the folder is missing or not writable.
+        ValueError
+            If a number is beyond the limits of rig files, so that `load` would reject it.
 
         Examples
         --------

@@ -27,7 +27,7 @@ UNITS = {"length": "mm", "pixel": "px", "angle": "rad"}
 MAX_SIZE_PX = 1 << 20
 """Largest side of an image, the limit of OpenCV's decoders. Units: px."""
 MAX_LINE_BLUR_PX = 1e3
-"""Largest blur of a laser line that a rig file may state. Units: px."""
+"""Largest blur of a laser line. Units: px."""
 MIN_FOCAL_LENGTH_PX = 1e-3
 """Shortest focal length that a rig or camera file may state. Units: px."""
 MAX_VALUE = 1e9
@@ -165,17 +165,40 @@ def write_rig(
     ------
     UnwritableFile
         If the folder is missing or not writable.
+    ValueError
+        If a number is beyond the limits of this module.
     """
-    text = format_json(
-        SCHEMA,
-        {
-            "camera": camera_as_json(camera),
-            "laser_plane": plane_as_json(plane),
-            "line_blur_px": line_blur_px,
-            "provenance": dict(provenance),
-        },
+    values = {
+        "camera": camera_as_json(camera),
+        "laser_plane": plane_as_json(plane),
+        "line_blur_px": line_blur_px,
+        "provenance": dict(provenance),
+    }
+    _rig_from_json(values)  # what `read_rig` would reject is not written
+    write_atomic(path, format_json(SCHEMA, values))
+
+
+def check_line_blur(blur: float) -> float:
+    """Return a line blur (px) as a float.
+
+    Raises
+    ------
+    ValueError
+        If it is negative, above `MAX_LINE_BLUR_PX` or not finite.
+    """
+    if not (math.isfinite(blur) and 0 <= blur <= MAX_LINE_BLUR_PX):
+        raise ValueError(f"expected line_blur_px from 0 to {MAX_LINE_BLUR_PX:g}, got {blur}")
+    return float(blur)
+
+
+def _rig_from_json(values: Mapping[str, Any]) -> tuple[Camera, Plane, dict[str, str], float]:
+    """Return camera, laser plane, provenance and line blur (px) of JSON values."""
+    return (
+        camera_from_json(values["camera"]),
+        plane_from_json(values["laser_plane"]),
+        {str(key): str(text) for key, text in values["provenance"].items()},
+        check_line_blur(float(values.get("line_blur_px", 0.0))),
     )
-    write_atomic(path, text)
 
 
 def read_rig(path: str | os.PathLike[str]) -> tuple[Camera, Plane, dict[str, str], float]:
@@ -188,13 +211,7 @@ def read_rig(path: str | os.PathLike[str]) -> tuple[Camera, Plane, dict[str, str
     """
     values = read_json(path, SCHEMA)
     try:
-        camera = camera_from_json(values["camera"])
-        plane = plane_from_json(values["laser_plane"])
-        provenance = {str(key): str(text) for key, text in values["provenance"].items()}
-        blur = float(values.get("line_blur_px", 0.0))
-        if not (math.isfinite(blur) and 0 <= blur <= MAX_LINE_BLUR_PX):
-            raise ValueError(f"expected line_blur_px from 0 to {MAX_LINE_BLUR_PX:g}, got {blur}")
+        return _rig_from_json(values)
     except _DAMAGE_ERRORS as error:
         problem = f"lacks {error}" if isinstance(error, KeyError) else f"is damaged: {error}"
         raise UnreadableFile(f"{path} {problem}; save the light section again") from error
-    return camera, plane, provenance, blur

@@ -273,10 +273,10 @@ def test_a_line_whose_middle_misses_the_laser_plane_has_points_beside_it():
     assert np.isnan(points[len(points) // 2]).all()
 
 
-@pytest.mark.parametrize("blur", [-0.1, float("nan"), float("inf")])
+@pytest.mark.parametrize("blur", [-0.1, float("nan"), float("inf"), 1001.0])
 def test_an_invalid_blur_is_rejected(blur):
     camera = Camera([[900, 0, 160], [0, 900, 120], [0, 0, 1]], [], (320, 240))
-    with pytest.raises(ValueError, match="expected line_blur_px >= 0"):
+    with pytest.raises(ValueError, match="expected line_blur_px from 0 to 1000"):
         LightSection(camera, Plane((0.0, 0.866, 0.5), 150.0), {}, blur)
 
 
@@ -340,3 +340,10 @@ def test_a_rig_is_written_whole_and_follows_no_planted_link(tmp_path):
     LightSection(CAMERA, PLANES["slanted"]).save(tmp_path / "rig.json")
     assert (tmp_path / "victim").read_text() == "precious"
     assert LightSection.load(tmp_path / "rig.json").camera.size == CAMERA.size
+
+
+def test_a_rig_that_could_not_be_loaded_is_not_saved(tmp_path):
+    rig = LightSection(replace(CAMERA, size=(1 << 21, 480)), PLANES["slanted"])
+    with pytest.raises(ValueError, match="expected a size of 1 to 1048576 px"):
+        rig.save(tmp_path / "rig.json")
+    assert not list(tmp_path.iterdir())
