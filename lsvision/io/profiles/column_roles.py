@@ -6,7 +6,7 @@ from collections.abc import Container, Iterable, Sequence
 # Role of a column by its name in lower case, English or German.
 _ROLES = {
     **dict.fromkeys(["x", "xs", "px", "position", "lateral", "width", "breite"], "x"),
-    **dict.fromkeys(["y", "ys", "py", "travel", "encoder"], "y"),
+    **dict.fromkeys(["y", "ys", "py", "travel"], "y"),
     **dict.fromkeys(["z", "zs", "pz", "height", "heights", "elevation", "höhe", "hoehe"], "height"),
     **dict.fromkeys(
         ["range", "ranges", "distance", "distances", "dist", "abstand", "depth", "tiefe"], "range"
@@ -36,6 +36,8 @@ def column_role(name: str) -> str:
     """
     if name in _ROLES:
         return _ROLES[name]
+    if is_encoder(name):
+        return "y"
     if axis := _AXIS_NAME.fullmatch(name):
         return _ROLES[axis[1] or axis[2]]
     bare = re.sub(r"[_ .-]", "", name)
@@ -43,6 +45,11 @@ def column_role(name: str) -> str:
         if bare.startswith(word) and bare.removeprefix(word) in ("", *_SCAN_ENDINGS):
             return "scan"
     return name
+
+
+def is_encoder(name: str) -> bool:
+    """Return whether a column of this lower-case name holds the position of an encoder."""
+    return name.startswith("encoder")
 
 
 def columns_by_role(names: Sequence[str], texts: Container[int]) -> dict[str, int]:

@@ -9,7 +9,12 @@ import numpy as np
 
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
-from lsvision.io.profiles.column_roles import column_role, columns_by_role
+from lsvision.io.profiles.column_roles import (
+    column_role,
+    columns_by_role,
+    is_encoder,
+)
+from lsvision.io.profiles.heights_without_x import numbers_points, require_x
 from lsvision.io.profiles.number_table import NumberTable
 from lsvision.io.profiles.profile_attributes import find_profile_attributes
 from lsvision.io.profiles.profile_keys import (
@@ -52,7 +57,8 @@ def profiles_from_table(table: NumberTable, settings: ReadSettings) -> RawProfil
     By position, two columns are x and height. Of three or more, the first is x and the third the
     height; the second is ignored if it is constant, and separates the profiles if each of its
     values occurs in one run of points. The second is the height instead if the third is constant or
-    consists of whole numbers (a label). Columns that do not vary within a profile become its
+    consists of whole numbers (a label). Named columns that number the points are left out. Columns
+    that do not vary within a profile become its
     attributes. If a plane is to be fitted, the points are x, y and z.
 
     Raises
@@ -201,8 +207,8 @@ def _travel_unit(table: NumberTable, column: int) -> tuple[str | None, str]:
     if stated is not None and stated.unit is None:
         return None, f"{label} in {stated.text!r}: positions left out"
     unit = common_unit(stated, statements_about_axis(table.statements, "y"))
-    if unit is None and label == "encoder":
-        return None, "encoder without a unit of length: positions left out"
+    if unit is None and is_encoder(label):
+        return None, f"{label} without a unit of length: positions left out"
     return unit, ""
 
 
@@ -251,7 +257,7 @@ def _choose_by_role(table: NumberTable) -> _Columns | None:
     """Return the columns of x and height and the key by their roles; None if one is missing.
 
     Without a column of heights or ranges, y is the height; without x, y is x. With x, y and height,
-    y is the travel.
+    y is the travel. An encoder is a y.
     """
     by_role = columns_by_role(table.names, table.texts)
     away = "range" in by_role and "height" not in by_role
@@ -269,14 +275,20 @@ def _choose_by_role(table: NumberTable) -> _Columns | None:
     if in_plane:
         return replace(in_plane, away=away)
     x, y, height = in_order
-    if not is_profile_key(table.values[:, y]):
+    is_key = is_profile_key(table.values[:, y])
+    if not is_key and not is_encoder(table.names[y]):  # an encoder may run on within a profile
         _raise_no_key(table, y)
-    return _Columns(x, height, key=y, away=away)
+    return _Columns(x, height, key=y if is_key else None, away=away)
 
 
 def _choose_by_position(table: NumberTable) -> _Columns:
     """Return the columns by their order; see `profiles_from_table`."""
     columns = _number_columns(table)
+    if table.names:
+        numbering = [c for c in columns if numbers_points(table, c)]
+        others = [c for c in columns if c not in numbering]
+        require_x(table, others, numbering)
+        columns = others if len(others) > 1 else columns
     if len(columns) < 2:  # the rest is empty or text, which a message then names
         columns = list(range(table.values.shape[1]))
     if len(columns) == 2:

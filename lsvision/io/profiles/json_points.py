@@ -149,10 +149,9 @@ def _from_object(
     if names_section(names):
         return _from_columns(document, columns, settings, statements)
     if settings.dx is not None and [column_role(name) for name in names] in (["height"], ["range"]):
-        rows = to_floats(next(iter(columns.values())))
-        return profiles_from_matrix(
-            NumberTable(np.atleast_2d(rows), statements=statements), settings
-        )
+        ((key, values),) = columns.items()
+        rows = np.atleast_2d(to_floats(values))
+        return profiles_from_matrix(NumberTable.of_heights(rows, key, statements), settings)
     table = _named_rows(document, statements) or _opencv_matrix(document, statements)
     if table is not None:
         return profiles_from_table(table, settings)

@@ -2,12 +2,14 @@
 
 import re
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
+from lsvision.io.profiles.column_roles import column_role
 from lsvision.io.profiles.number_table import NumberTable
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.stated_units import common_unit, statements_about_axis
@@ -68,46 +70,50 @@ def are_heights(width: int, settings: ReadSettings) -> bool:
 def profiles_from_matrix(table: NumberTable, settings: ReadSettings) -> RawProfiles:
     """Return the profiles of a matrix of heights, or of one row of x over rows of heights.
 
+    Columns that are all named as ranges, such as range_0, hold ranges.
+
     Raises
     ------
     UnreadableFile
-        If the spacing of the columns is not given (``dx``, ``--dx``) and no row states x.
+        If the spacing of the columns is not given (``dx``, ``--dx``) and no row states x, or a
+        number has thousands separators.
     """
     columns = _height_columns(table)
+    _reject_thousands_separators(table, columns)
+    away = _are_ranges(table, columns)
     left_out = [table.label(c) for c in range(table.values.shape[1]) if c not in columns]
     if left_out and not settings.transpose:
         note = f"no heights in column {', '.join(left_out)}: left out"
-        units = tuple(table.units[c] for c in columns if table.units)
-        notes = (*table.notes, note)
-        table = replace(table, values=table.values[:, columns], units=units, notes=notes)
+        table = replace(
+            table,
+            values=table.values[:, columns],
+            units=tuple(table.units[c] for c in columns if table.units),
+            notes=(*table.notes, note),
+        )
     heights = table.values.T if settings.transpose else table.values
     if heights.shape[1] == 1:  # one column is one profile
         heights = heights.T
+    hint = ""
     if settings.dx is None and len(heights) > 2 and _is_x_row(heights):
-        return RawProfiles(
-            sections=[np.column_stack([heights[0], row]) for row in heights[1:]],
-            units=_units_of_rows(table, settings),
-            notes=(*table.notes, "the first row is evenly spaced: read as x"),
-            lost=table.lost,
-            limits=table.limits,
-        )
-    if settings.dx is None and len(heights) == 2 and is_monotonic(heights[0]):
-        return RawProfiles(
-            sections=[heights.T],
-            units=_units_of_rows(table, settings),
-            notes=(*table.notes, "two rows: the first read as x, the other as z"),
-            lost=table.lost,
-            limits=table.limits,
-        )
-    hint = "" if settings.transpose else _transpose_hint(*heights.shape)
-    x, notes = column_positions(heights.shape[1], len(heights), settings)
+        x, rows = heights[0], heights[1:]
+        notes: tuple[str, ...] = ("the first row is evenly spaced: read as x",)
+    elif settings.dx is None and len(heights) == 2 and is_monotonic(heights[0]):
+        x, rows = heights[0], heights[1:]
+        notes = ("two rows: the first read as x, the other as z",)
+    else:
+        rows, hint = heights, "" if settings.transpose else _transpose_hint(*heights.shape)
+        x, notes = column_positions(heights.shape[1], len(heights), settings)
+    x_in_mm = rows is heights
     return RawProfiles(
-        sections=[np.column_stack([x, row]) for row in heights],
-        units=("mm", settings.count_unit or _stated_unit(table, settings)),
-        notes=table.notes + notes + ((hint,) if hint else ()),
+        sections=[np.column_stack([x, row]) for row in rows],
+        units=("mm", settings.count_unit or _stated_unit(table, settings))
+        if x_in_mm
+        else _units_of_rows(table, settings),
+        away=away,
+        notes=(*table.notes, *notes, *filter(None, [hint])),
         lost=table.lost,
         limits=table.limits,
-        x_in_mm=True,
+        x_in_mm=x_in_mm,
     )
 
 
@@ -117,11 +123,30 @@ def _height_columns(table: NumberTable) -> list[int]:
     A column of times is text with digits; other text may mark lost points.
     """
     columns = list(range(table.values.shape[1]))
-    stems = [_NUMBER_AT_END.sub("", name) for name in table.names]
+    stems = list(map(_stem, table.names))
     stem, count = Counter(stems).most_common(1)[0] if stems else ("", 0)
     if 2 * count > len(columns):
         return [c for c in columns if stems[c] == stem]
     return [c for c in columns if not re.search("[0-9]", "".join(table.texts.get(c, ())))]
+
+
+def _are_ranges(table: NumberTable, columns: Sequence[int]) -> bool:
+    """Return whether columns, at least one, are all named as ranges."""
+    stems = [_stem(table.names[c]).rstrip(" _-[(") for c in columns if table.names]
+    return bool(stems) and all(column_role(stem) == "range" for stem in stems)
+
+
+def _reject_thousands_separators(table: NumberTable, columns: Sequence[int]) -> None:
+    """Raise an error for a number with thousands separators; other text marks lost points."""
+    for column in columns:
+        cell = table.invalid_cells.get(column)
+        if cell is not None and cell.grouped:
+            raise UnreadableFile(f"line {cell.row}: {cell.text[:40]!r} {cell.reason}")
+
+
+def _stem(name: str) -> str:
+    """Return the name of a column without the number at its end."""
+    return _NUMBER_AT_END.sub("", name)
 
 
 def column_positions(

@@ -7,7 +7,7 @@ from typing import Self
 from lsvision.geometry import FloatArray
 from lsvision.io.profiles.number_cells import InvalidCell
 from lsvision.io.profiles.unit_statements import UnitStatement
-from lsvision.io.profiles.units import StatedUnit
+from lsvision.io.profiles.units import StatedUnit, split_label
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +56,15 @@ class NumberTable:
         count = rows.shape[1]
         names = {2: ("x", "z"), 3: ("x", "y", "z")}.get(count, ())
         return cls(rows, names, (None,) * count, statements)
+
+    @classmethod
+    def of_heights(
+        cls, rows: FloatArray, label: str, statements: tuple[UnitStatement, ...] = ()
+    ) -> Self:
+        """Return the table of rows of heights; the label, with its unit, is that of all columns."""
+        name, unit = split_label(label)
+        count = rows.shape[1]
+        return cls(rows, (name,) * count if name else (), (unit,) * count, statements)
 
     def label(self, column: int) -> str:
         """Return the name of a column, or its number if it has none."""

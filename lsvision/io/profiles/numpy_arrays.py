@@ -101,7 +101,7 @@ def _profiles_from_arrays(
     if key is None and len(arrays) == 1:
         key = next(iter(arrays))
     if key is not None:
-        return profiles_from_array(arrays[key], settings, statements)
+        return profiles_from_array(arrays[key], settings, statements, key)
     rows = {name: array for name, array in arrays.items() if array.ndim} or arrays
     return profiles_from_named(
         {name: _as_floats(array, name) for name, array in rows.items()}, settings, statements
@@ -204,8 +204,9 @@ def profiles_from_array(
     array: npt.NDArray[np.generic],
     settings: ReadSettings,
     statements: tuple[UnitStatement, ...] = (),
+    label: str = "",
 ) -> RawProfiles:
-    """Return the profiles of one array; see `read_npy`."""
+    """Return the profiles of one array, whose label may state its unit; see `read_npy`."""
     if array.dtype.names:
         records: Any = array
         return profiles_from_named(
@@ -229,7 +230,8 @@ def profiles_from_array(
     table = NumberTable(values, statements=statements, limits=_limits(array.dtype))
     is_matrix = settings.transpose or are_heights(values.shape[1], settings) or len(values) == 1
     if settings.columns is None and is_matrix:
-        return profiles_from_matrix(table, settings)
+        labelled = NumberTable.of_heights(values, label, statements)
+        return profiles_from_matrix(replace(labelled, limits=table.limits), settings)
     return profiles_from_table(table, settings)
 
 

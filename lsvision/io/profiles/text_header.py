@@ -6,7 +6,12 @@ from dataclasses import dataclass
 
 from lsvision.io.profiles.column_roles import column_role, has_known_role
 from lsvision.io.profiles.number_cells import COMMENT_MARKS
-from lsvision.io.profiles.text_layout import drop_blank_cells, is_number_or_lost, split_cells
+from lsvision.io.profiles.text_layout import (
+    are_column_numbers,
+    drop_blank_cells,
+    is_number_or_lost,
+    split_cells,
+)
 from lsvision.io.profiles.unit_statements import states_unit
 from lsvision.io.profiles.units import NOT_LENGTHS, StatedUnit, parse_unit, split_label, state_unit
 
@@ -95,8 +100,8 @@ def _has_known_roles(parsed: Sequence[tuple[str, StatedUnit | None]]) -> bool:
 
 def _is_not_header(line: str, text: str, labels: Sequence[str], separator: str | None) -> bool:
     """Return whether a line with one word per column does not hold their names."""
-    if all(map(is_number_or_lost, labels)):
-        return True
+    if all(map(is_number_or_lost, labels)):  # unless the first is above numbers of the rows
+        return bool(labels[0]) or not are_column_numbers(labels[1:])
     if states_unit(line):  # unless it names columns, as "x_mm,z in um" without a comment's mark
         is_comment_line = line.lstrip().startswith(COMMENT_MARKS)
         return is_comment_line or not _has_known_roles(list(map(split_label, labels)))

@@ -192,7 +192,8 @@ def _is_above_table(lines: Sequence[str], index: int, row: Sequence[str]) -> boo
     """Return whether a line of numbers is above the table, such as a count of points or columns.
 
     It is if a header follows it, most of the lines below have more cells, or its cells are the
-    numbers of few columns, 0, 1, ..., and those below it have decimals.
+    numbers of few columns, 0, 1, ..., and those below it have decimals. The first cell may be
+    empty: it is then above numbers of the rows.
     """
     below = islice(_iterate_cells(lines[index + 1 : index + 1 + 2 * SAMPLE_LINES]), SAMPLE_LINES)
     nearest = list(islice(below, 3))
@@ -201,11 +202,20 @@ def _is_above_table(lines: Sequence[str], index: int, row: Sequence[str]) -> boo
         return True
     width = len(row)
     if not nearest or width == len(nearest[0]):
-        numbers = [str(number) for number in range(width)]
-        return width <= MAX_NUMBERED_COLUMNS and list(row) == numbers and _have_decimals(nearest)
+        start = 0 if row[0].strip() else 1
+        return (
+            width <= MAX_NUMBERED_COLUMNS
+            and are_column_numbers(row[start:])
+            and _have_decimals([cells[start:] for cells in nearest])
+        )
     widths = [len(cells) for cells in (*nearest, *below)]
     common, count = Counter(widths).most_common(1)[0]
     return common > width and 2 * count > len(widths)
+
+
+def are_column_numbers(cells: Sequence[str]) -> bool:
+    """Return whether cells are the numbers of columns, 0, 1, ..., as pandas writes them."""
+    return list(cells) == [str(number) for number in range(len(cells))]
 
 
 def _have_decimals(rows: Sequence[Sequence[str]]) -> bool:

@@ -229,3 +229,30 @@ def test_numbers_of_transposed_columns_are_no_points(write):
     text = "\n".join(",".join(map(str, row)) for row in [[0, 1, 2], *HEIGHTS.T.tolist()])
     profiles = read_profiles(write(text), transpose=True, x0=-15, dx=0.1)
     npt.assert_array_equal([profile.points[:, 1] for profile in profiles], HEIGHTS)
+
+
+RANGES = np.nan_to_num(-HEIGHTS[:, 1:40:2], nan=140.25)
+RANGE_FILES = {
+    "numbered columns": "".join(f"range_{k}," for k in range(20)).strip(",")
+    + "".join("\n" + ",".join(map(str, row)) for row in RANGES),
+    "one column": "Distance [mm]\n" + "\n".join(map(str, RANGES[0])),
+    "json": f'{{"ranges": {RANGES.tolist()}}}',
+    "json in um": f'{{"range_um": {(1000 * RANGES).tolist()}}}',
+    "yaml": f"range_mm: {RANGES[0].tolist()}",
+    "npz": saved(np.savez, **{"range_um": 1000 * RANGES}),
+}
+
+
+@pytest.mark.parametrize("name", RANGE_FILES)
+def test_rows_of_ranges_are_turned(write, name):
+    suffix = name.split()[0] if name[0] in "jyn" else "csv"
+    file = inspect_profiles(write(RANGE_FILES[name], f"ranges.{suffix}"), x0=-15, dx=0.2)
+    assert file.flipped
+    npt.assert_allclose(file.profiles[0].points[:, 1], -RANGES[0])
+
+
+def test_thousands_separators_among_heights_are_rejected(write):
+    rows = [";".join(map(str, row)) for row in RANGES]
+    rows[1] = rows[1].replace(";140.25;", ";1,140.25;", 1)
+    with pytest.raises(UnreadableFile, match=r"line 2: .* has a thousands separator"):
+        read_profiles(write("\n".join(rows)), dx=0.2)

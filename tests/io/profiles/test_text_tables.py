@@ -328,11 +328,17 @@ def test_whole_numbers_beside_a_flag_or_an_intensity_are_coordinates(write, arc,
 
 def test_an_encoder_without_a_unit_has_no_positions(write, arc):
     lines = [f"{x},{e},{z}" for e in (100, 200) for x, z in arc.tolist()]
-    for name, positions in (("encoder", None), ("encoder [um]", (0.1, 0.2)), ("y", (100, 200))):
+    names = {"encoder": None, "EncoderPos": None, "encoder [um]": (0.1, 0.2), "y": (100, 200)}
+    for name, positions in names.items():
         file = inspect_profiles(write("\n".join([f"x [mm],{name},z", *lines])))
         assert file.positions == positions
-        assert file.attributes[1] == {name.split()[0]: 200}
-        assert any("encoder without a unit" in note for note in file.notes) == (positions is None)
+        assert file.attributes[1] == {name.split()[0].lower(): 200}
+        assert any("without a unit of length" in note for note in file.notes) == (not positions)
+
+
+def test_an_encoder_that_runs_on_within_a_profile_separates_nothing(write, arc):
+    lines = lines_of(arc, "{x},{i},{z}")
+    assert_reads(write, ["x,encoder,z", *lines], arc)
 
 
 def test_columns_of_an_unknown_unit_can_be_replaced_by_others(write, arc):
@@ -340,3 +346,32 @@ def test_columns_of_an_unknown_unit_can_be_replaced_by_others(write, arc):
     with pytest.raises(UnreadableFile, match=r"'raw' is stated.*choose other columns, --columns"):
         read_profile(path)
     npt.assert_array_equal(read_profile(path, columns="x,z_filtered").points, arc)
+
+
+@pytest.mark.parametrize("head", ["index,z", "Pixel;z", ",z", ",0", "nr height", "column,range"])
+def test_numbers_of_the_points_are_no_x(write, arc, head):
+    separator = next(mark for mark in ",; " if mark in head)
+    lines = lines_of(arc, "{i}" + separator + "{z}")
+    path = write("\n".join([head, *lines]))
+    with pytest.raises(UnreadableFile, match=r"numbers the points: .*--x0 and --dx"):
+        read_profile(path)
+    if head != ",0":
+        sign = -1 if "range" in head else 1
+        profile = read_profile(path, x0=-5, dx=0.5)
+        npt.assert_allclose(profile.points[:3], [[-5 + k / 2, sign * arc[k, 1]] for k in range(3)])
+
+
+def test_heights_beside_another_quantity_are_no_x(write, arc):
+    lines = ["z,intensity", *(f"{z},{k % 7}" for k, z in enumerate(arc[:, 1]))]
+    with pytest.raises(UnreadableFile, match="columns z and intensity, and no x"):
+        read_profile(write("\n".join(lines)))
+
+
+def test_dx_is_rejected_beside_x(write, arc):
+    with pytest.raises(UnreadableFile, match="--dx is for heights without x"):
+        read_profile(write("\n".join(["x,z", *lines_of(arc)])), dx=0.1)
+
+
+@pytest.mark.parametrize("head", [",0,1", ",x,z", "index,a,b"])
+def test_numbers_of_rows_and_columns_are_left_out(write, arc, head):
+    assert_reads(write, [head, *lines_of(arc, "{i},{x},{z}")], arc)
