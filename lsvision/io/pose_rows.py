@@ -21,13 +21,14 @@ from lsvision.io.pose_programs import read_program_rows
 from lsvision.io.profiles.json_statements import lines_on_units
 from lsvision.io.profiles.unit_statements import find_unit_statements
 from lsvision.io.profiles.units import NOT_LENGTHS, StatedUnit, parse_unit, split_label
-from lsvision.io.robot_conventions import AngleUnit, LengthUnit, PoseConvention
+from lsvision.io.robot_conventions import CONVENTIONS, AngleUnit, LengthUnit, PoseConvention
 from lsvision.io.yaml_text import parse_yaml
 
 _LETTER = re.compile(r"[^\W\d_eE]")
 """Letter of a name or a unit; e and E are also those of 1e3."""
 _COMMA_NUMBER = re.compile(r"[-+]?[0-9]+(?:,[0-9]+)?(?:[eE][-+]?[0-9]+)?")
 """Number with a decimal comma between digits, or a whole number."""
+_CONVENTION = re.compile(r"\bconvention[\"']?\s*[:=]\s*[\"']?(\w+)", re.IGNORECASE)
 _QUOTED = re.compile(r'"([^"]*)"')
 _ANGLE_UNIT = re.compile(
     rf"(?<![\w.])(?<![0-9] )(?:{'|'.join(ANGLE_UNITS)})(?!\w| ?c\b|/s)", re.IGNORECASE
@@ -127,6 +128,10 @@ def _flatten(row: Any, pose_convention: PoseConvention) -> list[float]:
     """Return the numbers of a pose: fields by name, or nested lists in their order."""
     if isinstance(row, Mapping):
         named = {str(key).lower(): value for key, value in row.items()}
+        if isinstance(named.get("pose"), Mapping):  # of a message with a header
+            return _flatten(named["pose"], pose_convention)
+        if pose_convention.name == "ros":
+            named |= _fields_of_message(named)
         missing = [field for field in pose_convention.fields if field not in named]
         if missing:
             raise ValueError(
@@ -136,6 +141,15 @@ def _flatten(row: Any, pose_convention: PoseConvention) -> list[float]:
     if isinstance(row, Sequence) and not isinstance(row, str):
         return [number for item in row for number in _flatten(item, pose_convention)]
     return [float(row)]
+
+
+def _fields_of_message(message: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields of a ROS message Pose or Transform; none of another mapping."""
+    for position_key, rotation_key in (("position", "orientation"), ("translation", "rotation")):
+        position, rotation = message.get(position_key), message.get(rotation_key)
+        if isinstance(position, Mapping) and isinstance(rotation, Mapping):
+            return {**position, **{f"q{axis}": value for axis, value in rotation.items()}}
+    return {}
 
 
 def _text_rows(path: Path, text: str, pose_convention: PoseConvention, skip: int) -> PoseRows:
@@ -212,9 +226,10 @@ def _stated_units(path: Path, lines: Sequence[str], pose_convention: PoseConvent
     Raises
     ------
     UnreadableFile
-        If they state several, or one of lengths that is neither mm nor m.
+        If they state several, one of lengths that is neither mm nor m, or another convention.
     """
     comments = [line for line in lines if line.lstrip().startswith(("#", "%", "//"))]
+    _check_convention(path, comments, pose_convention)
     lengths = {
         statement.unit.unit or statement.unit.text
         for statement in find_unit_statements(comments)
@@ -229,6 +244,16 @@ def _stated_units(path: Path, lines: Sequence[str], pose_convention: PoseConvent
         )
     except ValueError as error:
         raise UnreadableFile(f"{path}: {error}") from error
+
+
+def _check_convention(path: Path, comments: Sequence[str], expected: PoseConvention) -> None:
+    """Raise UnreadableFile if comments such as ``# convention: kuka`` state another convention."""
+    for stated in _CONVENTION.findall("\n".join(comments)):
+        if stated.lower() in CONVENTIONS and stated.lower() != expected.name:
+            raise UnreadableFile(
+                f"{path}: it states convention {stated!r}, not {expected.name!r}: use --convention "
+                f"{stated.lower()}, or correct the file"
+            )
 
 
 def _is_about_angles(stated: StatedUnit) -> bool:

@@ -320,3 +320,29 @@ def test_a_trajectory_of_the_tum_benchmark(write):
     lines += [f"{k}.5 0.1 0.{k} 0.3 0 0 0 1" for k in (1, 2)]
     poses = read_robot_poses(write("\n".join(lines), "trajectory.txt"), "ros")
     npt.assert_allclose(poses[1].translation, (100, 200, 300))
+
+
+@pytest.mark.parametrize(
+    "form",
+    [
+        '{{"position": {0}, "orientation": {1}}}',
+        '{{"translation": {0}, "rotation": {1}}}',
+        '{{"header": {{"frame_id": "base"}}, "pose": {{"position": {0}, "orientation": {1}}}}}',
+    ],
+)
+def test_messages_of_ros_are_poses(write, form):
+    turn = '{"x": 0.6, "y": 0, "z": 0, "w": 0.8}'
+    rows = [form.format(f'{{"x": 0.{k}, "y": 0.2, "z": 0.3}}', turn) for k in (1, 2)]
+    poses = read_robot_poses(write(f"[{', '.join(rows)}]", "poses.json"), "ros")
+    npt.assert_allclose(poses[1].translation, (200, 200, 300))
+    npt.assert_allclose(poses[1].rotation[:, 1], (0, 0.28, 0.96))
+
+
+@pytest.mark.parametrize("name", ["poses.csv", "poses.json"])
+def test_a_convention_that_the_file_states_is_compared(write, expected, name):
+    text = "# convention: KUKA\n" + "\n".join(",".join(map(str, row)) for row in ROWS)
+    if name == "poses.json":
+        text = f'{{"convention": "kuka", "poses": {ROWS}}}'
+    assert_same(read_robot_poses(write(text, name), "kuka"), expected())
+    with pytest.raises(UnreadableFile, match=r"states convention .*not 'fanuc'"):
+        read_robot_poses(write(text, name), "fanuc")
