@@ -19,15 +19,22 @@ from lsvision.cylinder.problem import (
     PARAMETERS,
     CylinderProblem,
     cylinder_from_parameters,
-    distance_stds_and_biases,
     minimise,
+    normalised_residuals,
     parameters_from_cylinder,
     rotate_covariances,
     weighted_problem,
 )
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import DegenerateGeometry, TooFewPoints
-from lsvision.geometry import Cylinder, FloatArray, Points, as_readonly_array, tangent_frame
+from lsvision.geometry import (
+    BoolArray,
+    Cylinder,
+    FloatArray,
+    Points,
+    as_readonly_array,
+    tangent_frame,
+)
 from lsvision.geometry.arrays import TINY, measure_extent, require_coordinates, require_covariances
 from lsvision.geometry.settings_repr import ShowsChanges
 from lsvision.statistics.numerical_failures import report_numerical_failure, require_finite
@@ -154,7 +161,8 @@ def _fit_validated(
     scaled_covariances = None if covariances is None else covariances / scale**2
     prior = known_radius and RadiusPrior(known_radius.radius / scale, known_radius.std / scale)
     if initial_guess is None:
-        scaled_guess = guess_cylinder(scaled, prior)
+        has_outliers = settings.truncation is not None
+        scaled_guess = guess_cylinder(scaled, scaled_covariances, prior, has_outliers=has_outliers)
     else:
         scaled_guess = Cylinder(
             (initial_guess.point - origin) / scale,
@@ -211,41 +219,30 @@ def _fit_truncated(
 ) -> CylinderFit:
     """Fit a cylinder to the inliers of points, and repeat the fit until they do not change."""
     cylinder, inliers = initial_guess, np.ones(len(points), dtype=bool)
+    if settings.truncation is not None:
+        _, _, normalised = normalised_residuals(points, covariances, cylinder)
+        inliers = _find_inliers(normalised, settings.truncation, inliers)
     for _ in range(MAX_TRUNCATION_ITERATIONS):
         selected = None if covariances is None else covariances[inliers]
         fit = _fit(points[inliers], selected, cylinder, known_radius, settings)
         if settings.truncation is None:
             return fit
         cylinder = fit.cylinder
-        residuals, stds, normalised = _residuals(points, covariances, cylinder)
+        residuals, stds, normalised = normalised_residuals(points, covariances, cylinder)
         fit = replace(fit, residuals=residuals, normalised=normalised, stds=stds, inliers=inliers)
-        # Outliers bias the first fits, so that the limit decreases while outliers are excluded.
-        noise_factor = max(1.0, mad_std(normalised))
-        new_inliers = np.abs(normalised) <= settings.truncation * noise_factor
-        if new_inliers.sum() <= PARAMETERS or (new_inliers == inliers).all():
+        new_inliers = _find_inliers(normalised, settings.truncation, inliers)
+        if (new_inliers == inliers).all():
             break
         inliers = new_inliers
     return fit
 
 
-def _residuals(
-    points: Points, covariances: FloatArray | None, cylinder: Cylinder
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return residuals, their standard deviations and the normalised residuals.
-
-    Without covariances the standard deviation is the robust one (MAD) of all residuals.
-    """
-    residuals = cylinder.signed_distances(points)
-    if covariances is None:
-        std = max(mad_std(residuals), TINY)
-        return residuals, np.full(len(points), std), residuals / std
-    frame = tangent_frame(cylinder.direction)
-    stds, offsets, _ = distance_stds_and_biases(
-        points @ frame.T,
-        rotate_covariances(covariances, frame),
-        parameters_from_cylinder(frame, cylinder),
-    )
-    return residuals, stds, (residuals - offsets) / stds
+def _find_inliers(normalised: FloatArray, truncation: float, previous: BoolArray) -> BoolArray:
+    """Return the mask of the residuals within a truncation; `previous` if they are too few."""
+    # Outliers bias the first fits, so that the limit decreases while outliers are excluded.
+    noise_factor = max(1.0, mad_std(normalised))
+    inliers: BoolArray = np.abs(normalised) <= truncation * noise_factor
+    return inliers if inliers.sum() > PARAMETERS else previous
 
 
 def _fit(
@@ -290,7 +287,7 @@ def _scale_prior(
     Its std is divided by the factor by which they exceed those of the problem, so that the
     covariance, multiplied by the square of this factor, contains the stated std.
     """
-    residuals, _, normalised = _residuals(points, covariances, cylinder)
+    residuals, _, normalised = normalised_residuals(points, covariances, cylinder)
     factor, _, std_scale = _variance_factor(
         residuals if covariances is None else normalised,
         len(points) - PARAMETERS,

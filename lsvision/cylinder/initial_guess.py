@@ -5,6 +5,7 @@ import numpy as np
 from lsvision.cylinder.problem import (
     cylinder_from_parameters,
     minimise,
+    normalised_residuals,
     parameters_from_cylinder,
     weighted_problem,
 )
@@ -12,6 +13,7 @@ from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import FitFailed
 from lsvision.geometry import Cylinder, FloatArray, Points, hemisphere_directions, tangent_frame
 from lsvision.geometry.arrays import TINY
+from lsvision.statistics.robust import median
 
 DIRECTIONS = 400
 """Number of directions in the grid over the hemisphere. They are 7 deg apart, so that the
@@ -24,39 +26,62 @@ initial direction must be correct to about radius / length; the regular grid is 
 ratios up to about 5."""
 DISTINCT_DIRECTION_COSINE = np.cos(np.radians(12.0))
 """Largest cosine of the angle between two candidates: that of 12 deg."""
+SAME_COST = 1e-6
+"""Relative difference of the costs of candidates that have converged to the same cylinder."""
 MAX_POINTS = 400
 """Largest number of points for the initial guess, selected evenly; more points do not improve
 it."""
+CONCENTRATION_STEPS = 5
+"""Number of fits to the half of the points nearest to the last fit."""
 
 
-def guess_cylinder(points: Points, known_radius: RadiusPrior | None = None) -> Cylinder:
-    """Estimate a cylinder by least squares with equal weights, without an initial guess.
+def guess_cylinder(
+    points: Points,
+    covariances: FloatArray | None = None,
+    known_radius: RadiusPrior | None = None,
+    *,
+    has_outliers: bool = False,
+) -> Cylinder:
+    """Estimate a cylinder without an initial guess.
 
     For each direction of a grid, an algebraic circle is fitted to the projection of the points
-    along it; the best directions are refined, and the best cylinder is returned. For elongated
-    points a second grid is used, which is finer near their long axis.
+    along it; the best directions are refined by least squares with equal weights, and the best
+    cylinder is returned. For elongated points a second grid is used, which is finer near their long
+    axis.
 
     Parameters
     ----------
     points : (n, 3) ndarray
         Points centred at the origin and scaled to an extent of about 1.
+    covariances : (n, 3, 3) ndarray, optional
+        Covariance of each point's error, in the same scale; the best cylinder is then that of the
+        smallest normalised residuals. Two parallel arcs, for example, also lie nearly on a cylinder
+        across them.
     known_radius : RadiusPrior, optional
         Prior on the radius, in the same scale.
+    has_outliers : bool
+        Whether the points may have outliers: cylinders are refined with the half of the points that
+        is nearest to them, and the median of the residuals decides.
 
     Raises
     ------
     FitFailed
         If no direction leads to a cylinder.
     """
-    subset = points[np.linspace(0, len(points) - 1, min(len(points), MAX_POINTS)).astype(int)]
+    rows = np.linspace(0, len(points) - 1, min(len(points), MAX_POINTS)).astype(int)
+    subset = points[rows]
+    subset_covariances = None if covariances is None else covariances[rows]
     best: Cylinder | None = None
     lowest_cost = np.inf
     for candidate in _candidates(subset):
         try:
-            refined, cost = _refine(subset, candidate, known_radius)
+            refined = _refine(subset, candidate, known_radius)
+            if has_outliers:
+                refined = _concentrate(subset, refined, known_radius)
         except FitFailed:
             continue
-        if cost < lowest_cost:
+        cost = _cost(subset, subset_covariances, refined, known_radius, has_outliers=has_outliers)
+        if cost < lowest_cost * (1 - SAME_COST):
             best, lowest_cost = refined, cost
     if best is None:
         raise FitFailed(
@@ -143,13 +168,36 @@ def _best_distinct_directions(directions: FloatArray, costs: FloatArray) -> list
     return selected
 
 
-def _refine(
-    points: Points, candidate: Cylinder, known_radius: RadiusPrior | None
-) -> tuple[Cylinder, float]:
-    """Return the least-squares cylinder near a candidate, and its sum of squared residuals."""
+def _refine(points: Points, candidate: Cylinder, known_radius: RadiusPrior | None) -> Cylinder:
+    """Return the least-squares cylinder near a candidate."""
     frame = tangent_frame(candidate.direction)
     start = parameters_from_cylinder(frame, candidate)
     problem = weighted_problem(points @ frame.T, None, start, known_radius)
-    parameters = minimise(problem, start)
-    residuals, _ = problem.evaluate(parameters)
-    return cylinder_from_parameters(frame, parameters), float(residuals @ residuals)
+    return cylinder_from_parameters(frame, minimise(problem, start))
+
+
+def _concentrate(points: Points, cylinder: Cylinder, known_radius: RadiusPrior | None) -> Cylinder:
+    """Return a cylinder refitted, several times, to the half of the points nearest to it."""
+    for _ in range(CONCENTRATION_STEPS):
+        distances = np.abs(cylinder.signed_distances(points))
+        cylinder = _refine(points[distances <= median(distances)], cylinder, known_radius)
+    return cylinder
+
+
+def _cost(
+    points: Points,
+    covariances: FloatArray | None,
+    cylinder: Cylinder,
+    known_radius: RadiusPrior | None,
+    *,
+    has_outliers: bool,
+) -> float:
+    """Return the sum of squared residuals, or with outliers the median of their moduli."""
+    residuals, _, normalised = normalised_residuals(points, covariances, cylinder)
+    values = residuals if covariances is None else normalised
+    if has_outliers:
+        return median(np.abs(values))
+    prior = 0.0
+    if known_radius is not None:
+        prior = (cylinder.radius - known_radius.radius) / known_radius.effective_std
+    return float(values @ values) + prior**2

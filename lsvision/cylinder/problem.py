@@ -12,9 +12,10 @@ import numpy as np
 
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import FitFailed
-from lsvision.geometry import Cylinder, FloatArray, Points
+from lsvision.geometry import Cylinder, FloatArray, Points, tangent_frame
 from lsvision.geometry.arrays import TINY, measure_extent
 from lsvision.statistics.compiled_routines import levenberg_marquardt
+from lsvision.statistics.robust import mad_std
 
 Evaluation = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 PARAMETERS = 5
@@ -236,6 +237,41 @@ def _multiply(covariances: FloatArray, vectors: FloatArray) -> FloatArray:
     """Return the (3, n) products of (n, 3, 3) matrices and (3, n) vectors."""
     product: FloatArray = np.einsum("nij,jn->in", covariances, vectors)
     return product
+
+
+def normalised_residuals(
+    points: Points, covariances: FloatArray | None, cylinder: Cylinder
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the distances of points from a cylinder, their stds, and their ratios without bias.
+
+    Parameters
+    ----------
+    points : (n, 3) ndarray
+        Points in the frame of the cylinder. Units: mm.
+    covariances : (n, 3, 3) ndarray, optional
+        Covariance of each point's error; None: the std is the robust one (MAD) of all distances.
+        Units: mm^2.
+    cylinder : Cylinder
+        The cylinder.
+
+    Returns
+    -------
+    residuals, stds : (n,) ndarray
+        Signed distances, positive outside, and their standard deviations. Units: mm.
+    normalised : (n,) ndarray
+        Residuals minus their bias, divided by `stds`.
+    """
+    residuals = cylinder.signed_distances(points)
+    if covariances is None:
+        std = max(mad_std(residuals), TINY)
+        return residuals, np.full(len(points), std), residuals / std
+    frame = tangent_frame(cylinder.direction)
+    stds, offsets, _ = distance_stds_and_biases(
+        points @ frame.T,
+        rotate_covariances(covariances, frame),
+        parameters_from_cylinder(frame, cylinder),
+    )
+    return residuals, stds, (residuals - offsets) / stds
 
 
 def _tangents(normals: FloatArray, parameters: FloatArray) -> FloatArray:

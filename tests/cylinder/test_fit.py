@@ -106,6 +106,34 @@ def isotropic(rng: np.random.Generator, std: float) -> tuple[np.ndarray, np.ndar
     return exact + rng.normal(0, std, exact.shape), np.tile(std**2 * np.eye(3), (len(exact), 1, 1))
 
 
+def two_sections(
+    rng: np.random.Generator, arc: tuple[float, float], outliers: int = 0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points of two sections, 40 mm apart, and covariances of errors along X, the ray."""
+    exact = surface(Cylinder((0, 0, 0), (0, 0, 1), 19.0), np.array([0.0, 40.0]), np.linspace(*arc))
+    points = exact + rng.normal(0, [0.05, 0.0025, 0.0025], exact.shape)
+    points[rng.choice(len(points), outliers, replace=False), 0] += rng.uniform(1, 3, outliers)
+    return points, np.tile(np.diag([0.05, 0.0025, 0.0025]) ** 2, (len(points), 1, 1))
+
+
+def test_the_noise_tells_two_arcs_from_a_cylinder_across_them() -> None:
+    fits = [fit_cylinder(*two_sections(np.random.default_rng(k), (0.8, 2.0))) for k in range(8)]
+    for fit in fits:
+        assert abs(fit.radius - 19) < SIGMAS * fit.radius_std < 0.5
+        assert fit.variance_factor < 2
+
+
+@pytest.mark.parametrize("known_noise", [False, True])
+@pytest.mark.parametrize("outliers", [0, 6, 25])
+def test_truncation_finds_the_cylinder_of_most_points(outliers: int, known_noise: bool) -> None:
+    settings = CylinderFittingSettings(truncation=3.0)
+    for seed in range(4):
+        points, noise = two_sections(np.random.default_rng(seed), (0.3, 2.4), outliers)
+        fit = fit_cylinder(points, noise if known_noise else None, settings=settings)
+        assert abs(fit.radius - 19) < SIGMAS * fit.radius_std < 0.25
+        assert fit.inliers.sum() <= 100 - outliers
+
+
 def test_truncation_excludes_clutter() -> None:
     rng = np.random.default_rng(6)
     points, covariances = noisy(rng, 0.05)
