@@ -132,7 +132,8 @@ class Profile(ComparedByValue):
     noise : NoiseModel, optional
         Noise model of the points.
     lost : float or sequence of float, optional
-        Values that mark lost points, such as -9999, in either coordinate. By default nothing is
+        Values that mark lost points, such as -9999, in either coordinate; 0 marks them only as y,
+        since valid points may have x = 0. By default nothing is
         removed, and a value that looks like such a marker causes a warning; ``()`` means that
         there are no markers.
 
@@ -176,7 +177,7 @@ class Profile(ComparedByValue):
         else:
             for value in np.atleast_1d(np.asarray(lost, dtype=np.float64)):
                 is_marker: BoolArray = np.isclose(rows, value, rtol=MARKER_TOLERANCE, atol=0)
-                rows = _mark_lost(rows, is_marker[:, 0] | is_marker[:, 1])
+                rows = _mark_lost(rows, is_marker[:, 1] | (is_marker[:, 0] & (value != 0)))
         object.__setattr__(self, "points", rows)
         object.__setattr__(self, "noise", noise)
 

@@ -47,6 +47,7 @@ FORMS = {
     "frame": frame_of,
     "frame x_mm": lambda points: frame_of(points, "X_mm", "Z_mm"),
     "frame y": lambda points: frame_of(points, "x", "y"),
+    "frame y, height": lambda points: frame_of(points, "x", "height").assign(y=12.0),
     "frame of numbered columns": pd.DataFrame,
     "frame of nullable floats": lambda points: frame_of(points).convert_dtypes(),
     "frame of polars": lambda points: PolarsLikeFrame(

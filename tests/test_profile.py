@@ -163,3 +163,8 @@ def test_points_may_leave_their_ellipse_by_a_hundredth_of_the_radius_whatever_th
 @pytest.mark.parametrize("lost", [INF, -INF, NAN, (-9999, INF)])
 def test_a_marker_that_is_not_finite_removes_no_valid_point(lost):
     assert Profile([[0.0, -400.0], [0.6, INF], [1.2, -399.8]], lost=lost).lost == 1
+
+
+def test_the_marker_0_removes_no_point_at_x_0():
+    points = [[-1.0, -400.0], [0.0, 0.0], [0.0, -399.0], [1.0, 0.0]]
+    assert np.isnan(Profile(points, lost=0).points[:, 0]).tolist() == [False, True, False, True]

@@ -10,8 +10,9 @@ from lsvision.geometry.arrays import FloatArray, as_readonly_array
 
 X_COLUMNS = ("x", "x_mm")
 """Names of a data frame's column along the laser line, in any case."""
-Y_COLUMNS = ("z", "z_mm", "y", "y_mm", "height", "height_mm")
-"""Names of a data frame's column of heights towards the sensor, in any case."""
+Y_COLUMNS = ("z", "z_mm", "height", "height_mm", "y", "y_mm")
+"""Names of a data frame's column of heights towards the sensor, in any case; the first one that is
+there is used, since y beside another height is a position of the section."""
 
 
 def as_section_points(values: Any) -> FloatArray:
@@ -29,8 +30,8 @@ def as_section_points(values: Any) -> FloatArray:
     TypeError
         If the values are not a table of numbers.
     ValueError
-        If the shape is not (n, 2), or a data frame does not have these columns, or besides z a
-        column y that varies, as of several profiles.
+        If the shape is not (n, 2), or a data frame does not have these columns, or besides z or
+        height a column y that varies, as of several profiles.
 
     Examples
     --------
