@@ -108,6 +108,10 @@ def profile_files():
         _text(PIPE, ",", "x,z\num,um\n").replace(b"-400", b"-999.9999"),
         b"x,z,part\n" + b"".join(b'"%d,5",-400.25,P7\n' % k for k in range(40)),
         _text(np.tile(z, (5, 1)), ",", "# unit: um\n"),
+        _text(np.tile(-z, (5, 1)), ",", ",".join(f"range_{k}" for k in range(40)) + "\n"),
+        _text(np.tile(z, (5, 1)), ",", ",".join(map(str, range(40))) + "\n"),
+        _text(np.column_stack([np.arange(40), z]), ",", ",z\n"),
+        _text(np.column_stack([x, np.repeat([10, 20], 20), z]), ",", "x [mm],Encoder_pos,z\n"),
         cv2.imencode(".png", np.full((5, 40), 700, np.uint16))[1].tobytes(),
         cv2.imencode(".tif", np.full((5, 40), 7.5, np.float32))[1].tobytes(),
         *_bags(),
@@ -193,6 +197,27 @@ def find_pose_files():
         ),
         (".rob", json.dumps({"RobPoses": rows, "n": 1}).encode()),
         (".txt", b"((0.1,0.2,0.3),(0,0,0,1))\n((0.1,0.3,0.3),(0,0.6,0,0.8))\n"),
+        (".csv", _text(rows, ",", "# angles in deg, convention: kuka\nX,Y,Z,A,B,C\nmm,mm,mm,,,\n")),
+        (".json", json.dumps({"unit": "mm", "angle_unit": "deg", "poses": rows}).encode()),
+        (
+            ".mod",
+            b"CONST robtarget a:=[[1,2,300],[1,0,0,0],[0,0,0,0],[9E9]]; ! a\n"
+            b"CONST robtarget b:=[[90,2,300],[0.6,0,0.8,0],[0,0,0,0],[9E9]];\n"
+            b"MoveL a,v100,fine,t\\WObj:=w;\n",
+        ),
+        (".prg", b"P1=(+1,2,300,180,0,90)(7,0) ' a\nP2=(90.5,2,300,180,0,90,0,0)(7,0)\n"),
+        (
+            ".json",
+            json.dumps(
+                [
+                    {
+                        "position": {"x": 0.1, "y": 0.2, "z": 0.1 * k},
+                        "orientation": {"x": 0, "y": 0, "z": 0, "w": 1},
+                    }
+                    for k in range(3)
+                ]
+            ).encode(),
+        ),
     )
 
 

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 import lsvision as lsv
 from lsvision.cli.app import app
+from lsvision.cylinder.fit import CylinderFittingSettings
 from lsvision.cylinder.robot_frame import place_section
 from lsvision.ellipse.fit import fit_ellipse
 from lsvision.ellipse.problem import RadiusPrior
@@ -296,7 +297,10 @@ def cylinder_fits(rng, _):
                 spoil_array(rng, np.zeros(3)), (0.1, 0, 1), choose(rng, [19, 1e-6, 1e6])
             )
         known = choose(rng, [None, RadiusPrior(19.0), RadiusPrior(19.0, 0.1)])
-        fit = lsv.fit_cylinder(points, covariances, initial_guess=start, known_radius=known)
+        settings = CylinderFittingSettings(truncation=choose(rng, [None, None, 3.0]))
+        fit = lsv.fit_cylinder(
+            points, covariances, initial_guess=start, known_radius=known, settings=settings
+        )
     except (LsvisionError, ValueError, TypeError) as error:
         require_documented(error)
         return
