@@ -19,7 +19,7 @@ from lsvision.sensors.rig_file import camera_from_json, parse_document
 # Keys of the camera matrix, the coefficients and the size in the files of different tools.
 MATRIX_KEYS = ("camera_matrix", "cameraMatrix", "K", "k", "M1", "mtx")
 DISTORTION_KEYS = (
-    *("distortion_coefficients", "distCoeffs", "dist_coeffs", "distortion_coeffs"),
+    *("distortion_coefficients", "distCoeffs", "dist_coeffs", "dist_coeff", "distortion_coeffs"),
     *("D", "d", "D1", "dist"),
 )
 WIDTH_KEYS, HEIGHT_KEYS = ("image_width", "width"), ("image_height", "height")
@@ -166,13 +166,15 @@ def _check_size(stated: tuple[int, int], expected: tuple[int, int] | None) -> No
 
 def _find_numbers(text: str, keys: Iterable[str], quantity: str) -> list[float]:
     """Return the numbers under the first of some keys: a YAML list, or the ``data`` of a matrix."""
-    number_pattern = r"[-+.\deE]+"
+    number_pattern, row_pattern = r"[-+.\deE]+", r"\[[^\[\]]*\]"
     for key in keys:
         match = re.search(
             rf"^[ \t]*{key}:[^\[\n]*"  # the key, and a tag such as !!opencv-matrix
             r"(?:\n[ \t]+(?!data)\w+:.*)*"  # rows, cols and dt of a matrix
             r"(?:\n[ \t]*data:)?\s*"
-            rf"(\[[^\]]*\]|(?:-[ \t]+{number_pattern}\s+)+)",  # [1, 2], or lines of "- 1"
+            # [1, 2], [[1, 2], [3, 4]], or lines of "- 1", "- - 1" or "- [1, 2]".
+            rf"(\[(?:[^\[\]]|{row_pattern})*\]"
+            rf"|(?:(?:-[ \t]+)+(?:{number_pattern}|{row_pattern})\s+)+)",
             text,
             re.MULTILINE,
         )
@@ -192,9 +194,13 @@ def _find_size(text: str) -> tuple[int, int] | None:
 
 
 def _find_length(text: str, keys: Iterable[str]) -> int | None:
-    """Return the whole number under the first of some keys; None if there is none."""
-    for key in keys:
-        match = re.search(rf"^[ \t]*{key}:[ \t]*(\d{{1,9}})\b", text, re.MULTILINE)
-        if match:
-            return int(match.group(1))
+    """Return the whole number under the first of some keys; None if there is none.
+
+    A key that is not indented has priority: camera_info also has the size of a region (roi).
+    """
+    for indent in ("", "[ \t]+"):
+        for key in keys:
+            match = re.search(rf"^{indent}{key}:[ \t]*(\d{{1,9}})\b", text, re.MULTILINE)
+            if match:
+                return int(match.group(1))
     return None

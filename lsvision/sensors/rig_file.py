@@ -143,7 +143,8 @@ def parse_document(text: str, source: Path, schemas: Sequence[str]) -> dict[str,
     schema = values.get("schema") if isinstance(values, dict) else None
     if schema not in schemas:
         raise UnreadableFile(
-            f"{source} has schema {schema!r} and needs {schemas[-1]!r}: calibrate again"
+            f"{source} has schema {schema!r} and needs {schemas[-1]!r}: name a file of that "
+            "schema, or calibrate again"
         )
     if values.get("units") != UNITS:
         raise UnreadableFile(

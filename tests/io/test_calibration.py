@@ -247,3 +247,23 @@ def test_the_covariance_of_a_camera_is_read_again_and_rejected_where_it_is_none(
     del document["camera_covariance"]
     path.write_text(json.dumps(document))
     assert read_camera_covariance(path) is None
+
+
+ROWS = {
+    "flow": "[[900.0, 0.0, 320.0], [0.0, 900.0, 240.0], [0.0, 0.0, 1.0]]",
+    "rows": "\n- [900.0, 0.0, 320.0]\n- [0.0, 900.0, 240.0]\n- [0.0, 0.0, 1.0]",
+    "block": "\n- - 900.0\n  - 0.0\n  - 320.0\n- - 0.0\n  - 900.0\n  - 240.0\n- - 0\n  - 0\n  - 1",
+}
+
+
+@pytest.mark.parametrize("form", ROWS)
+def test_a_matrix_in_rows_and_the_size_beside_that_of_a_region_are_read(form, tmp_path):
+    path = tmp_path / "camera.yaml"
+    path.write_text(
+        f"camera_matrix: {ROWS[form]}\ndist_coeffs: [[-0.1, 0.05, 0, 0, 0]]\nheight: 480\n"
+        "roi:\n  height: 0\n  width: 0\nwidth: 640\n"
+    )
+    camera = read_camera(path)
+    assert (camera.size, camera.focal_length) == ((640, 480), 900.0)
+    np.testing.assert_array_equal(camera.matrix[:2, 2], (320, 240))
+    np.testing.assert_array_equal(camera.distortion, (-0.1, 0.05, 0, 0, 0))
