@@ -65,7 +65,8 @@ class CylinderFittingSettings(ShowsChanges):
     truncation : float, optional
         Largest distance of an inlier from the surface, in standard deviations; above 1. Other
         points are excluded, and the fit is repeated until the inliers do not change. The method
-        assumes that more than half of the points are inliers. The standard deviation is the larger
+        assumes that three quarters of the points are inliers; with more outliers it may fit these,
+        too, and `CylinderFit.variance_factor` is then large. The standard deviation is the larger
         of that of the noise model, if there is one, and the robust one (MAD) of the residuals.
         The covariance includes the effect of excluding such points, for normal errors.
         None: all points are inliers.

@@ -54,13 +54,13 @@ def read_robot_poses(
     """Read poses of a robot's flange from a CSV, text, JSON or YAML file.
 
     One pose per row. In JSON and YAML: a list of rows, or one list of rows under one key; a row
-    is a list (nested as in ``[[x, y, z], [qx, qy, qz, qw]]`` or a 4x4) or a mapping with the
-    convention's field names. In text: separated by commas, blanks, tabs or semicolons (then
-    with a decimal comma if the file has one), brackets ignored, ``#`` begins a comment, one
-    header line allowed; with a header that names all fields, columns are taken by name and
-    units as stated, also in comments (``# angles in rad``). Positions of KUKA (``E6POS``,
-    ``FRAME``), FANUC (``.ls``), ABB (``robtarget``) and Mitsubishi programs are read from their
-    text. A folder or a pattern denotes files of one pose each.
+    is a list (nested as in ``[[x, y, z], [qx, qy, qz, qw]]`` or a 4x4), a mapping with the
+    convention's field names, or a ROS message. In text: separated by commas, blanks, tabs or
+    semicolons (then with a decimal comma if the file has one), brackets ignored, ``#`` begins a
+    comment, one header line, and a row of units below it, allowed; with a header that names all
+    fields, columns are taken by name and units as stated, also in comments (``# angles in rad``).
+    Positions of KUKA (``E6POS``, ``FRAME``), FANUC (``.ls``), ABB (``robtarget``) and Mitsubishi
+    programs are read from their text. A folder or a pattern denotes files of one pose each.
 
     Parameters
     ----------

@@ -14,7 +14,11 @@ from lsvision.files.json_text import NestedTooDeep, parse_json
 from lsvision.geometry import FloatArray
 from lsvision.io.profiles.column_roles import column_role, has_known_role, names_section
 from lsvision.io.profiles.columns import profiles_from_table
-from lsvision.io.profiles.json_statements import lines_of_scalars, lines_on_units
+from lsvision.io.profiles.json_statements import (
+    find_attributes,
+    lines_of_scalars,
+    lines_on_units,
+)
 from lsvision.io.profiles.json_values import (
     is_point,
     is_scalar,
@@ -125,8 +129,10 @@ def _find_profiles(document: Any, settings: ReadSettings, depth: int) -> RawProf
         return None
     if isinstance(document, Mapping):
         profiles = _from_object(document, settings, depth)
+        if profiles is None:
+            return None
         lost = find_lost_values(lines_of_scalars(document))
-        return None if profiles is None else replace(profiles, lost=profiles.lost + lost)
+        return _add_attributes(replace(profiles, lost=profiles.lost + lost), document)
     if isinstance(document, list) and document:
         return _from_list(document, settings, depth)
     return None
@@ -156,11 +162,21 @@ def _from_object(
     if table is not None:
         return profiles_from_table(table, settings)
     lists = {k: v for k, v in document.items() if isinstance(v, list | Mapping)}
-    for key in sorted(lists, key=_key_rank):
+    keys = sorted(lists, key=_key_rank)
+    for index, key in enumerate(keys):
         profiles = _from_named_list(key, lists[key], settings, statements, depth)
         if profiles is not None:
-            return profiles
+            others = [k for k in keys[index + 1 :] if _has_points(lists[k], settings, depth)]
+            note = f"points under {key} read, those under {', '.join(others)} left out"
+            return replace(profiles, notes=(*profiles.notes, note)) if others else profiles
     return None
+
+
+def _has_points(value: Any, settings: ReadSettings, depth: int) -> bool:
+    """Return whether profiles are found in a list or an object."""
+    with suppress(UnreadableFile):
+        return _find_profiles(value, settings, depth + 1) is not None
+    return False
 
 
 def _from_columns(
@@ -217,8 +233,7 @@ def _from_list(document: list[Any], settings: ReadSettings, depth: int) -> RawPr
     if len(document) == 2 and list_of_numbers(document) and _are_x_and_height(document):
         return _from_rows(to_floats(document).T, settings, ())
     if all(isinstance(item, list) and item for item in document):
-        item_profiles = [_find_profiles(item, settings, depth + 1) for item in document]
-        return _join_profiles(item_profiles)
+        return _join_profiles([_find_profiles(item, settings, depth + 1) for item in document])
     return None
 
 
@@ -242,17 +257,16 @@ def _from_objects(
     ]
     if names_section(split_label(key)[0] for key in scalar_keys):
         return profiles_from_table(_table_from_objects(document, scalar_keys), settings)
-    item_profiles = [_find_profiles(item, settings, depth + 1) for item in document]
-    profiles = _join_profiles(item_profiles)
-    if profiles is None:
-        return None
-    attributes = [
-        {key: value for key, value in item.items() if isinstance(value, str | int | float)}
-        for item in document
-    ]
-    if len(profiles.sections) == len(document) and any(attributes):  # one profile per object
-        return replace(profiles, attributes=tuple(attributes))
-    return profiles
+    return _join_profiles([_find_profiles(item, settings, depth + 1) for item in document])
+
+
+def _add_attributes(profiles: RawProfiles, document: Mapping[str, Any]) -> RawProfiles:
+    """Return the one profile of an object with the other entries of the object as attributes."""
+    is_format = is_laser_scan(document) or "type_id" in document  # its numbers describe the points
+    attributes = {} if is_format else find_attributes(document)
+    if len(profiles.sections) != 1 or not attributes:
+        return profiles
+    return replace(profiles, attributes=({**attributes, **dict(*profiles.attributes)},))
 
 
 def _table_from_objects(document: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> NumberTable:

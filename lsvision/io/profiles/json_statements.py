@@ -1,7 +1,9 @@
-"""Entries of a JSON or YAML object as lines that may state a unit or a marker of lost points."""
+"""Entries of a JSON or YAML object: statements on units and lost points, and attributes."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
+
+from lsvision.io.profiles.unit_statements import find_lost_values, states_unit
 
 
 def lines_on_units(document: Mapping[str, Any]) -> Iterator[str]:
@@ -32,3 +34,14 @@ def lines_of_scalars(document: Mapping[str, Any]) -> Iterator[str]:
             yield from (f"{name}: {v}" for name, v in value.items() if isinstance(v, int | float))
         elif isinstance(value, str | int | float):
             yield f"{key}: {value}"
+
+
+def find_attributes(document: Mapping[str, Any]) -> dict[str, float | str]:
+    """Return the numbers and texts of an object that state neither a unit nor a lost point."""
+    return {
+        key: value
+        for key, value in document.items()
+        if isinstance(value, str | int | float)
+        and not states_unit(line := f"{key}: {value}")
+        and not find_lost_values([line])
+    }

@@ -310,3 +310,19 @@ def test_attributes_that_the_first_of_several_objects_lacks_are_kept(write, arc)
     for point in points[:5]:
         del point["quality"]
     assert inspect_profiles(write(json.dumps(points))).ignored == ("quality",)
+
+
+@pytest.mark.parametrize(
+    "wrap", ['{{"points": {0}, {1}}}', '{{"profile": {{"points": {0}, {1}}}}}']
+)
+def test_entries_beside_the_points_of_one_object_are_its_attributes(write, arc, wrap):
+    entries = '"part": "A7", "time": 3, "unit": "um", "nodata": -9999, "list": [1]'
+    file = inspect_profiles(write(wrap.format((1000 * arc).tolist(), entries)))
+    assert [dict(row) for row in file.attributes] == [{"part": "A7", "time": 3}]
+    npt.assert_allclose(file.profiles[0].points, arc)
+
+
+def test_points_under_further_keys_are_noted(write, arc):
+    text = json.dumps({"left": arc.tolist(), "right": {"points": arc.tolist()}, "size": [640, 480]})
+    (note,) = inspect_profiles(write(text)).notes
+    assert note == "points under left read, those under right left out"
