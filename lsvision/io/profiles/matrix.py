@@ -75,8 +75,8 @@ def profiles_from_matrix(table: NumberTable, settings: ReadSettings) -> RawProfi
     Raises
     ------
     UnreadableFile
-        If the spacing of the columns is not given (``dx``, ``--dx``) and no row states x, or a
-        number has thousands separators.
+        If the spacing of the columns is not given (``dx``, ``--dx``) and no row states x, or if
+        both do, or a number has thousands separators.
     """
     columns = _height_columns(table)
     _reject_thousands_separators(table, columns)
@@ -93,8 +93,10 @@ def profiles_from_matrix(table: NumberTable, settings: ReadSettings) -> RawProfi
     heights = table.values.T if settings.transpose else table.values
     if heights.shape[1] == 1:  # one column is one profile
         heights = heights.T
-    hint = ""
-    if settings.dx is None and len(heights) > 2 and _is_x_row(heights):
+    hint, has_x = "", len(heights) > 2 and _is_x_row(heights)
+    if settings.dx is not None and has_x:
+        raise UnreadableFile("the first row is evenly spaced, as x: leave --dx out, or this row")
+    if has_x:
         x, rows = heights[0], heights[1:]
         notes: tuple[str, ...] = ("the first row is evenly spaced: read as x",)
     elif settings.dx is None and len(heights) == 2 and is_monotonic(heights[0]):

@@ -256,3 +256,10 @@ def test_thousands_separators_among_heights_are_rejected(write):
     rows[1] = rows[1].replace(";140.25;", ";1,140.25;", 1)
     with pytest.raises(UnreadableFile, match=r"line 2: .* has a thousands separator"):
         read_profiles(write("\n".join(rows)), dx=0.2)
+
+
+def test_a_row_of_x_and_its_spacing_contradict_each_other(write):
+    path = write("\n".join(",".join(map(str, row)) for row in [X.round(3), *HEIGHTS]))
+    npt.assert_allclose(read_profiles(path)[0].points[1], (X[1], HEIGHTS[0, 1]))
+    with pytest.raises(UnreadableFile, match="the first row is evenly spaced, as x: leave --dx"):
+        read_profiles(path, dx=0.1)
