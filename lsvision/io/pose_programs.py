@@ -32,8 +32,12 @@ _ABB = re.compile(
 _ABB_WORK_OBJECT = re.compile(r"\\WObj\s*:=\s*(\w+)", re.IGNORECASE)
 # A position (x, y, z, a, b, c, additional axes)(structure flag 1, structure flag 2).
 _MITSUBISHI = re.compile(
-    rf"\(\s*({_numbers(6)})\s*(?:,[-+\s0-9.,]*)?\)\s*\(\s*[0-9]+\s*,\s*[-+]?[0-9]+\s*\)"
+    rf"\(\s*({_numbers(6)})\s*(?:,[-+\s0-9.,]*)?\)\s*\(\s*[0-9]*\s*,\s*[-+]?[0-9]*\s*\)"
 )
+# Starts of positions, which must be complete: P1=( of Mitsubishi, robtarget p1:= of ABB.
+_MITSUBISHI_START = re.compile(r"\bP\w*\s*=\s*\(", re.IGNORECASE)
+_ABB_START = re.compile(r"\brobtarget\s+\w+(?:\{[0-9]+\})?\s*:=", re.IGNORECASE)
+_MITSUBISHI_SETTING = re.compile(r"[0-9\s]*P_", re.IGNORECASE)  # such as P_TOOL
 
 
 def read_program_rows(
@@ -58,8 +62,8 @@ def read_program_rows(
     Raises
     ------
     UnreadableFile
-        For joint angles, positions that were never taught, several bases, user frames, work
-        objects, tools or motion groups, or a convention other than the maker's.
+        For joint angles, positions that are incomplete or were never taught, several bases, user
+        frames, work objects, tools or motion groups, or a convention other than the maker's.
     """
     for pattern, maker, read_rows in (
         (_KUKA, "kuka", _kuka_rows),
@@ -135,13 +139,30 @@ def _abb_rows(path: Path, text: str, _: PoseConvention) -> list[list[float]]:
     text = "\n".join(line.partition("!")[0] for line in text.split("\n"))
     work_objects = list(dict.fromkeys(_ABB_WORK_OBJECT.findall(text)))
     _require_one(path, "in several work objects", "WObj", work_objects)
-    return [_split_numbers(",".join(groups)) for groups in _ABB.findall(text)]
+    rows = [_split_numbers(",".join(groups)) for groups in _ABB.findall(text)]
+    _require_all(path, len(rows), _ABB_START.findall(text))
+    return rows
 
 
-def _mitsubishi_rows(_: Path, text: str, __: PoseConvention) -> list[list[float]]:
-    """Return the positions of a Mitsubishi program, without its comments, from ' on."""
-    text = "\n".join(line.partition("'")[0] for line in text.split("\n"))
-    return [_split_numbers(numbers) for numbers in _MITSUBISHI.findall(text)]
+def _mitsubishi_rows(path: Path, text: str, _: PoseConvention) -> list[list[float]]:
+    """Return the positions of a Mitsubishi program, without its comments (from ' on) and settings.
+
+    Settings are system variables, whose names begin with P_.
+    """
+    lines = (line.partition("'")[0] for line in text.split("\n"))
+    text = "\n".join(line for line in lines if not _MITSUBISHI_SETTING.match(line))
+    rows = [_split_numbers(numbers) for numbers in _MITSUBISHI.findall(text)]
+    _require_all(path, len(rows), _MITSUBISHI_START.findall(text))
+    return rows
+
+
+def _require_all(path: Path, count: int, starts: list[str]) -> None:
+    """Raise UnreadableFile if there are more starts of positions than complete ones."""
+    if len(starts) > count:
+        raise UnreadableFile(
+            f"{path}: {len(starts)} positions begin in it, and {count} are complete: write all "
+            "numbers of each, also those of its configuration"
+        )
 
 
 def _split_numbers(text: str) -> list[float]:

@@ -346,3 +346,24 @@ def test_a_convention_that_the_file_states_is_compared(write, expected, name):
     assert_same(read_robot_poses(write(text, name), "kuka"), expected())
     with pytest.raises(UnreadableFile, match=r"states convention .*not 'fanuc'"):
         read_robot_poses(write(text, name), "fanuc")
+
+
+@pytest.mark.parametrize(
+    ("text", "convention"),
+    [
+        ("P1=(1,2,300,4,5,6)(7,0)\nP2=(9,2,300,4,5,6)\n", "mitsubishi"),
+        ("P1=(1,2,300,4,5,6)(7,0)\nP2=(9,2,300,4,5)(7,0)\n", "mitsubishi"),
+        (ROBTARGET.format(*QUATERNIONS[0], n=0) + "\nVAR robtarget p1:=[[1,2,3],q,c,e];", "abb"),
+    ],
+)
+def test_incomplete_positions_of_a_program_are_reported(write, text, convention):
+    with pytest.raises(UnreadableFile, match="2 positions begin in it, and 1 are complete"):
+        read_robot_poses(write(text, "scan.prg"), convention)
+
+
+def test_system_variables_of_a_mitsubishi_program_are_no_positions(write, expected):
+    form = "P{n}=({},{},{},{},{},{})(,)"
+    lines = ["P_TOOL=(0,0,120,0,0,0)(0,0)", "10 P_BASE=(5,0,0,0,0,0)(0,0)"]
+    lines += [form.format(*row, n=n) for n, row in enumerate(ROWS)]
+    path = write("\n".join(lines), "scan.prg")
+    assert_same(read_robot_poses(path, "mitsubishi"), expected("mitsubishi"))
