@@ -47,6 +47,9 @@ _SPLIT_NUMBERS = (
     "numbers seem to be split at their commas ({cells!r}): export with semicolons between cells "
     "and without thousands separators"
 )
+# Factor of all numbers, such as 1.0e+03 *, above those that MATLAB displays.
+_HEAD_LENGTH = 4000
+_MATLAB_FACTOR = re.compile(r"^[ \t]*(1\.0e[-+][0-9]+)[ \t]*\*[ \t]*\r?$", re.MULTILINE)
 _SAMPLE_ROWS = 5000
 """Number of rows that are searched for numbers split at their commas."""
 _MIN_TEXT_FRACTION = 0.5
@@ -85,8 +88,8 @@ def parse_table(text: str, lost_words: frozenset[str] = frozenset()) -> NumberTa
     Raises
     ------
     UnreadableFile
-        If there is no table of numbers, its lines differ in layout, or its numbers seem to be
-        split at their commas.
+        If there is no table of numbers, its lines differ in layout, its numbers seem to be split at
+        their commas, or MATLAB displayed them over a factor.
 
     Examples
     --------
@@ -94,6 +97,12 @@ def parse_table(text: str, lost_words: frozenset[str] = frozenset()) -> NumberTa
     [[1.5, -2.0], [2.0, nan]]
     """
     text = text.replace("\u2212", "-")  # typographic minus sign
+    factor = _MATLAB_FACTOR.search(text[:_HEAD_LENGTH])
+    if factor:
+        raise UnreadableFile(
+            f"its numbers are displayed by MATLAB over a factor of {factor[1]}: write them with "
+            "writematrix"
+        )
     body = _regular_body(text) or _irregular_body(text.splitlines(), lost_words)
     table, layout = body.table, body.layout
     width = table.values.shape[1]

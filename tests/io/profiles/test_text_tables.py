@@ -375,3 +375,10 @@ def test_dx_is_rejected_beside_x(write, arc):
 @pytest.mark.parametrize("head", [",0,1", ",x,z", "index,a,b"])
 def test_numbers_of_rows_and_columns_are_left_out(write, arc, head):
     assert_reads(write, [head, *lines_of(arc, "{i},{x},{z}")], arc)
+
+
+@pytest.mark.parametrize("head", ["   1.0e+03 *", "P =\n\n   1.0e+03 *\n"])
+def test_numbers_as_matlab_displays_them_are_rejected(write, arc, head):
+    lines = lines_of(arc / 1000, "   {x:.4f}   {z:.4f}")
+    with pytest.raises(UnreadableFile, match=r"a factor of 1\.0e\+03: write them with writematrix"):
+        read_profile(write("\n".join([head, "", *lines]), "p.txt"))
