@@ -184,8 +184,19 @@ def _choose_spatial_columns(table: NumberTable, settings: ReadSettings) -> _Colu
 def _resolve_all_units(
     table: NumberTable, choice: _Columns, settings: ReadSettings
 ) -> tuple[str | None, str | None]:
-    """Return the units of x and height; of points in space all three must agree."""
+    """Return the units of x and height; of points in space all three must agree.
+
+    Raises
+    ------
+    UnreadableFile
+        As `resolve_units`, or if x is an encoder without a unit, which counts steps.
+    """
     units = resolve_units(table, choice.x, choice.height, settings)
+    if units[0] is None and settings.units is None and is_encoder(table.label(choice.x)):
+        raise UnreadableFile(
+            f"{table.label(choice.x)} without a unit of length would be x: state one, as --units "
+            "mm, or convert its steps"
+        )
     if choice.y is None:
         return units
     stated = dict.fromkeys((*units, *resolve_units(table, choice.x, choice.y, settings)))

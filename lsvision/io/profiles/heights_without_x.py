@@ -10,18 +10,18 @@ from lsvision.io.profiles.column_roles import column_role, has_known_role
 from lsvision.io.profiles.number_table import NumberTable
 from lsvision.io.profiles.profile_keys import MIN_POINTS_PER_PROFILE
 
-_HEIGHTS = ("height", "range")
-"""Roles of a height."""
+_HEIGHTS = ("height", "range", "y")
+"""Roles of a height; y is one if there is no other."""
 
 
 def only_height(table: NumberTable) -> NumberTable | None:
-    """Return the column of a table that is named as heights or ranges, if no column is named x.
+    """Return the column of a table that is named as heights, ranges or y, if none is named x.
 
     None for another table, and if several columns are named as heights.
     """
     roles = list(map(column_role, table.names))
     named = [c for c, role in enumerate(roles) if role in _HEIGHTS]
-    if len(named) != 1 or "x" in roles or "y" in roles or named[0] in table.texts:
+    if len(named) != 1 or "x" in roles or named[0] in table.texts:
         return None
     (column,) = named
     return replace(
@@ -40,7 +40,7 @@ def numbers_points(table: NumberTable, column: int) -> bool:
     is_length = unit is not None and unit.unit is not None
     values = table.values[:, column]
     return (
-        not has_known_role(table.names[column])
+        (column_role(table.names[column]) == "scan" or not has_known_role(table.names[column]))
         and not is_length
         and len(values) >= MIN_POINTS_PER_PROFILE
         and values[0] in (0, 1)

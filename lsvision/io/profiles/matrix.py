@@ -54,7 +54,8 @@ def profiles_from_text_matrix(table: NumberTable, settings: ReadSettings) -> Raw
     row = f"the first row, {start:g}, {start + 1:g}, ..., {first[-1]:g},"
     if settings.dx is None and not (beside_rows or settings.transpose):
         raise UnreadableFile(
-            f"{row} numbers the columns or is x in mm: state x, --x0 {start:g} --dx 1 if it is"
+            f"{row} numbers the columns or is x in mm: state x with --x0 and --dx, which are "
+            f"{start:g} and 1 if it is x"
         )
     notes = (*table.notes, f"{row} numbers the columns: left out")
     return profiles_from_matrix(

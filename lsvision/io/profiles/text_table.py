@@ -47,8 +47,8 @@ _SPLIT_NUMBERS = (
     "numbers seem to be split at their commas ({cells!r}): export with semicolons between cells "
     "and without thousands separators"
 )
-# Factor of all numbers, such as 1.0e+03 *, above those that MATLAB displays.
 _HEAD_LENGTH = 4000
+"""Characters in which the factor is searched that MATLAB displays above numbers, 1.0e+03 *."""
 _MATLAB_FACTOR = re.compile(r"^[ \t]*(1\.0e[-+][0-9]+)[ \t]*\*[ \t]*\r?$", re.MULTILINE)
 _SAMPLE_ROWS = 5000
 """Number of rows that are searched for numbers split at their commas."""

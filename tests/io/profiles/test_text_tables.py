@@ -348,7 +348,9 @@ def test_columns_of_an_unknown_unit_can_be_replaced_by_others(write, arc):
     npt.assert_array_equal(read_profile(path, columns="x,z_filtered").points, arc)
 
 
-@pytest.mark.parametrize("head", ["index,z", "Pixel;z", ",z", ",0", "nr height", "column,range"])
+@pytest.mark.parametrize(
+    "head", ["index,z", "Pixel;z", ",z", ",0", "nr height", "column,range", "i;y", "scan,z"]
+)
 def test_numbers_of_the_points_are_no_x(write, arc, head):
     separator = next(mark for mark in ",; " if mark in head)
     lines = lines_of(arc, "{i}" + separator + "{z}")
@@ -382,3 +384,11 @@ def test_numbers_as_matlab_displays_them_are_rejected(write, arc, head):
     lines = lines_of(arc / 1000, "   {x:.4f}   {z:.4f}")
     with pytest.raises(UnreadableFile, match=r"a factor of 1\.0e\+03: write them with writematrix"):
         read_profile(write("\n".join([head, "", *lines]), "p.txt"))
+
+
+def test_an_encoder_as_x_needs_a_unit(write, arc):
+    path = write("\n".join(["encoder,z", *lines_of(arc)]))
+    with pytest.raises(UnreadableFile, match="encoder without a unit of length would be x"):
+        read_profile(path)
+    npt.assert_array_equal(read_profile(path, units="mm").points, arc)
+    assert_reads(write, ["encoder_mm,z", *lines_of(arc)], arc)
