@@ -75,6 +75,11 @@ def has_known_role(name: str) -> bool:
     return column_role(name) in {"x", "y", "height", "range", "scan", "angle"}
 
 
+def is_coordinate(name: str) -> bool:
+    """Return whether a lower-case name is that of a coordinate of points, not of an encoder."""
+    return column_role(name) in {"x", "y", "height", "range"} and not is_encoder(name)
+
+
 def names_section(names: Iterable[str]) -> bool:
     """Return whether lower-case names are those of x and of a height, a range or y."""
     roles = set(map(column_role, names))

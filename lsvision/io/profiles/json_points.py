@@ -12,7 +12,7 @@ import numpy as np
 from lsvision.errors import UnreadableFile
 from lsvision.files.json_text import NestedTooDeep, parse_json
 from lsvision.geometry import FloatArray
-from lsvision.io.profiles.column_roles import column_role, has_known_role, names_section
+from lsvision.io.profiles.column_roles import column_role, is_coordinate, names_section
 from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.json_statements import (
     find_attributes,
@@ -185,8 +185,8 @@ def _from_columns(
     settings: ReadSettings,
     statements: tuple[UnitStatement, ...],
 ) -> RawProfiles:
-    """Return the profiles of lists with known names, and of lists that are as long as these."""
-    known = {key: values for key, values in columns.items() if has_known_role(split_label(key)[0])}
+    """Return the profiles of lists of coordinates, and of lists that are as long as these."""
+    known = {key: values for key, values in columns.items() if is_coordinate(split_label(key)[0])}
     lengths = set(map(len, known.values()))
     arrays = {k: to_arrays(v) for k, v in columns.items() if k in known or len(v) in lengths}
     texts = {

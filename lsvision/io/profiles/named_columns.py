@@ -9,7 +9,8 @@ from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
 from lsvision.io.profiles.column_roles import column_role
 from lsvision.io.profiles.columns import profiles_from_table
-from lsvision.io.profiles.matrix import column_positions
+from lsvision.io.profiles.heights_without_x import only_height
+from lsvision.io.profiles.matrix import column_positions, profiles_from_matrix
 from lsvision.io.profiles.number_table import NumberTable
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.stated_units import common_unit, statements_about_axis
@@ -101,7 +102,7 @@ def _from_points(
     settings: ReadSettings,
     statements: tuple[UnitStatement, ...],
 ) -> RawProfiles:
-    """Return the profiles of columns with one point per row."""
+    """Return the profiles of columns with one point per row, x of which `dx` may state."""
     number_labels = [label for label, column in columns.items() if _is_1d(column)]
     lengths = {label: len(columns[label]) for label in number_labels}
     count = max(lengths.values(), default=0)
@@ -120,6 +121,9 @@ def _from_points(
         statements=statements,
         texts={len(number_labels) + k: texts[label] for k, label in enumerate(text_labels)},
     )
+    heights = only_height(table) if settings.dx is not None and settings.columns is None else None
+    if heights is not None:
+        return profiles_from_matrix(heights, settings)
     raw = profiles_from_table(table, settings)
     used = {*number_labels, *text_labels}
     unused = tuple(label for label in (*columns, *texts) if label not in used)

@@ -263,3 +263,12 @@ def test_a_row_of_x_and_its_spacing_contradict_each_other(write):
     npt.assert_allclose(read_profiles(path)[0].points[1], (X[1], HEIGHTS[0, 1]))
     with pytest.raises(UnreadableFile, match="the first row is evenly spaced, as x: leave --dx"):
         read_profiles(path, dx=0.1)
+
+
+@pytest.mark.parametrize("columns", [{}, {"index": np.arange(20)}])
+def test_one_column_of_heights_in_parquet_needs_its_spacing(write, columns):
+    path = write(parquet(pa.table({**columns, "range_um": 1000 * RANGES[0]})))
+    with pytest.raises(UnreadableFile, match="--x0 and --dx"):
+        read_profiles(path)
+    (profile,) = read_profiles(path, x0=-15, dx=0.2)
+    npt.assert_allclose(profile.points[1], (-14.8, -RANGES[0, 1]))

@@ -326,3 +326,8 @@ def test_points_under_further_keys_are_noted(write, arc):
     text = json.dumps({"left": arc.tolist(), "right": {"points": arc.tolist()}, "size": [640, 480]})
     (note,) = inspect_profiles(write(text)).notes
     assert note == "points under left read, those under right left out"
+
+
+def test_a_list_of_encoder_positions_of_another_length_is_no_column(write, arc):
+    columns = {"x": arc[:, 0].tolist(), "z": arc[:, 1].tolist(), "encoder_counts": [1, 2, 3]}
+    npt.assert_array_equal(read_profile(write(json.dumps(columns))).points, arc)
