@@ -159,7 +159,7 @@ class ReadingOptions:
     ] = None
     dx: Annotated[
         float | None,
-        typer.Option("--dx", metavar="MM", help="Rows of heights: spacing of the columns."),
+        typer.Option("--dx", metavar="MM", help="Rows or one column of heights: spacing."),
     ] = None
     z_unit: Annotated[
         str | None,

@@ -76,7 +76,8 @@ class ReadSettings:
     transpose : bool
         True if each column of the matrix is a profile.
     x0, dx : float, optional
-        For rows of heights without x: x of the first column, spacing of columns. Units: mm.
+        For rows, or one column, of heights without x: x of the first height, and spacing. Units:
+        mm.
     x_start, x_pitch : float, optional
         For raw Keyence counts: XStart and XPitch as the controller states them. Units: 0.01 um.
     z_unit : float or str, optional
