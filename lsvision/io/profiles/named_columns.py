@@ -149,9 +149,9 @@ def _from_rows(
     if settings.units is None:
         about_x, about_height = (statements_about_axis(statements, a) for a in ("x", "height"))
         x_unit = "mm" if x is None else common_unit(split_label(x)[1], about_x)
-        units = x_unit, common_unit(split_label(height)[1], about_height)
-    if x is None and settings.count_unit is not None:
-        units = "mm", settings.count_unit
+        units = x_unit, settings.count_unit or common_unit(split_label(height)[1], about_height)
+    if settings.count_unit is not None:
+        units = settings.units or units[0] or "mm", settings.count_unit
     attributes = _row_attributes(columns, texts, {x, height}, len(rows))
     used = {x, height, *(attributes[0] if attributes else ())}
     return RawProfiles(

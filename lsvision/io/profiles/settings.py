@@ -81,8 +81,8 @@ class ReadSettings:
     x_start, x_pitch : float, optional
         For raw Keyence counts: XStart and XPitch as the controller states them. Units: 0.01 um.
     z_unit : float or str, optional
-        Size of one count in rows of heights: a number in 0.01 um, the unit of ZUnit in Keyence
-        controllers, or a length such as ``"0.5um"``.
+        Size of one count of the heights: a number in 0.01 um, the unit of ZUnit in Keyence
+        controllers, or a length such as ``"0.5um"``. Overrides `units` and the file for heights.
     topic : str, optional
         Topic of a ROS bag in which several hold profiles, such as ``"/scan"``.
     plane : str, optional
@@ -128,6 +128,8 @@ class ReadSettings:
         for name in ("dx", "x_pitch"):
             if getattr(self, name) == 0:
                 raise ValueError(f"expected {name} other than 0, got 0")
+        if self.x0 is not None and self.dx is None:
+            raise ValueError("expected dx beside x0, which is x of heights without x")
         if self.z_unit is not None and float(self.z_unit) <= 0:
             raise ValueError(f"expected z_unit above 0, got {self.z_unit:g}")
         for name in ("x0", "dx", "x_start", "x_pitch", "z_unit"):

@@ -30,16 +30,20 @@ def resolve_units(
     Returns
     -------
     x_unit, height_unit : str or None
-        None where the file states none, or the user states one.
+        None where the file states none, or the user states one of all coordinates; with a size of
+        counts (`z_unit`) that is the unit of the height, and that of x is mm if none is stated.
 
     Raises
     ------
     UnreadableFile
         If a unit is stated and not understood, or two are stated that differ.
     """
+    if settings.count_unit is not None:  # of the height, whatever the file states on it
+        x_unit = settings.units or _stated_unit(table, x, "x")
+        return x_unit or "mm", settings.count_unit
     if settings.units is not None:
         return None, None
-    units = _find_stated_units(table, x, height)
+    units = _stated_unit(table, x, "x"), _stated_unit(table, height, "height")
     require_known_unit(units, table.mentions, settings)
     return units
 
@@ -62,19 +66,14 @@ def require_known_unit(
         )
 
 
-def _find_stated_units(table: NumberTable, x: int, height: int) -> tuple[str | None, str | None]:
-    """Return the units of x and height that header and comments state; None where none is."""
-    header_units = table.units or (None,) * table.values.shape[1]
-    names = table.names or ("",) * table.values.shape[1]
-    return (
-        common_unit(
-            header_units[x], _statements_about(table.statements, column_role(names[x]), "x")
-        ),
-        common_unit(
-            header_units[height],
-            _statements_about(table.statements, column_role(names[height]), "height"),
-        ),
-    )
+def _stated_unit(table: NumberTable, column: int, axis: str) -> str | None:
+    """Return the unit of a column that header and comments state; None if there is none.
+
+    Comments are about the axis that its name names, else about `axis`, ``"x"`` or ``"height"``.
+    """
+    header_unit = table.units[column] if table.units else None
+    role = column_role(table.names[column]) if table.names else ""
+    return common_unit(header_unit, _statements_about(table.statements, role, axis))
 
 
 def common_unit(
@@ -91,7 +90,11 @@ def common_unit(
     stated += [statement.unit for statement in statements]
     for unit in stated:
         if unit.unit is None:
-            others = ", or choose other columns, --columns x,z" if unit is header_unit else ""
+            others = (
+                ", --z-unit 0.5um for heights alone, or choose other columns, --columns x,z"
+                if unit is header_unit
+                else ""
+            )
             raise UnreadableFile(
                 f"the unit {unit.text!r} is stated in it and not understood: {_REMEDY}{others}"
             )

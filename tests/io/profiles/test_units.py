@@ -282,3 +282,19 @@ def test_a_phrase_about_several_axes_is_about_all_of_them():
         assert [(s.unit.unit, s.axis) for s in find_unit_statements([line])] == [("um", None)]
     (statement,) = find_unit_statements(["# z values in um"])
     assert statement.axis == "height"
+
+
+@pytest.mark.parametrize("label", ["z", "z [counts]", "z_raw", "z [mm]"])
+def test_the_size_of_counts_is_the_unit_of_heights_beside_x(write, label):
+    path = write(f"x [um],{label}\n0,-30000\n100,-30100\n300,-30200\n")
+    file = inspect_profiles(path, z_unit="10um")
+    npt.assert_allclose(file.profiles[0].points, [[0, -300], [0.1, -301], [0.3, -302]])
+    file = inspect_profiles(path, z_unit=1000, units="cm")
+    npt.assert_allclose(file.profiles[0].points[1], [1000, -301])
+    named = write('{"x": [[0, 1, 2]], "z [counts]": [[-30000, -30100, -30200]]}', "counts.json")
+    npt.assert_allclose(read_profile(named, z_unit="10um").points[2], [2, -302])
+
+
+def test_the_first_x_needs_a_spacing(write):
+    with pytest.raises(ValueError, match="expected dx beside x0"):
+        read_profile(write("x,z\n0,1\n1,2\n"), x0=5.0)
