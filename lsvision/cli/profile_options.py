@@ -165,7 +165,7 @@ class ReadingOptions:
         str | None,
         typer.Option(
             metavar="UNIT|N",
-            help="Rows of heights: size of one count, e.g. 0.5um; Keyence's ZUnit in 0.01 um.",
+            help="Size of one count of heights, e.g. 0.5um; Keyence's ZUnit in 0.01 um.",
         ),
     ] = None
     x_start: Annotated[

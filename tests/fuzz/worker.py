@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 MEMORY_BYTES = 6 * 10**9
-"""Address space of the worker: an input that wants more is a finding."""
+"""Address space of the worker: an input that needs more is a finding."""
 MAX_SECONDS = 5.0
 """Longest processor time for an input; waiting is ended by the campaign."""
 
