@@ -15,7 +15,9 @@ _ROLES = {
 }
 # A name such as "x_pos" or "position y" is one of these words and an axis.
 _AXIS_WORDS = r"(?:pos|position|coord|coordinate|koordinate|value|wert|axis|achse)"
-_AXIS_NAME = re.compile(rf"([xyz])[ _-]?{_AXIS_WORDS}|{_AXIS_WORDS}[ _-]?([xyz])")
+_AXIS_NAME = re.compile(rf"([xyz])[ _-]?{_AXIS_WORDS}|{_AXIS_WORDS}\.?[ _-]?([xyz])")
+# Words beside that of a range, in a name such as "z distance" or "measured range".
+_RANGE_REMARKS = frozenset(["z", "measured", "sensor", "laser", "value", "wert"])
 # A name such as "scan" or "profile_no" is one of these words, alone or with one of `_SCAN_ENDINGS`.
 _SCAN_WORDS = ("scan", "profile", "profil", "frame", "section", "shot")
 # A name such as "part" or "sensor_id" is one of these words, alone or with one of `_SCAN_ENDINGS`.
@@ -38,6 +40,9 @@ def column_role(name: str) -> str:
         return _ROLES[name]
     if is_encoder(name):
         return "y"
+    words = [word for word in re.findall(r"[^\W_]+", name) if word not in _RANGE_REMARKS]
+    if words and all(_ROLES.get(word) == "range" for word in words):
+        return "range"
     if axis := _AXIS_NAME.fullmatch(name):
         return _ROLES[axis[1] or axis[2]]
     bare = re.sub(r"[_ .-]", "", name)

@@ -392,3 +392,10 @@ def test_an_encoder_as_x_needs_a_unit(write, arc):
         read_profile(path)
     npt.assert_array_equal(read_profile(path, units="mm").points, arc)
     assert_reads(write, ["encoder_mm,z", *lines_of(arc)], arc)
+
+
+@pytest.mark.parametrize("name", ["z distance", "Distance_Z [mm]", "Abstand Z", "measured range"])
+def test_a_name_that_holds_the_word_of_a_range_is_one(write, arc, name):
+    lines = [f"{x};{-z}" for x, z in arc.tolist()]
+    assert_reads(write, [f"Pos. X;{name}", *lines], arc)
+    assert inspect_profiles(write("\n".join(["x;distance_travelled", *lines]))).flipped is False
