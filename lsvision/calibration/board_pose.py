@@ -10,6 +10,7 @@ from lsvision.calibration.rotations import (
     find_nearest_rotations,
     rotation_vector_jacobian,
     rotations_from_vectors,
+    vectors_from_rotations,
 )
 from lsvision.calibration.target import TargetView
 from lsvision.errors import CalibrationFailed
@@ -23,6 +24,10 @@ covariance."""
 MIN_SPREAD_RATIO = 1e-3
 """Smallest ratio of the second to the first singular value of corners that do not lie on one line.
 """
+
+STOPPING_CRITERIA = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 200, 1e-12)
+"""Of OpenCV's refinement of a pose: maximum number of iterations, and smallest relative change. Its
+own 20 iterations are too few for small boards, whose minimum is a curved valley."""
 
 COVARIANCE_FLOOR = 1e-14
 """Variance (mm^2, rad^2) added to each component, so that the covariance of exact corners is
@@ -68,7 +73,9 @@ def estimate_board_pose(
     Returns
     -------
     BoardPoseEstimate
-        Least-squares estimate; the noise of the corners is estimated from their residuals.
+        Least-squares estimate; the noise of the corners is estimated from their residuals. A board
+        that is small in the image may look the same with the opposite tilt: the covariance includes
+        that pose, weighted by its probability.
 
     Raises
     ------
@@ -81,20 +88,36 @@ def estimate_board_pose(
     points = as_readonly_array(board_points, (len(pixels), 3), "board points")
     _require_spread(pixels, points)
     pixels, camera = _without_skew(pixels, camera)
-    vector, translation = _solve_pnp(pixels, points, camera)
-    matrix, distortion = np.array(camera.matrix), np.array(camera.distortion)
-    projected, jacobian = cv2.projectPoints(
-        np.array(points), vector, translation, matrix, distortion
-    )
-    residuals = np.asarray(projected).reshape(-1, 2) - pixels
-    variance = float((residuals**2).sum()) / (2 * len(pixels) - 6)
-    vector_jacobian, translation_jacobian = jacobian[:, :3], jacobian[:, 3:6]
-    pose_jacobian = np.concatenate(
-        [translation_jacobian, vector_jacobian @ rotation_vector_jacobian(vector)], axis=1
-    )
-    covariance = np.linalg.inv(pose_jacobian.T @ pose_jacobian) * variance
+    solution = _solve_pnp(pixels, points, camera)
+    mirrored = _refine(pixels, points, camera, _mirror(solution.pose, points))
+    best, other = sorted((solution, mirrored), key=lambda minimum: minimum.chi2)
+    variance = best.chi2 / (2 * len(pixels) - 6)
+    covariance = np.linalg.inv(best.jacobian.T @ best.jacobian) * variance
     covariance += COVARIANCE_FLOOR * np.eye(6)
-    return BoardPoseEstimate(Pose(rotations_from_vectors(vector), translation), covariance)
+    # Probability of the other pose by the ratio of the likelihoods.
+    excess = (other.chi2 - best.chi2) / max(variance, COVARIANCE_FLOOR)
+    probability = 1 / (1 + np.exp(min(excess / 2, 700.0)))
+    shift = pose_difference(other.pose, best.pose)
+    return BoardPoseEstimate(best.pose, covariance + probability * np.outer(shift, shift))
+
+
+@dataclass(frozen=True, eq=False)
+class _Minimum:
+    """Pose of a board with a minimum of the squared residuals.
+
+    Parameters
+    ----------
+    pose : Pose
+        ``camera_from_board``.
+    chi2 : float
+        Sum of squared residuals. Units: px^2.
+    jacobian : (2n, 6) ndarray
+        Derivatives of the projected corners by translation (mm) and left-hand rotation (rad).
+    """
+
+    pose: Pose
+    chi2: float
+    jacobian: FloatArray
 
 
 def _require_spread(pixels: FloatArray, points: FloatArray) -> None:
@@ -123,19 +146,51 @@ def _without_skew(pixels: FloatArray, camera: Camera) -> tuple[FloatArray, Camer
     return pixels - np.column_stack([shear, np.zeros(len(pixels))]), replace(camera, matrix=matrix)
 
 
-def _solve_pnp(
-    pixels: FloatArray, points: FloatArray, camera: Camera
-) -> tuple[FloatArray, FloatArray]:
-    """Return rotation vector (3,) and translation (3,) in mm by least squares in pixels."""
-    arguments = (
-        np.array(points),
-        np.array(pixels),
-        np.array(camera.matrix),
-        np.array(camera.distortion),
+def _solve_pnp(pixels: FloatArray, points: FloatArray, camera: Camera) -> _Minimum:
+    """Return the minimum that OpenCV finds without initial guess."""
+    _, vector, translation = cv2.solvePnP(
+        np.array(points), np.array(pixels), np.array(camera.matrix), np.array(camera.distortion)
     )
-    _, vector, translation = cv2.solvePnP(*arguments)
-    vector, translation = cv2.solvePnPRefineLM(*arguments, vector, translation)
-    return np.asarray(vector, np.float64).ravel(), np.asarray(translation, np.float64).ravel()
+    guess = Pose(cv2.Rodrigues(vector)[0], np.reshape(translation, 3))
+    return _refine(pixels, points, camera, guess)
+
+
+def _refine(pixels: FloatArray, points: FloatArray, camera: Camera, guess: Pose) -> _Minimum:
+    """Return the minimum of the squared residuals in pixels near an initial guess."""
+    points, lens = np.array(points), (np.array(camera.matrix), np.array(camera.distortion))
+    vector, translation = cv2.solvePnPRefineLM(
+        points, np.array(pixels), *lens,
+        cv2.Rodrigues(np.array(guess.rotation))[0], np.array(guess.translation)[:, None],
+        STOPPING_CRITERIA,
+    )  # fmt: skip
+    vector = np.asarray(vector, np.float64).ravel()
+    projected, jacobian = cv2.projectPoints(points, vector, translation, *lens)
+    residuals = np.asarray(projected).reshape(-1, 2) - pixels
+    rotation_jacobian = jacobian[:, :3] @ rotation_vector_jacobian(vector)
+    return _Minimum(
+        Pose(rotations_from_vectors(vector), np.reshape(translation, 3)),
+        float((residuals**2).sum()),
+        np.concatenate([jacobian[:, 3:6], rotation_jacobian], axis=1),
+    )
+
+
+def _mirror(camera_from_board: Pose, points: FloatArray) -> Pose:
+    """Return the pose with the opposite tilt, which looks alike from far away.
+
+    The flat board is mirrored at the plane through its middle that is perpendicular to the ray.
+    """
+    middle = points.mean(axis=0)
+    in_camera = camera_from_board.apply_one(middle)
+    ray = in_camera / np.linalg.norm(in_camera)
+    reflection = np.eye(3) - 2 * np.outer(ray, ray)
+    rotation = reflection @ camera_from_board.rotation @ np.diag([1.0, 1.0, -1.0])
+    return Pose(rotation, in_camera - rotation @ middle)
+
+
+def pose_difference(pose: Pose, reference: Pose) -> FloatArray:
+    """Return the difference (6,) of two poses: origin (mm) and left-hand rotation (rad)."""
+    rotation = vectors_from_rotations((pose.rotation @ reference.rotation.T)[None])[0]
+    return np.append(pose.translation - reference.translation, rotation)
 
 
 def guess_camera_from_board(view: TargetView, rays: Points) -> Pose:

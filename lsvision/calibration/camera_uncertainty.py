@@ -11,8 +11,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from lsvision.calibration.board_pose import estimate_board_pose
-from lsvision.calibration.rotations import vectors_from_rotations
+from lsvision.calibration.board_pose import estimate_board_pose, pose_difference
 from lsvision.calibration.target import TargetView
 from lsvision.geometry import BoolArray, FloatArray, Pose
 from lsvision.sensors.camera import Camera
@@ -135,8 +134,7 @@ def board_pose_modes(
             changed_pose = estimate_board_pose(
                 view.pixels, view.points, changed_camera
             ).camera_from_board
-            rotation = vectors_from_rotations((changed_pose.rotation @ pose.rotation.T)[None])[0]
-            shifts[mode, index] = np.append(changed_pose.translation - pose.translation, rotation)
+            shifts[mode, index] = pose_difference(changed_pose, pose)
     return shifts
 
 

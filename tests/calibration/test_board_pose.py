@@ -38,6 +38,22 @@ def test_covariance_of_a_board_pose_is_that_of_its_errors():
     assert abs(np.mean(scores) - 1) < 4 * 0.075
 
 
+def test_the_covariance_of_a_small_far_board_includes_the_pose_of_the_opposite_tilt():
+    rng, camera = np.random.default_rng(2), replace(CAMERA, distortion=np.zeros(5))
+    scores, wrong = [], 0
+    for _ in range(150):
+        around = rng.uniform(0, 2 * np.pi)
+        tilt = np.radians(rng.uniform(5, 40)) * np.array([np.cos(around), np.sin(around), 0])
+        truth = Pose(rotation_from_vector(tilt), (*rng.uniform(-400, 300, 2), 5000.0))
+        pixels = camera.project(truth.apply(BOARD))
+        seen = estimate_board_pose(pixels + rng.normal(0, 0.15, pixels.shape), BOARD, camera)
+        error = pose_errors(seen.camera_from_board, truth)
+        wrong += np.linalg.norm(error[3:]) > np.radians(8)
+        scores.append(error @ np.linalg.solve(seen.covariance, error) / 6)
+    assert wrong > 5  # the opposite tilt fits better
+    assert np.mean(scores) < 2  # without it in the covariance: hundreds
+
+
 def test_the_skew_of_the_camera_is_not_ignored():
     matrix = CAMERA.matrix.copy()
     matrix[0, 1] = 20.0
