@@ -17,9 +17,6 @@ from lsvision.geometry import BoolArray, FloatArray, Pose
 from lsvision.sensors.camera import Camera
 from lsvision.statistics.normal_matrix import invert_normal_matrix
 
-MIN_F_RATIO = 10.0
-"""Smallest F ratio of the three parameters of the shape; noise alone exceeds it in one of 10^6 sets
-of views."""
 MAX_STEPS = 300
 """Maximum number of steps; about six are needed, and up to 200 with a tilted sensor."""
 MIN_DAMPING, MAX_DAMPING, DAMPING_FACTOR = 1e-8, 1e2, 3.0
@@ -59,10 +56,12 @@ class BentBoardFit:
 
 def fit_bent_board(
     camera: Camera, views: Sequence[TargetView], poses: Sequence[Pose], free: BoolArray
-) -> tuple[BentBoardFit | None, FloatArray]:
-    """Return camera, poses and shape of the board, refined together, if it is significantly bent.
+) -> BentBoardFit:
+    """Return camera, poses and shape of the board, refined together.
 
-    A bow that is not significant may still bias the camera by twice its standard deviation.
+    The shape is fitted to a flat board, too: a bow that is too small to be significant may bias the
+    camera by twice its standard deviation, and the fit of the shape increases that by a sixth at
+    most.
 
     Parameters
     ----------
@@ -78,33 +77,24 @@ def fit_bent_board(
 
     Returns
     -------
-    fit : BentBoardFit or None
-        None if a flat board explains the corners equally well.
-    shift : (4 + k,) ndarray
-        Change of the intrinsics by the shape, significant or not: an error of those of a flat one.
+    BentBoardFit
+        Minimum of the squared residuals; its noise is estimated from the residuals.
     """
     shape = BoardShape.of(np.concatenate([view.points for view in views]))
-    start = _State.of(camera, poses)
     transfer = intrinsics_jacobian(camera, free)
-    # Both minima are found by the same code: OpenCV's, in which points are float32, is less exact.
-    flat, flat_normal = _minimise(_Problem(views, shape, transfer, 0), start)
-    bent, normal = _minimise(_Problem(views, shape, transfer, SHAPE_TERMS), flat)
+    problem = _Problem(views, shape, transfer)
+    state, normal = _minimise(problem, _State.of(camera, poses))
     dof = 2 * sum(len(view.points) for view in views) - 6 * len(views) - len(normal.reduced)
-    variance = normal.chi2 / max(dof, 1)
-    shift = bent.intrinsics - flat.intrinsics
-    if not flat_normal.chi2 - normal.chi2 > MIN_F_RATIO * SHAPE_TERMS * variance:
-        return None, shift
-    covariance = variance * normal.inverse
-    common_count = transfer.shape[1]
-    fit = BentBoardFit(
-        bent.camera(camera),
-        bent.board_poses(),
-        transfer @ covariance[:common_count, :common_count] @ transfer.T,
+    covariance = normal.inverse * (normal.chi2 / max(dof, 1))
+    free_intrinsics = transfer.shape[1]
+    return BentBoardFit(
+        state.camera(camera),
+        state.board_poses(),
+        transfer @ covariance[:free_intrinsics, :free_intrinsics] @ transfer.T,
         shape,
-        bent.bow,
-        np.sqrt(covariance.diagonal()[common_count:]),
+        state.bow,
+        np.sqrt(covariance.diagonal()[free_intrinsics:]),
     )
-    return fit, shift
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,7 +171,7 @@ class _NormalEquations:
 
 @dataclass(frozen=True, eq=False)
 class _Problem:
-    """Least-squares problem in pixels, with the first `terms` parameters of the shape.
+    """Least-squares problem in pixels.
 
     `transfer` is the Jacobian (4 + k, m) of all intrinsics by the m free ones.
     """
@@ -189,11 +179,10 @@ class _Problem:
     views: Sequence[TargetView]
     shape: BoardShape
     transfer: FloatArray
-    terms: int
 
     def linearise(self, state: _State) -> _NormalEquations:
         """Return the normal equations at a state."""
-        size = self.transfer.shape[1] + self.terms
+        size = self.transfer.shape[1] + SHAPE_TERMS
         reduced, gradient, pose_equations, chi2 = np.zeros((size, size)), np.zeros(size), [], 0.0
         for view, vector in zip(self.views, state.poses, strict=True):
             pose_jacobian, common_jacobian, error = self._linearise_view(state, view, vector)
@@ -217,7 +206,7 @@ class _Problem:
             points, vector[:3], vector[3:], matrix, state.intrinsics[4:]
         )
         height_jacobian = jacobian[:, 3:6] @ cv2.Rodrigues(vector[:3])[0][:, 2]
-        terms = np.repeat(self.shape.terms(view.points[:, :2]), 2, axis=0)[:, : self.terms]
+        terms = np.repeat(self.shape.terms(view.points[:, :2]), 2, axis=0)
         intrinsics_jacobian = jacobian[:, 6 : 6 + len(state.intrinsics)] @ self.transfer
         common_jacobian = np.column_stack([intrinsics_jacobian, height_jacobian[:, None] * terms])
         error = view.pixels.ravel() - np.asarray(projected).ravel()
@@ -227,9 +216,8 @@ class _Problem:
         """Return the state after a step of the common parameters and of the poses (v, 6)."""
         common_step, pose_steps = step
         free_intrinsics = self.transfer.shape[1]
-        bow = state.bow.copy()
-        bow[: self.terms] += common_step[free_intrinsics:]
         intrinsics = state.intrinsics + self.transfer @ common_step[:free_intrinsics]
+        bow = state.bow + common_step[free_intrinsics:]
         return _State(intrinsics, state.poses + pose_steps, bow)
 
 

@@ -70,8 +70,7 @@ class CameraSettings:
         Whether tau_x and tau_y are estimated: only for a sensor that is tilted behind the lens
         (Scheimpflug).
     bent_board : bool
-        Whether bow and twist of the board are estimated, too, if there are at least six views and
-        they are significant.
+        Whether bow and twist of the board are estimated, too, if there are at least six views.
     """
 
     radial_terms: int = 2
@@ -132,8 +131,7 @@ class CameraCalibration(Result):
     camera : Camera
         Calibrated camera.
     std : mapping of str to float
-        Standard deviation of fx, fy, cx, cy (px) and each coefficient; 0 for fixed ones. Includes
-        the effect of a bow of the board that is not significant (from six views).
+        Standard deviation of fx, fy, cx, cy (px) and each coefficient; 0 for fixed ones.
     views : tuple of CalibratedView
         Views that were used.
     rejected : tuple of RejectedView
@@ -146,8 +144,8 @@ class CameraCalibration(Result):
         Covariance of fx, fy, cx, cy (px) and the k coefficients; zero for fixed ones.
     board_bow, board_bow_std : (3,) ndarray
         Deviation of the board's middle from flatness along x and along y, positive away from
-        the camera, and its twist at the corners; zero if a flat board explains the corners equally
-        well. Units: mm.
+        the camera, and its twist at the corners; zero if not estimated (see
+        `CameraSettings.bent_board`). Units: mm.
     """
 
     camera: Camera
@@ -303,16 +301,14 @@ class _Solution:
 
 
 def _solve(views: Sequence[TargetView], settings: CameraSettings) -> _Solution:
-    """Return camera, poses and board by least squares; flat unless it is significantly bent."""
+    """Return camera, poses and board by least squares; the board is flat if it is not estimated."""
     matrix, distortion, std, poses = _solve_flat(views, settings)
     camera, free = Camera(matrix, distortion, views[0].size), _independent_mask(std, settings)
-    fits_bow = settings.bent_board and len(views) >= MIN_BOW_VIEWS
-    no_fit = None, np.zeros(len(free))
-    bent, shift = fit_bent_board(camera, views, poses, free) if fits_bow else no_fit
-    if bent is None:
-        covariance = intrinsics_covariance(camera, views, poses, free) + np.outer(shift, shift)
+    if not settings.bent_board or len(views) < MIN_BOW_VIEWS:
+        covariance = intrinsics_covariance(camera, views, poses, free)
         points, flat = [view.points for view in views], np.zeros(SHAPE_TERMS)
-        return _Solution(camera, np.hypot(std, shift), covariance, poses, points, flat, flat)
+        return _Solution(camera, std, covariance, poses, points, flat, flat)
+    bent = fit_bent_board(camera, views, poses, free)
     return _Solution(
         bent.camera,
         np.sqrt(bent.covariance.diagonal()),
