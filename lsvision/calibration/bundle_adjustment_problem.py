@@ -15,6 +15,9 @@ from lsvision.sensors.camera import Camera
 from lsvision.sensors.distortion import COEFFICIENTS
 from lsvision.sensors.light_section import LightSection
 
+MIN_LINE_POINTS = 4
+"""Smallest number of points of a laser line: its noise is the deviation from a parabola."""
+
 FOCAL_PRIOR = 0.02
 """Relative standard deviation of the prior on fx and fy: regularises sets of few boards."""
 
@@ -55,8 +58,7 @@ class LaserView:
     pixels : (n, 2) array_like
         Corners in the image. Units: px.
     line_pixels : (m, 2) array_like
-        Points of the laser line on the board, all finite, at least 4: their noise is that about a
-        parabola. Units: px.
+        Points of the laser line on the board, at least `MIN_LINE_POINTS`. Units: px.
     line_std : (m,) array_like
         Standard deviation of each point along the line's normal. Units: px.
     """
@@ -76,8 +78,10 @@ class LaserView:
         object.__setattr__(
             self, "line_std", as_readonly_array(self.line_std, (points,), "line_std")
         )
-        if not np.isfinite(self.line_pixels).all():
-            raise ValueError("expected finite line_pixels: leave out lost points")
+        if not all(np.isfinite(a).all() for a in (self.points, self.pixels, self.line_pixels)):
+            raise ValueError("expected finite points and pixels: leave lost points out")
+        if points < MIN_LINE_POINTS:
+            raise ValueError(f"expected at least {MIN_LINE_POINTS} line_pixels, got {points}")
         if not (self.line_std > 0).all():
             raise ValueError("expected positive line_std in px")
 

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 
 from lsvision.calibration.board_pose import estimate_board_pose, pose_difference
+from lsvision.calibration.hand_eye_json import check_covariance
 from lsvision.calibration.target import TargetView
 from lsvision.geometry import BoolArray, FloatArray, Pose
 from lsvision.sensors.camera import Camera
@@ -85,13 +86,9 @@ def camera_modes(camera: Camera, covariance: FloatArray) -> list[Camera]:
     Raises
     ------
     ValueError
-        If the covariance is not of the size of the camera's intrinsics.
+        See `check_intrinsics_covariance`.
     """
-    if covariance.shape != (4 + len(camera.distortion),) * 2:
-        raise ValueError(
-            f"expected a covariance of {4 + len(camera.distortion)} intrinsics, got shape "
-            f"{covariance.shape}"
-        )
+    check_intrinsics_covariance(camera, covariance)
     std = np.sqrt(np.diag(covariance))
     scale = np.where(std > 0, std, 1.0)
     variances, axes = np.linalg.eigh(covariance / np.outer(scale, scale))
@@ -104,6 +101,22 @@ def camera_modes(camera: Camera, covariance: FloatArray) -> list[Camera]:
             distortion = camera.distortion + change[4:]
             cameras.append(replace(camera, matrix=matrix, distortion=distortion))
     return cameras
+
+
+def check_intrinsics_covariance(camera: Camera, covariance: FloatArray) -> None:
+    """Raise an error for a matrix that is not a covariance of the camera's intrinsics.
+
+    Raises
+    ------
+    ValueError
+        If it is not of their number, finite, symmetric and positive semi-definite.
+    """
+    if covariance.shape != (4 + len(camera.distortion),) * 2:
+        raise ValueError(
+            f"expected a covariance of {4 + len(camera.distortion)} intrinsics, got shape "
+            f"{covariance.shape}"
+        )
+    check_covariance(covariance)
 
 
 def board_pose_modes(

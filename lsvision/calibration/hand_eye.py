@@ -249,7 +249,7 @@ def calibrate_hand_eye_board(
     Raises
     ------
     ValueError, CalibrationFailed, DegenerateGeometry
-        As in `calibrate_hand_eye_sphere`; ValueError also for an invalid covariance.
+        As in `calibrate_hand_eye_sphere`; ValueError also for an invalid covariance or mode.
 
     Examples
     --------
@@ -272,6 +272,8 @@ def calibrate_hand_eye_board(
     _require_count(len(observed), MIN_BOARD_POSES, "a board in the image", unobserved)
     shifts = np.zeros((0, count, 6)) if camera_modes is None else camera_modes
     shifts = as_readonly_array(shifts, ("m", count, 6), "camera_modes")[:, observed]
+    if not np.isfinite(shifts).all():
+        raise ValueError("expected finite camera_modes")
     poses = [flanges[index] for index in observed]
     observations = BoardObservations(
         np.array([boards[index].rotation for index in observed]),
@@ -389,12 +391,9 @@ def _require_count(
 ) -> None:
     """Require a number of poses with an observation."""
     if count < min_count:
-        first_reason = (
-            f" (pose {unobserved[0].index}: {unobserved[0].reason})" if unobserved else ""
-        )
+        reasons = [f" (pose {pose.index}: {pose.reason})" for pose in unobserved[:1]]
         show = "shows" if count == 1 else "show"
         raise CalibrationFailed(
             f"{counted(count, 'pose')} {show} {observation} and {min_count} are needed, better "
-            "12: take more"
-            f"{first_reason}"
+            f"12: take more{''.join(reasons)}"
         )

@@ -70,6 +70,11 @@ class HandEyeSettings(ShowsChanges):
                 )
         if self.max_residual_rms is not None and not self.max_residual_rms > 0:
             raise ValueError(f"expected a max_residual_rms above 0 mm, got {self.max_residual_rms}")
+        if not (self.max_least_determined_std > 0 and self.min_ambiguity_ratio >= 0):
+            raise ValueError(
+                "expected a max_least_determined_std above 0 mm and a min_ambiguity_ratio of at "
+                f"least 0, got {self.max_least_determined_std} and {self.min_ambiguity_ratio}"
+            )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -209,7 +214,11 @@ class HandEye(Result):
     def warnings(self) -> tuple[str, ...]:
         """Warnings about large residuals, the sensor's heights, and the stated size of a board."""
         return hand_eye_warnings(
-            self.residual_rms, self.robot_std, self.height_scale, self.target_scale
+            self.residual_rms,
+            self.robot_std,
+            self.height_scale,
+            self.target_scale,
+            radius_is_given=isinstance(self.target, Sphere) and self.target.radius_std == 0,
         )
 
     @property

@@ -21,16 +21,18 @@ def hand_eye_warnings(
     robot_std: tuple[float, float],
     height_scale: Scale | None,
     target_scale: Scale | None,
+    *,
+    radius_is_given: bool,
 ) -> tuple[str, ...]:
     """Return the warnings about a calibration, with numbers and remedy; empty for a good one.
 
-    See `HandEye` for the parameters.
+    See `HandEye` for the parameters; `radius_is_given` is that of a sphere.
     """
     warnings = []
     if residual_rms > LARGE_RESIDUAL_MM:
         warnings.append(_describe_residuals(residual_rms, robot_std))
     if height_scale and is_wrong_scale(height_scale, MIN_HEIGHT_SCALE_ERROR):
-        warnings.append(_describe_height_scale(height_scale))
+        warnings.append(_describe_height_scale(height_scale, radius_is_given=radius_is_given))
     if target_scale and is_wrong_scale(target_scale, MIN_BOARD_SCALE_ERROR):
         warnings.append(describe_board_scale(target_scale))
     return tuple(warnings)
@@ -67,10 +69,11 @@ def _describe_residuals(residual_rms: float, robot_std: tuple[float, float]) -> 
     )
 
 
-def _describe_height_scale(scale: Scale) -> str:
+def _describe_height_scale(scale: Scale, *, radius_is_given: bool) -> str:
     factor, std = scale
+    radius = "the given radius (calibrate without it, it is estimated then), " * radius_is_given
     return (
-        f"the sensor's heights must be multiplied by {factor:.3f} +/- {std:.3f}: check their "
-        "unit and the sensor's own calibration; away from the working point, positions and radii "
-        "have the same relative error"
+        f"the sensor's heights must be multiplied by {factor:.3f} +/- {std:.3f}: check {radius}"
+        "their unit and the sensor's own calibration; away from the working point, positions and "
+        "radii have the same relative error"
     )

@@ -228,7 +228,8 @@ def calibrate_camera(
     >>> len(calibration.views), calibration.rms_px < 0.5
     (5, True)
     """
-    _require_equal_sizes(images)
+    shapes = [as_image(image, f"image {k}").shape for k, image in enumerate(images)]
+    _require_equal_sizes([(shape[1], shape[0]) for shape in shapes], range(len(shapes)))
     views, sources = collect_views(
         images, lambda image: find_target(image, target), lambda view: view.pixels.tobytes()
     )
@@ -248,6 +249,7 @@ def fit_camera(
     """
     sources = sources or ViewSources()
     require_views(len(views), MIN_VIEWS, "the target", "add images of the board", sources)
+    _require_equal_sizes([view.size for view in views], sources.image_indices(len(views)))
     settings = settings or CameraSettings()
     solution = _solve(views, settings)
     camera, std, poses = solution.camera, solution.std, solution.poses
@@ -383,13 +385,12 @@ def _solve_flat(
     return matrix, np.reshape(distortion, -1)[:coefficients], std, poses
 
 
-def _require_equal_sizes(images: Sequence[npt.ArrayLike]) -> None:
-    """Require images of one size."""
-    shapes = [as_image(image, f"image {k}").shape for k, image in enumerate(images)]
-    sizes = [f"{shape[1]} x {shape[0]}" for shape in shapes]
-    for index, size in enumerate(sizes):
-        if size != sizes[0]:
+def _require_equal_sizes(sizes: Sequence[tuple[int, int]], indices: Sequence[int]) -> None:
+    """Require images of one size; `sizes` are (width, height) in px, `indices` for the message."""
+    for index, (width, height) in zip(indices, sizes, strict=True):
+        if (width, height) != sizes[0]:
             raise CalibrationFailed(
-                f"image {index} is {size} px and image 0 {sizes[0]} px: calibrate one camera at "
-                "one size, with images neither cropped nor scaled"
+                f"image {index} is {width} x {height} px and image {indices[0]} {sizes[0][0]} x "
+                f"{sizes[0][1]} px: calibrate one camera at one size, with images neither cropped "
+                "nor scaled"
             )

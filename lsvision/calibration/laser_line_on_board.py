@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.calibration.bundle_adjustment_problem import LaserView
+from lsvision.calibration.bundle_adjustment_problem import MIN_LINE_POINTS, LaserView
 from lsvision.calibration.grey_image import grey_image
 from lsvision.calibration.target import (
     CircleGrid,
@@ -19,8 +19,7 @@ from lsvision.calibration.target import (
 )
 from lsvision.calibration.views import ViewSources, collect_views, require_size
 from lsvision.errors import CalibrationFailed, LsvisionError, NoLaserLine
-from lsvision.geometry import FloatArray, IntArray, Points
-from lsvision.geometry.arrays import BoolArray
+from lsvision.geometry import BoolArray, FloatArray, IntArray, Points
 from lsvision.geometry.homography import apply_homography
 from lsvision.laser_line.extraction import LaserLine, LineSettings, extract_laser_line
 from lsvision.laser_line.image_array import as_image
@@ -84,6 +83,12 @@ class LineOnBoardSettings:
     max_line_deviation_px: float = 2.0
     max_points: int = 150
     min_points: int = 15
+
+    def __post_init__(self) -> None:
+        if not min(self.min_points, self.max_points) >= MIN_LINE_POINTS:
+            raise ValueError(
+                f"expected min_points and max_points from {MIN_LINE_POINTS}, got {self}"
+            )
 
 
 def find_laser_views(
@@ -159,9 +164,9 @@ def find_laser_view(
     """
     bayer = _extraction_settings(settings).bayer
     board_grey = grey_image(interpolate_grey(as_image(board_image), bayer))
-    board_view = find_target(board_grey, target)
-    outline = _outline(board_view, target, settings.margin)
-    outside = _find_line_outside(camera, target, board_view, line_image, settings)
+    view = find_target(board_grey, target)
+    outline = _outline(view, target, settings.margin)
+    outside = _find_line_outside(camera, target, view, line_image, settings)
     try:
         low = np.maximum(np.floor(outline.min(axis=0)), 0).astype(int)
         low -= low % 2  # a part of a mosaic must begin with the same colour as the whole
@@ -169,21 +174,16 @@ def find_laser_view(
         window = np.asarray(line_image)[low[1] : high[1], low[0] : high[0]]
         line = _extract(window, settings)
         background = None if np.array_equal(board_image, line_image) else board_grey
-        indices = _find_indices_on_board(
-            camera, target, background, board_view, (line, low), settings
-        )
+        indices = _find_indices_on_board(camera, target, background, view, (line, low), settings)
     except LsvisionError as error:
         if outside is None:
             raise
         raise CalibrationFailed(outside.message(settings.margin)) from error
-    if outside and outside.intensity > MIN_OUTSIDE_BRIGHTNESS_RATIO * np.median(
-        line.intensity[indices]
-    ):
+    intensity = float(np.median(line.intensity[indices]))
+    if outside and outside.intensity > MIN_OUTSIDE_BRIGHTNESS_RATIO * intensity:
         raise CalibrationFailed(outside.message(settings.margin))
     indices = indices[:: math.ceil(len(indices) / settings.max_points)]
-    return LaserView(
-        board_view.points, board_view.pixels, line.pixels[indices] + low, line.std[indices]
-    )
+    return LaserView(view.points, view.pixels, line.pixels[indices] + low, line.std[indices])
 
 
 def _extract(window: npt.ArrayLike, settings: LineOnBoardSettings) -> LaserLine:
@@ -292,7 +292,7 @@ def _pitch(target: Target) -> float:
 
 def _map_to_board(pixels: Points, view: TargetView) -> Points:
     """Return the points (n, 2) of the board plane that pixels show. Units: mm."""
-    inverse = np.asarray(np.linalg.inv(board_homography(view)), dtype=np.float64)
+    inverse: FloatArray = np.linalg.inv(board_homography(view)).astype(np.float64)
     return apply_homography(inverse, pixels)
 
 
@@ -314,13 +314,12 @@ def _outline(view: TargetView, target: Target, margin: float) -> Points:
 def _inside(pixels: Points, outline: Points) -> BoolArray:
     """Return the mask of pixels inside a convex quadrilateral."""
     edges = np.roll(outline, -1, axis=0) - outline
-    side_of_edges = [
+    cross_products = [
         edge[0] * (pixels - corner)[:, 1] - edge[1] * (pixels - corner)[:, 0]
         for edge, corner in zip(edges, outline, strict=True)
     ]
-    sides = np.array(side_of_edges)
-    inside: BoolArray = np.all(sides > 0, axis=0) | np.all(sides < 0, axis=0)
-    return inside
+    same_side: BoolArray = np.ptp(np.sign(cross_products), axis=0) == 0
+    return same_side
 
 
 def _is_clear_of_edges(

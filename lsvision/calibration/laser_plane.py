@@ -22,7 +22,10 @@ from lsvision.calibration.bundle_adjustment_problem import (
     Refinement,
     tilt_axes,
 )
-from lsvision.calibration.camera_uncertainty import covariance_by_camera
+from lsvision.calibration.camera_uncertainty import (
+    check_intrinsics_covariance,
+    covariance_by_camera,
+)
 from lsvision.calibration.laser_line_on_board import LineOnBoardSettings, find_laser_views
 from lsvision.calibration.laser_plane_initial_guess import (
     OUTLIER_DISTANCE_PX,
@@ -180,6 +183,8 @@ def fit_laser_plane(
     errors.
     """
     settings, sources = settings or LaserPlaneSettings(), sources or ViewSources()
+    if camera_covariance is not None:
+        check_intrinsics_covariance(camera, camera_covariance)
     require_views(
         len(views),
         2,

@@ -56,6 +56,11 @@ class OutlierSettings:
     trials: int = 40
     seed: int = 0
 
+    def __post_init__(self) -> None:
+        for name in ("max_outlier_fraction", "significance"):
+            if not 0 <= getattr(self, name) < 1:
+                raise ValueError(f"expected {name} from 0 to 1, got {getattr(self, name)}")
+
     def min_inliers(self, count: int, min_poses: int) -> int:
         """Return the smallest number of inliers among `count` poses, `min_poses` at least."""
         return max(min_poses, count - int(self.max_outlier_fraction * count))

@@ -76,6 +76,11 @@ class PosePlanSettings(ShowsChanges):
     candidates: int = 150
     seed: int = 0
 
+    def __post_init__(self) -> None:
+        stds = (self.circle_std, *self.line_std, *self.robot_std)
+        if not all(0 < value < np.inf for value in (self.count, self.candidates, *stds)):
+            raise ValueError(f"expected positive counts and standard deviations, got {self}")
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PosePlan(Result):
@@ -222,7 +227,7 @@ def plan_hand_eye_poses(
     Raises
     ------
     ValueError
-        If radius or count is not positive.
+        If the radius is not positive and finite.
     DegenerateGeometry
         If fewer candidates cut the sphere than poses are requested.
 
@@ -234,9 +239,8 @@ def plan_hand_eye_poses(
     >>> len(plan.base_from_flanges), bool(plan.predicted_std[-1] < 0.5)
     (6, True)
     """
-    count = settings.count
-    if not (radius > 0 and count > 0):
-        raise ValueError(f"expected a positive radius and count, got {radius} mm and {count}")
+    if not 0 < radius < np.inf:
+        raise ValueError(f"expected a positive, finite radius in mm, got {radius}")
     centre = as_readonly_array(centre, (3,), "centre")
     target = SpherePlanningTarget(centre, radius, settings.circle_std, settings.max_cut_offset)
     return _select_poses(target, flange_from_section, measured, candidates, settings)
@@ -272,8 +276,6 @@ def plan_hand_eye_poses_plane(
 
     Raises
     ------
-    ValueError
-        If the count is not positive.
     DegenerateGeometry
         If fewer candidates see the plate than poses are requested.
 
@@ -285,8 +287,6 @@ def plan_hand_eye_poses_plane(
     >>> len(plan.base_from_flanges), bool(plan.predicted_std[-1] < 0.5)
     (6, True)
     """
-    if not settings.count > 0:
-        raise ValueError(f"expected a positive count of poses, got {settings.count}")
     mount = as_pose(flange_from_section)
     facing = [(pose @ mount).rotation[:, 1] @ plane.normal for pose in as_poses(measured)]
     if sum(np.sign(facing)) < 0:

@@ -48,6 +48,10 @@ class SphereArcSettings:
     trials: int = 600
     seed: int = 0
 
+    def __post_init__(self) -> None:
+        if not self.min_points > 3:
+            raise ValueError(f"expected min_points above 3, got {self.min_points}")
+
 
 @dataclass(frozen=True, eq=False)
 class SphereArc:

@@ -6,6 +6,7 @@ z = x cross y into the board; the pattern lies in z = 0.
 
 from __future__ import annotations
 
+import operator
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -50,9 +51,10 @@ class TargetView(ComparedByValue):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "points", as_readonly_array(self.points, ("n", 3), "board points"))
-        object.__setattr__(self, "pixels", as_readonly_array(self.pixels, ("n", 2), "pixels"))
-        if len(self.points) != len(self.pixels):
-            raise ValueError(f"expected {len(self.points)} pixels, got {len(self.pixels)}")
+        shape = (len(self.points), 2)
+        object.__setattr__(self, "pixels", as_readonly_array(self.pixels, shape, "pixels"))
+        if not (np.isfinite(self.points).all() and np.isfinite(self.pixels).all()):
+            raise ValueError("expected finite points and pixels: leave lost points out")
 
 
 def board_homography(view: TargetView) -> FloatArray:
@@ -193,14 +195,13 @@ class ChArUco(PrintedTarget):
         """Return the visible inner corners, at least six and not all in one row or column."""
         patterns = (self.legacy, not self.legacy) if self.squares_y % 2 == 0 else (self.legacy,)
         for legacy in patterns:
-            board = self._board(legacy)
-            corners, ids, _, _ = cv2.aruco.CharucoDetector(board).detectBoard(image)
+            corners, ids, _, _ = cv2.aruco.CharucoDetector(self._board(legacy)).detectBoard(image)
             if ids is not None:
                 break
         if ids is None or len(ids) < MIN_CHARUCO_CORNERS:
             return None
         points = self.points[np.asarray(ids).reshape(-1)]
-        if min(np.ptp(points[:, 0]), np.ptp(points[:, 1])) == 0:
+        if not np.ptp(points[:, :2], axis=0).all():
             return None
         return points, np.asarray(corners, dtype=np.float64).reshape(-1, 2)
 
@@ -359,15 +360,14 @@ def find_target(image: npt.ArrayLike, target: Target) -> TargetView:
     array([79.5, 79.5])
     """
     grey = grey_image(image)
+    height, width = grey.shape
     detection = target.find(grey)
     if detection is None:
-        height, width = grey.shape
         raise TargetNotFound(
             f"no {target} in the image of {width} x {height} px: show it whole, sharp and "
             "evenly lit, with a white margin, and check its counts"
         )
-    points, pixels = detection
-    return TargetView(points, pixels, (grey.shape[1], grey.shape[0]))
+    return TargetView(*detection, (width, height))
 
 
 def left_out_warnings(
@@ -394,7 +394,7 @@ def _grid(columns: int, rows: int, step: float) -> Points:
 
 def _check_grid(columns: int, rows: int, length: float, name: str) -> None:
     """Require at least 3 columns and rows (of points or squares), and a positive length."""
-    if not (columns >= 3 and rows >= 3):
+    if not min(map(operator.index, (columns, rows))) >= 3:
         raise ValueError(f"expected at least 3 columns and rows, got {columns} x {rows}")
     if not (np.isfinite(length) and length > 0):
         raise ValueError(f"expected a positive {name} in mm, got {length}")

@@ -226,6 +226,12 @@ def test_wrong_height_scale_gives_a_warning_and_no_error_of_the_radius():
     assert abs(factor - 1 / LONG) < SIGMAS * std
     assert abs(found.sphere.radius - RADIUS) < SIGMAS * found.sphere.radius_std
     assert "heights must be multiplied by 0.93" in found.warnings[0]
+    assert "radius (" not in found.warnings[0]
+
+
+def test_a_wrong_given_radius_is_named_beside_the_heights():
+    found = calibrate_hand_eye_sphere(*sphere_scene(3), RADIUS * 1.015, settings=FEW_TRIALS)
+    assert "check the given radius (calibrate without it" in found.warnings[0]
 
 
 def test_correct_height_scale_gives_no_warning():

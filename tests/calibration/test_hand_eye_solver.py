@@ -12,7 +12,9 @@ from lsvision.calibration.hand_eye import (
     calibrate_hand_eye_sphere,
 )
 from lsvision.calibration.hand_eye_result import HandEyeSettings
+from lsvision.calibration.laser_line_on_board import LineOnBoardSettings
 from lsvision.calibration.pose_outliers import OutlierSettings
+from lsvision.calibration.sphere_arc import SphereArcSettings
 from lsvision.errors import CalibrationFailed, DegenerateGeometry
 from lsvision.geometry import Plane, Pose
 from lsvision.io.robot_conventions import pose_from_numbers
@@ -275,6 +277,28 @@ def test_a_limit_must_be_positive(limit):
 def test_a_stated_robot_must_be_positive_and_finite(robot_std):
     with pytest.raises(ValueError, match=r"robot_std .* above 0 and finite"):
         HandEyeSettings(robot_std=robot_std)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: HandEyeSettings(max_least_determined_std=np.nan),
+        lambda: HandEyeSettings(min_ambiguity_ratio=np.nan),
+        lambda: OutlierSettings(significance=np.nan),
+        lambda: OutlierSettings(max_outlier_fraction=1.5),
+        lambda: SphereArcSettings(min_points=3),
+        lambda: LineOnBoardSettings(max_points=0),
+    ],
+)
+def test_settings_that_turn_a_check_off_by_mistake_are_rejected(make):
+    with pytest.raises(ValueError, match="expected"):
+        make()
+
+
+def test_shifts_by_the_camera_must_be_finite():
+    boards, flanges = board_scene(2, 8)
+    with pytest.raises(ValueError, match="finite camera_modes"):
+        calibrate_hand_eye_board(boards, flanges, camera_modes=np.full((1, 8, 6), np.nan))
 
 
 @pytest.mark.parametrize("variance", [-1.0, np.nan])

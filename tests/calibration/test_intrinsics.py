@@ -253,6 +253,12 @@ def test_images_of_mixed_size_are_rejected():
         calibrate_camera(images, Chessboard(9, 6, 10.0))
 
 
+def test_views_of_mixed_size_are_rejected():
+    first, *others = views_of(BoardScene(), 6, 3)
+    with pytest.raises(CalibrationFailed, match="image 1 is 1280 x 1024 px and image 0 640 x 480"):
+        fit_camera([replace(first, size=(640, 480)), *others])
+
+
 def test_names_of_files_are_no_images():
     with pytest.raises(TypeError, match=r"image 0 as an array, got .a\.png.: .*read_image"):
         calibrate_camera(["a.png", "b.png"], Chessboard())

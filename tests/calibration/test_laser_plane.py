@@ -201,7 +201,9 @@ def test_parallel_boards_are_rejected_if_the_camera_is_refined():
 @pytest.mark.parametrize(
     ("change", "match"),
     [
-        ({"line_pixels": [[np.nan, 1.0]], "line_std": [0.1]}, "expected finite line_pixels"),
+        ({"line_pixels": np.full((4, 2), np.nan), "line_std": np.ones(4)}, "leave lost points out"),
+        ({"pixels": np.full((70, 2), np.nan)}, "leave lost points out"),
+        ({"line_pixels": np.eye(2), "line_std": np.ones(2)}, "at least 4 line_pixels, got 2"),
         ({"line_std": np.zeros(100)}, "expected positive line_std"),
         ({"line_std": np.ones(3)}, r"line_std of shape \(100\), got \(3,\)"),
         ({"pixels": np.zeros((3, 2))}, r"pixels of shape \(70, 2\)"),
@@ -210,6 +212,14 @@ def test_parallel_boards_are_rejected_if_the_camera_is_refined():
 def test_invalid_views_are_rejected(change, match):
     with pytest.raises(ValueError, match=match):
         replace(views_of(BoardScene(), 1)[0], **change)
+
+
+@pytest.mark.parametrize("count", [4, 8])
+def test_the_covariance_of_another_camera_is_rejected_whether_it_is_used_or_not(count):
+    views = views_of(BoardScene(), count)
+    for covariance, match in ((np.eye(3), "9 intrinsics"), (np.full((9, 9), np.nan), "got nan")):
+        with pytest.raises(ValueError, match=match):
+            fit_laser_plane(camera_of(BoardScene()), views, camera_covariance=covariance)
 
 
 def test_plane_fitted_to_coplanar_points_contains_them():

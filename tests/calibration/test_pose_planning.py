@@ -54,5 +54,5 @@ def test_error_of_a_calibration_with_planned_poses_is_as_predicted():
 def test_no_candidates_and_invalid_radius_are_rejected():
     with pytest.raises(DegenerateGeometry, match="0 candidate poses cut the sphere and 6"):
         plan_hand_eye_poses(MOUNT, TARGET, RADIUS, candidates=[Pose()], settings=SETTINGS)
-    with pytest.raises(ValueError, match="positive radius"):
+    with pytest.raises(ValueError, match="positive, finite radius"):
         plan_hand_eye_poses(MOUNT, TARGET, 0.0)

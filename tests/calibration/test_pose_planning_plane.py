@@ -179,10 +179,14 @@ def test_a_plan_rotates_with_the_base_frame():
     np.testing.assert_allclose(first.predicted_std, second.predicted_std, rtol=SAME_FRACTION)
 
 
-def test_no_candidates_and_zero_count_are_rejected_for_a_plate():
+@pytest.mark.parametrize("wrong", [{"count": 0}, {"line_std": (0.0, 0.0)}, {"circle_std": np.nan}])
+def test_counts_and_standard_deviations_must_be_positive(wrong):
+    with pytest.raises(ValueError, match="positive counts and standard deviations, got PosePlanS"):
+        replace(SETTINGS, **wrong)
+
+
+def test_no_candidates_are_rejected_for_a_plate():
     flanges = flanges_about(8, MOTION, np.random.default_rng(6))
     back = Plane(-PLANE.normal, -PLANE.distance)
     with pytest.raises(DegenerateGeometry, match=r"0 candidate poses see the plate .* and 6 are"):
         plan_hand_eye_poses_plane(MOUNT, back, POINT, candidates=flanges, settings=SETTINGS)
-    with pytest.raises(ValueError, match="positive count of poses, got 0"):
-        plan_hand_eye_poses_plane(MOUNT, PLANE, POINT, settings=replace(SETTINGS, count=0))

@@ -125,6 +125,11 @@ def test_invalid_images_are_rejected(image, error, match):
         grey_image(image)
 
 
+def test_counts_of_a_target_must_be_whole_numbers():
+    with pytest.raises(TypeError, match="'float' object cannot be interpreted as an integer"):
+        Chessboard(9.5, 6)
+
+
 @pytest.mark.parametrize(
     ("make", "match"),
     [
@@ -138,7 +143,11 @@ def test_invalid_images_are_rejected(image, error, match):
         (lambda: CircleGrid(diameter=50.0), "0 < diameter < 21.2132 mm, got 50"),
         (
             lambda: TargetView(np.zeros((2, 3)), np.zeros((3, 2)), (1, 1)),
-            "expected 2 pixels, got 3",
+            r"pixels of shape \(2, 2\), got \(3, 2\)",
+        ),
+        (
+            lambda: TargetView(np.zeros((2, 3)), np.full((2, 2), np.nan), (1, 1)),
+            "leave lost points out",
         ),
         (lambda: TargetView(np.zeros((2, 2)), np.zeros((2, 2)), (1, 1)), "board points of shape"),
     ],
