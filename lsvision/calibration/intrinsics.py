@@ -175,7 +175,8 @@ class CameraCalibration(Result):
         -------
         dict
             ``fx_px``, ``fx_std_px`` and so on (coefficients of distortion have no unit, tau_x and
-            tau_y are in rad), ``rms_px``, number of views, rejected views, outliers and warnings.
+            tau_y are in rad), ``rms_px``, ``board_bow_mm`` and its std, number of views, rejected
+            views, outliers and warnings.
         """
         return result_tables.camera_record(self)
 

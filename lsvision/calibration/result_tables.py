@@ -10,6 +10,7 @@ from lsvision.calibration.hand_eye_parts import Sphere
 from lsvision.calibration.rotations import rotation_vector_jacobian, vectors_from_rotations
 from lsvision.geometry import FloatArray
 from lsvision.results.number_format import format_value
+from lsvision.results.quantities import json_numbers
 
 if TYPE_CHECKING:
     from lsvision.calibration.hand_eye_result import HandEye
@@ -54,8 +55,14 @@ def camera_record(calibration: "CameraCalibration") -> "Record":
     for name, (value, std) in calibration.parameters.items():
         unit = "_px" if name in ("fx", "fy", "cx", "cy") else ""
         record |= {f"{name}{unit}": value, f"{name}_std{unit}": std}
-    return record | {
-        "rms_px": calibration.rms_px,
+    return record | {"rms_px": calibration.rms_px, **_common_record(calibration)}
+
+
+def _common_record(calibration: "CameraCalibration | LaserPlaneCalibration") -> "Record":
+    """Return the board's shape, and the views and warnings, ready for JSON."""
+    return {
+        "board_bow_mm": json_numbers(calibration.board_bow),
+        "board_bow_std_mm": json_numbers(calibration.board_bow_std),
         "views": len(calibration.views),
         "rejected": [{"image": view.index, "reason": view.reason} for view in calibration.rejected],
         "outliers": [{"image": view.index, "reason": view.reason} for view in calibration.outliers],
@@ -105,8 +112,6 @@ def _bow_rows(calibration: "CameraCalibration | LaserPlaneCalibration") -> list[
 
 def laser_plane_record(calibration: "LaserPlaneCalibration") -> "Record":
     """Return the plane with its standard deviations, and residuals, ready for JSON."""
-    from lsvision.results.quantities import json_numbers
-
     tilt_x, tilt_y, distance = (math.sqrt(value) for value in calibration.covariance.diagonal())
     return {
         "normal": json_numbers(calibration.plane.normal),
@@ -116,10 +121,7 @@ def laser_plane_record(calibration: "LaserPlaneCalibration") -> "Record":
         "distance_std_mm": distance,
         "line_rms_px": calibration.line_rms,
         "corner_rms_px": calibration.corner_rms,
-        "views": len(calibration.views),
-        "rejected": [{"image": view.index, "reason": view.reason} for view in calibration.rejected],
-        "outliers": [{"image": view.index, "reason": view.reason} for view in calibration.outliers],
-        "warnings": list(calibration.warnings),
+        **_common_record(calibration),
     }
 
 

@@ -24,7 +24,7 @@ from lsvision.calibration.observations import (
     points_in_sensor_frame,
 )
 from lsvision.calibration.rotations import list_cube_rotations, rotations_from_columns
-from lsvision.errors import DegenerateGeometry
+from lsvision.errors import CalibrationFailed, DegenerateGeometry
 from lsvision.geometry import BoolArray, FloatArray, IntArray, Pose
 
 ARC = np.radians(np.linspace(-60.0, 60.0, 61))
@@ -34,6 +34,9 @@ MAX_CUT_OFFSET = 0.95
 to be found."""
 MIN_OFFSET = 0.15
 """Smallest root mean square distance of the sections from the sphere's centre, in radii."""
+MAX_RADIUS_RATIO = 1.1
+"""Ratio of the largest cut to the given radius, above which the radius is wrong: sensors whose
+heights are scaled wrong by several per cent occur."""
 MIN_SPREAD = 0.05
 """Smallest range of the sphere's positions in the view, in radii."""
 HEIGHT_SCALE_PRIOR_STD = 0.1
@@ -194,11 +197,19 @@ def require_distinct_cuts(circles: FloatArray, radius: float | None) -> None:
 
     Raises
     ------
+    CalibrationFailed
+        If the given radius is so small that the cuts seem to pass the centre.
     DegenerateGeometry
         If all cuts pass near the centre, or the sphere is at one position in all profiles.
     """
-    largest = radius if radius is not None else float(circles[:, 2].max())
+    measured = float(circles[:, 2].max())
+    largest = measured if radius is None else radius
     offset = float(np.sqrt(np.mean(np.clip(1 - (circles[:, 2] / largest) ** 2, 0, None))))
+    if offset < MIN_OFFSET and measured > MAX_RADIUS_RATIO * largest:
+        raise CalibrationFailed(
+            f"cuts of the sphere have radii of up to {measured:.4g} mm, more than the given radius "
+            f"of {largest:g} mm: check it, or leave it out to have it estimated"
+        )
     if offset < MIN_OFFSET:
         raise DegenerateGeometry(
             f"the cuts pass the sphere's centre at {offset:.2f} radii (rms): the sensor's pose "

@@ -10,6 +10,7 @@ from lsvision.calibration.hand_eye import (
     calibrate_hand_eye_plane,
     calibrate_hand_eye_sphere,
 )
+from lsvision.errors import CalibrationFailed
 from lsvision.geometry import Pose
 from lsvision.io.pose_numbers import propagate_to_numbers
 from lsvision.simulate.hand_eye import noisy_pose, rotation_from_vector
@@ -232,6 +233,13 @@ def test_wrong_height_scale_gives_a_warning_and_no_error_of_the_radius():
 def test_a_wrong_given_radius_is_named_beside_the_heights():
     found = calibrate_hand_eye_sphere(*sphere_scene(3), RADIUS * 1.015, settings=FEW_TRIALS)
     assert "check the given radius (calibrate without it" in found.warnings[0]
+
+
+def test_a_given_radius_that_is_far_too_small_is_named_as_the_cause():
+    with pytest.raises(
+        CalibrationFailed, match=r"radii of up to 20 mm, more than the given radius of 10 mm"
+    ):
+        calibrate_hand_eye_sphere(*sphere_scene(3), RADIUS / 2, settings=FEW_TRIALS)
 
 
 def test_correct_height_scale_gives_no_warning():

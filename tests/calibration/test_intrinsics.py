@@ -63,6 +63,7 @@ def test_a_bent_board_is_found_and_the_camera_corrected_for_it(seed):
     assert found.rms_px == pytest.approx(0.05 * np.sqrt(2), rel=0.1)
     assert any("twisted by -0." in text for text in found.warnings)
     assert "board's twist" in str(found)
+    assert found.to_dict()["board_bow_mm"] == found.board_bow.tolist()
 
 
 @pytest.mark.parametrize("bow", [0.0, 0.004])
