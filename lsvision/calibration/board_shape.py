@@ -66,6 +66,12 @@ class BoardShape:
         return bent
 
 
+def determine_shape(corners: Points) -> bool:
+    """Return whether corners (n, 3) determine all parameters: not those of two rows or columns."""
+    terms = BoardShape.of(corners).terms(corners[:, :2])
+    return bool(np.linalg.matrix_rank(terms) == SHAPE_TERMS)
+
+
 def bow_warning(parameters: FloatArray, std: FloatArray) -> list[str]:
     """Return a warning about a board that is not flat; an empty list if it may be flat.
 

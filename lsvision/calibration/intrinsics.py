@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from lsvision.calibration import result_tables
 from lsvision.calibration.bent_board import fit_bent_board
-from lsvision.calibration.board_shape import SHAPE_TERMS, bow_warning
+from lsvision.calibration.board_shape import SHAPE_TERMS, bow_warning, determine_shape
 from lsvision.calibration.camera_uncertainty import intrinsics_covariance
 from lsvision.calibration.camera_warnings import check_camera
 from lsvision.calibration.target import (
@@ -70,7 +70,8 @@ class CameraSettings:
         Whether tau_x and tau_y are estimated: only for a sensor that is tilted behind the lens
         (Scheimpflug).
     bent_board : bool
-        Whether bow and twist of the board are estimated, too, if there are at least six views.
+        Whether bow and twist of the board are estimated, too, if there are at least six views, and
+        three rows and columns of corners.
     """
 
     radial_terms: int = 2
@@ -254,7 +255,6 @@ def fit_camera(
     settings = settings or CameraSettings()
     solution = _solve(views, settings)
     camera, std, poses = solution.camera, solution.std, solution.poses
-    require_tilted(poses, "the focal length")
     calibrated_views = tuple(
         CalibratedView(index, view, pose, camera.project(pose.apply(points)) - view.pixels)
         for index, view, pose, points in zip(
@@ -306,8 +306,10 @@ class _Solution:
 def _solve(views: Sequence[TargetView], settings: CameraSettings) -> _Solution:
     """Return camera, poses and board by least squares; the board is flat if it is not estimated."""
     matrix, distortion, std, poses = _solve_flat(views, settings)
+    require_tilted(poses, "the focal length")
+    corners = np.concatenate([view.points for view in views])
     camera, free = Camera(matrix, distortion, views[0].size), _independent_mask(std, settings)
-    if not settings.bent_board or len(views) < MIN_BOW_VIEWS:
+    if not settings.bent_board or len(views) < MIN_BOW_VIEWS or not determine_shape(corners):
         covariance = intrinsics_covariance(camera, views, poses, free)
         points, flat = [view.points for view in views], np.zeros(SHAPE_TERMS)
         return _Solution(camera, std, covariance, poses, points, flat, flat)

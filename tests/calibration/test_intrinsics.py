@@ -99,6 +99,13 @@ def test_the_shape_of_the_board_is_not_estimated_from_few_views_or_on_request(co
     assert "twist" not in str(found)
 
 
+def test_the_shape_of_a_board_of_two_rows_is_not_estimated():
+    views = views_of(replace(BENT, columns=3, rows=2, square=40.0), 12, 21)
+    found = fit_camera(views)
+    assert found.board_bow_std.tolist() == [0, 0, 0]
+    assert all(np.isfinite(list(found.std.values())))
+
+
 def test_order_of_views_does_not_matter():
     seen = views_of(BoardScene(), 8, 2)
     forth, back = fit_camera(seen), fit_camera(seen[::-1])
@@ -192,6 +199,11 @@ def test_stretched_print_is_implausible():
 def test_parallel_boards_are_rejected():
     with pytest.raises(DegenerateGeometry, match=r"parallel within .* tilt the board by 25 deg"):
         fit_camera(views_of(BoardScene(tilt=np.radians(0.5)), 10, 9))
+
+
+def test_boards_that_are_exactly_parallel_are_rejected():
+    with pytest.raises(DegenerateGeometry, match=r"parallel within 0\.0 deg"):
+        fit_camera(views_of(BoardScene(tilt=0.0, corner_std=0.0), 6, 0))
 
 
 def chessboard_image(size=(480, 640)):
