@@ -59,9 +59,9 @@ def fit_bent_board(
 ) -> BentBoardFit:
     """Return camera, poses and shape of the board, refined together.
 
-    The shape is fitted to a flat board, too: a bow that is too small to be significant may bias the
-    camera by twice its standard deviation, and the fit of the shape increases that by a sixth at
-    most.
+    The shape is fitted to a flat board, too. It increases the standard deviation of the focal
+    length by a sixth at most (6 to 15 views of 30 deg), and a bow that is too small to be
+    significant would bias it by twice its standard deviation.
 
     Parameters
     ----------

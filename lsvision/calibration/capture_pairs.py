@@ -25,7 +25,6 @@ from lsvision.calibration.target import (
     find_target,
 )
 from lsvision.errors import CalibrationFailed, LsvisionError
-from lsvision.geometry import FloatArray
 from lsvision.laser_line.extraction import LineSettings
 from lsvision.laser_line.mosaic import interpolate_grey
 from lsvision.statistics.robust import mad_std
@@ -218,8 +217,10 @@ def _shows_line(
         ).line_pixels
     except LsvisionError:
         return False
+    # Converted together: 16-bit images are scaled by their largest value.
+    grey, board_grey = np.split(grey_image(np.concatenate([frame, board])).astype(np.float64), 2)
     # If no board is found, the lamps are off and the board is dark: nothing to subtract.
-    laser_grey = _grey(frame) - (0.0 if view is None else _grey(board))
+    laser_grey = grey - (0.0 if view is None else board_grey)
     u, v = np.round(line).astype(int).T
     (left, top), (right, bottom) = line.min(axis=0), line.max(axis=0)
     rows = slice(max(int(top) - SURROUNDINGS_PX, 0), int(bottom) + SURROUNDINGS_PX)
@@ -230,8 +231,3 @@ def _shows_line(
     noise = mad_std(surroundings - background)
     contrast = float(np.median(laser_grey[v, u])) - background
     return contrast > max(settings.min_contrast, NOISE_SIGMAS * noise)
-
-
-def _grey(image: Image) -> FloatArray:
-    """Return a grey image as floats, so that differences may be negative. Units: DN of 255."""
-    return grey_image(image).astype(np.float64)

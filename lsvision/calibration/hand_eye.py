@@ -370,7 +370,7 @@ def _covariances(shapes: Sequence[SphereArc] | Sequence[PlaneLine]) -> FloatArra
 
 
 def _common_height_scale_gradients(arcs: Sequence[SphereArc]) -> FloatArray:
-    """Return the height-scale gradients of the circles about their mean height."""
+    """Return the height-scale gradients about the mean height, instead of each circle's own."""
     gradients = np.array([arc.height_scale_gradient for arc in arcs])
     heights = np.array([arc.circle[1] for arc in arcs])
     gradients[:, 0, 1] += heights - heights.mean()

@@ -103,8 +103,8 @@ class HandEye(Result):
     working_point : (3,) array_like
         Mean position of the target in the sensor frame. Units: mm.
     robot_std : tuple of float
-        Standard deviation of the robot in each axis of position (mm) and orientation (rad), stated
-        or estimated from the residuals.
+        Standard deviation of the robot in each axis of position (mm) and orientation (rad):
+        estimated from the residuals, or the stated one, increased if the residuals exceed it.
     ambiguity_ratio : float
         Cost of the second-best minimum over the best's; near 1 the solution is ambiguous.
     least_determined_std : float

@@ -20,8 +20,8 @@ GROSS_OUTLIER_FACTOR = 5.0
 """Multiple of the median pose residual beyond which a pose is a gross outlier."""
 
 MIN_MEDIAN_RESIDUAL = 0.4
-"""Smallest median to which this factor is applied, in standard deviations of the search: gross
-errors exceed 2 of them even if the other residuals are tiny."""
+"""Smallest value of that median, in standard deviations of the search: poses within 2 of these
+(5 times 0.4) are no gross outliers, however small the other residuals are."""
 
 SEARCH_STEPS, CANDIDATES, CONCENTRATION_STEPS = 12, 8, 4
 """Least trimmed squares: iterations from each initial guess, solutions that are then refined, and
