@@ -15,8 +15,9 @@ from lsvision.sensors.camera import Camera
 from lsvision.sensors.distortion import COEFFICIENTS
 from lsvision.sensors.light_section import LightSection
 
-MIN_LINE_POINTS = 4
-"""Smallest number of points of a laser line: its noise is the deviation from a parabola."""
+MIN_POINTS = 4
+"""Smallest number of corners, which determine a homography, and of points of a laser line, whose
+noise is the deviation from a parabola."""
 
 FOCAL_PRIOR = 0.02
 """Relative standard deviation of the prior on fx and fy: regularises sets of few boards."""
@@ -54,11 +55,11 @@ class LaserView:
     Parameters
     ----------
     points : (n, 3) array_like
-        Corners, board frame, z = 0. Units: mm.
+        Corners, at least `MIN_POINTS`, board frame, z = 0. Units: mm.
     pixels : (n, 2) array_like
         Corners in the image. Units: px.
     line_pixels : (m, 2) array_like
-        Points of the laser line on the board, at least `MIN_LINE_POINTS`. Units: px.
+        Points of the laser line on the board, at least `MIN_POINTS`. Units: px.
     line_std : (m,) array_like
         Standard deviation of each point along the line's normal. Units: px.
     """
@@ -80,8 +81,10 @@ class LaserView:
         )
         if not all(np.isfinite(a).all() for a in (self.points, self.pixels, self.line_pixels)):
             raise ValueError("expected finite points and pixels: leave lost points out")
-        if points < MIN_LINE_POINTS:
-            raise ValueError(f"expected at least {MIN_LINE_POINTS} line_pixels, got {points}")
+        if min(corners, points) < MIN_POINTS:
+            raise ValueError(
+                f"expected at least {MIN_POINTS} points and line_pixels, got {corners} and {points}"
+            )
         if not (self.line_std > 0).all():
             raise ValueError("expected positive line_std in px")
 

@@ -67,6 +67,11 @@ class CaptureSettings:
     min_contrast: float = 8.0
     line: LineOnBoardSettings = field(default_factory=LineOnBoardSettings)
 
+    def __post_init__(self) -> None:
+        limits = (self.still_px, self.max_blur_px, self.min_change, self.min_contrast)
+        if not all(limit >= 0 for limit in limits):
+            raise ValueError(f"expected limits of at least 0, got {limits}")
+
 
 @dataclass(frozen=True, eq=False)
 class Pair:

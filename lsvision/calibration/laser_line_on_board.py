@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.calibration.bundle_adjustment_problem import MIN_LINE_POINTS, LaserView
+from lsvision.calibration.bundle_adjustment_problem import MIN_POINTS, LaserView
 from lsvision.calibration.grey_image import grey_image
 from lsvision.calibration.target import (
     CircleGrid,
@@ -85,10 +85,8 @@ class LineOnBoardSettings:
     min_points: int = 15
 
     def __post_init__(self) -> None:
-        if not min(self.min_points, self.max_points) >= MIN_LINE_POINTS:
-            raise ValueError(
-                f"expected min_points and max_points from {MIN_LINE_POINTS}, got {self}"
-            )
+        if not min(self.min_points, self.max_points) >= MIN_POINTS:
+            raise ValueError(f"expected min_points and max_points from {MIN_POINTS}, got {self}")
 
 
 def find_laser_views(

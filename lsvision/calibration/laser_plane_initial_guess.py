@@ -8,7 +8,7 @@ import numpy as np
 from lsvision.calibration.board_pose import guess_camera_from_board
 from lsvision.calibration.bundle_adjustment_problem import LaserView
 from lsvision.calibration.target import TargetView
-from lsvision.errors import DegenerateGeometry
+from lsvision.errors import CalibrationFailed, DegenerateGeometry
 from lsvision.geometry import FloatArray, Plane, Points, Pose
 from lsvision.geometry.arrays import BoolArray
 from lsvision.sensors.camera import Camera
@@ -69,9 +69,26 @@ def fit_plane(points: Points) -> Plane:
 
 
 def guess_board_poses(camera: Camera, views: Sequence[LaserView]) -> tuple[Pose, ...]:
-    """Return ``camera_from_board`` of each view (mm), from its corners, without iteration."""
-    boards = [TargetView(view.points, view.pixels, camera.size) for view in views]
-    return tuple(guess_camera_from_board(board, camera.rays(board.pixels)) for board in boards)
+    """Return ``camera_from_board`` of each view (mm), from its corners, without iteration.
+
+    Raises
+    ------
+    CalibrationFailed
+        If a corner or a point of the line has no ray, because the distortion is not invertible.
+    """
+    poses = []
+    for view in views:
+        rays = camera.rays(np.concatenate([view.pixels, view.line_pixels]))
+        lost = int(np.isnan(rays[:, 0]).sum())
+        if lost:
+            raise CalibrationFailed(
+                f"the camera's distortion is not invertible at {lost} of {len(rays)} corners and "
+                "line points of a view: calibrate the camera with boards in every corner of the "
+                "image, or with fewer radial terms"
+            )
+        board = TargetView(view.points, view.pixels, camera.size)
+        poses.append(guess_camera_from_board(board, rays[: len(view.pixels)]))
+    return tuple(poses)
 
 
 def intersect_laser_rays_with_boards(

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from lsvision.calibration.board_pose import estimate_board_pose
+from lsvision.calibration.capture_pairs import CaptureSettings
 from lsvision.calibration.hand_eye import (
     calibrate_hand_eye_board,
     calibrate_hand_eye_plane,
@@ -288,6 +289,7 @@ def test_a_stated_robot_must_be_positive_and_finite(robot_std):
         lambda: OutlierSettings(max_outlier_fraction=1.5),
         lambda: SphereArcSettings(min_points=3),
         lambda: LineOnBoardSettings(max_points=0),
+        lambda: CaptureSettings(still_px=np.nan),
     ],
 )
 def test_settings_that_turn_a_check_off_by_mistake_are_rejected(make):

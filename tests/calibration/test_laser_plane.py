@@ -203,7 +203,10 @@ def test_parallel_boards_are_rejected_if_the_camera_is_refined():
     [
         ({"line_pixels": np.full((4, 2), np.nan), "line_std": np.ones(4)}, "leave lost points out"),
         ({"pixels": np.full((70, 2), np.nan)}, "leave lost points out"),
-        ({"line_pixels": np.eye(2), "line_std": np.ones(2)}, "at least 4 line_pixels, got 2"),
+        (
+            {"line_pixels": np.eye(2), "line_std": np.ones(2)},
+            "at least 4 points and line_pixels, got 70 and 2",
+        ),
         ({"line_std": np.zeros(100)}, "expected positive line_std"),
         ({"line_std": np.ones(3)}, r"line_std of shape \(100\), got \(3,\)"),
         ({"pixels": np.zeros((3, 2))}, r"pixels of shape \(70, 2\)"),
@@ -220,6 +223,13 @@ def test_the_covariance_of_another_camera_is_rejected_whether_it_is_used_or_not(
     for covariance, match in ((np.eye(3), "9 intrinsics"), (np.full((9, 9), np.nan), "got nan")):
         with pytest.raises(ValueError, match=match):
             fit_laser_plane(camera_of(BoardScene()), views, camera_covariance=covariance)
+
+
+def test_a_camera_without_rays_for_some_corners_is_named_as_the_cause():
+    scene = BoardScene()
+    camera = Camera(scene.matrix, [-3.5, 0, 0, 0, 0], scene.size)
+    with pytest.raises(CalibrationFailed, match=r"not invertible at \d+ of 170 corners and line"):
+        fit_laser_plane(camera, views_of(scene, 8))
 
 
 def test_plane_fitted_to_coplanar_points_contains_them():
