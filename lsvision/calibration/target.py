@@ -25,6 +25,8 @@ from lsvision.geometry.equality import ComparedByValue
 
 MIN_CHARUCO_CORNERS = 6
 """Smallest number of visible inner corners: four determine the homography, two check it."""
+MIN_DISCS = 15
+"""Smallest number of discs that OpenCV's `findCirclesGrid` finds."""
 
 
 class TargetNotFound(CalibrationFailed):
@@ -265,8 +267,8 @@ class CircleGrid(PrintedTarget):
     Parameters
     ----------
     columns, rows : int
-        Number of discs in a row, and number of rows. An asymmetric grid needs an odd number of
-        rows: with an even one it looks the same after half a turn.
+        Number of discs in a row, and number of rows. An asymmetric grid needs 5, 7, ... rows: with
+        an even number it looks the same after half a turn.
     spacing : float
         Distance of neighbouring discs and of neighbouring rows; in an asymmetric grid neighbours in
         a row are two spacings apart. Units: mm.
@@ -274,11 +276,6 @@ class CircleGrid(PrintedTarget):
         Diameter of a disc. Units: mm.
     asymmetric : bool
         Whether every second row is shifted by `spacing`, which makes the orientation unique.
-
-    Examples
-    --------
-    >>> CircleGrid().points.shape[1]
-    3
     """
 
     columns: int = 4
@@ -289,11 +286,14 @@ class CircleGrid(PrintedTarget):
 
     def __post_init__(self) -> None:
         _check_grid(self.columns, self.rows, self.spacing, "spacing")
-        if self.asymmetric and self.rows % 2 == 0:
+        counts = f"{self.columns} x {self.rows}"
+        if self.asymmetric and (self.rows % 2 == 0 or self.rows < 5):
             raise ValueError(
-                f"expected an odd number of rows of an asymmetric grid, got {self.columns} x "
-                f"{self.rows}: count the discs of one straight row as columns, as in 4 x 11"
+                f"expected an odd number of rows of an asymmetric grid, at least 5, got {counts}: "
+                "count the discs of one straight row as columns, as in 4 x 11"
             )
+        if self.columns * self.rows < MIN_DISCS:
+            raise ValueError(f"expected a grid of at least {MIN_DISCS} discs, got {counts}")
         limit = self.spacing * (np.sqrt(2) if self.asymmetric else 1)
         if not 0 < self.diameter < limit:
             raise ValueError(f"expected 0 < diameter < {limit:g} mm, got {self.diameter:g}")

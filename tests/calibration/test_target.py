@@ -140,6 +140,8 @@ def test_counts_of_a_target_must_be_whole_numbers():
         (lambda: ChArUco(dictionary="CharucoBoard"), "dictionary of cv2.aruco, got 'CharucoB"),
         (lambda: ChArUco(3, 3), "at least 6 inner corners, got a ChArUco board of 3 x 3 squares"),
         (lambda: ChArUco(30, 20), "at most 100 white squares with DICT_4X4_100, got 300: a dict"),
+        (lambda: CircleGrid(4, 3, asymmetric=False), "at least 15 discs, got 4 x 3"),
+        (lambda: CircleGrid(5, 3), "of an asymmetric grid, at least 5, got 5 x 3"),
         (lambda: CircleGrid(diameter=50.0), "0 < diameter < 21.2132 mm, got 50"),
         (
             lambda: TargetView(np.zeros((2, 3)), np.zeros((3, 2)), (1, 1)),
