@@ -185,9 +185,9 @@ def _best_hypothesis(
         if _is_arc(points, circle, inliers, settings):
             best: FloatArray = circle
             return best
-    for circle in circles[:1]:  # for the numbers of its message
-        inliers = _arc_mask(points, circle, settings.tolerance, settings)
-        _require_arc(points, circle, inliers, settings)
+    if len(circles):  # no arc either, but the error has its numbers
+        inliers = _arc_mask(points, circles[0], settings.tolerance, settings)
+        _require_arc(points, circles[0], inliers, settings)
     raise TooFewPoints("best arc of the sphere", 0, settings.min_points, _HINT)
 
 
