@@ -20,8 +20,8 @@ shadow. The light of a matt pipe fades by less except beside its end. Units: 1 /
 EDGE_SIGMAS = 4.0
 """Smallest change of light at an edge in its standard deviations."""
 EDGE_STD_FRACTION = 0.5
-"""Standard deviation of the change of light at an edge, as a fraction of that change, which varies
-from column to column by as much as its own size."""
+"""Standard deviation of the change of light at an edge, as a fraction of the larger one of the
+changes to both neighbours, which differ by as much as their own size."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +83,9 @@ def compute_line_shape(rows: FloatArray, light: FloatArray, relative_std: FloatA
         fade_std[piece] = gain * noise[piece]
     edge = np.isnan(slope)
     fade[edge] = _fade_at_edges(before[edge], after[edge])
-    fade_std[edge] = np.hypot(fade_std[edge], EDGE_STD_FRACTION * local_fade[edge])
+    edge_std = EDGE_STD_FRACTION * np.maximum(np.abs(before), np.abs(after))
+    edge_std[[0, -1]] /= EDGE_STD_FRACTION  # an end has a neighbour on one side only
+    fade_std[edge] = np.hypot(fade_std[edge], edge_std[edge])
     return LineShape(*_extrapolate_at_edges(slope, curvature, edge), fade, fade_std, edge)
 
 

@@ -6,6 +6,9 @@ a pipe along its axis). Let C be the covariance of both effects together. The in
 column of a line of slope m then has the variance C_vv - 2 m C_uv + m^2 C_uu: a line with parts of
 different slope determines C. A line of one slope hardly determines C, but then C hardly affects the
 correction.
+
+The image of the sheet is thicker where the camera is nearer, as at the top of a pipe. Without a
+parameter of its own this would be taken for a C_uu below zero, and pipes would become too large.
 """
 
 from dataclasses import dataclass
@@ -44,9 +47,13 @@ TUKEY_SIGMAS = 4.7
 """Residual, in standard deviations, from which on a width has no weight."""
 MIN_NOISE_FACTOR = 0.1
 """Smallest ratio of the widths' estimated noise to `width_std`."""
-MODEL_ERROR = 0.1
-"""Error of each value relative to C_vv, since the top of a pipe is nearer to the camera than its
-flanks, so that the sheet's image is thicker there; from noise-free images."""
+THICKENING_STD = 0.7
+"""Prior standard deviation of the thickening of the sheet's image over that of a surface along the
+plane's normal: 0.5 to 1.4 on pipes tilted by up to 40 deg, and the sheet's blur itself is estimated
+to 30 % only."""
+MODEL_ERROR, UNKNOWN_THICKENING_ERROR = 0.03, 0.1
+"""Error of each value relative to C_vv, with and without a stated thickening of the sheet's image;
+from noise-free images."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +78,7 @@ def estimate_line_spread(
     shape: LineShape,
     blur: float | None,
     sheet: FloatArray,
+    thickening: FloatArray | None,
 ) -> LineSpread:
     """Estimate the blur of a run of a line from its width in each column.
 
@@ -88,6 +96,8 @@ def estimate_line_spread(
     sheet : (2,) ndarray
         Direction u, v in which the normal of the laser plane is seen: a unit vector, or zeros if
         unknown.
+    thickening : (n,) ndarray, optional
+        Relative change of the variance of the sheet's blur from that in the middle of the line.
 
     Returns
     -------
@@ -98,8 +108,11 @@ def estimate_line_spread(
     variances, slope = width[usable] ** 2, shape.slope[usable]
     if not len(variances):
         return LineSpread(np.zeros(3), np.zeros((3, 3)))
-    prior, prior_std = _prior(variances, slope, blur, sheet)
-    design = np.stack([np.ones_like(slope), -2 * slope, slope**2], axis=1)
+    prior, prior_std, thickness = _prior(variances, slope, blur, sheet)
+    u, v = sheet
+    thicker = np.zeros(len(slope)) if thickening is None else thickening[usable]
+    sheet_change = thickness * thicker * (v - slope * u) ** 2
+    design = np.stack([np.ones_like(slope), -2 * slope, slope**2, sheet_change], axis=1)
     scale = 2 * width[usable] * width_std[usable]
     design, target = design / scale[:, None], variances / scale
     values: FloatArray = prior
@@ -112,8 +125,10 @@ def estimate_line_spread(
         covariance = np.asarray(np.linalg.inv(weighted @ design + prior_information))
         values = covariance @ (weighted @ target + prior_information @ prior)
     undetermined = np.sqrt(covariance.diagonal()) > UNDETERMINED_FRACTION * prior_std
-    values = np.where(undetermined, prior, values)
-    spread = LineSpread(values, covariance + np.diag([(MODEL_ERROR * values[0]) ** 2] * 3))
+    values, covariance = np.where(undetermined, prior, values)[:3], covariance[:3, :3]
+    values[2] = max(values[2], values[1] ** 2 / values[0])  # no variance is negative
+    error = UNKNOWN_THICKENING_ERROR if thickening is None else MODEL_ERROR
+    spread = LineSpread(values, covariance + np.diag([(error * values[0]) ** 2] * 3))
     return spread if blur is None else _with_stated_blur(spread, blur)
 
 
@@ -138,11 +153,11 @@ def _with_stated_blur(spread: LineSpread, blur: float) -> LineSpread:
 
 def _prior(
     variances: FloatArray, slope: FloatArray, blur: float | None, sheet: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return prior values (3,) of C_vv, C_uv and C_uu, and their stds (3,).
+) -> tuple[FloatArray, FloatArray, float]:
+    """Return prior values (4,), their stds (4,), and the variance of the sheet's blur.
 
-    They follow from the narrow parts of the line, for lens and pixel, and from the median width,
-    for the sheet.
+    The values are C_vv, C_uv, C_uu, and the factor on the thickening of the sheet's image. The
+    narrow parts of the line give the blur of lens and pixel, its median width that of the sheet.
     """
     ordered = np.sort(variances / (1 + slope**2))
     position = NARROW_QUANTILE * (len(ordered) - 1)
@@ -152,5 +167,5 @@ def _prior(
     squared_sine = np.maximum((v - slope * u) ** 2, MIN_SQUARED_SINE)
     thickness = max(median((variances - lens * (1 + slope**2)) / squared_sine), 0.0)
     values = lens * np.array([1.0, 0.0, 1.0]) + thickness * np.array([v * v, u * v, u * u])
-    scale = max(narrow, thickness)
-    return values, scale * np.array([SPREAD_STD, TILT_STD, ALONG_STD])
+    stds = max(narrow, thickness) * np.array([SPREAD_STD, TILT_STD, ALONG_STD])
+    return np.append(values, 1.0), np.append(stds, THICKENING_STD), thickness

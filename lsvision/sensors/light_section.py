@@ -187,7 +187,7 @@ class LightSection(ComparedByValue):
             )
         line = extract_laser_line(array, settings, laser_off)
         return correct_line_blur(
-            line, self.line_blur_px or None, self._normal_in_image(line.pixels)
+            line, self.line_blur_px or None, *self._normal_in_image(line.pixels)
         )
 
     def profile_from_line(self, line: LaserLine) -> Profile:
@@ -299,10 +299,11 @@ class LightSection(ComparedByValue):
         except DegenerateGeometry as error:
             raise DegenerateGeometry(f"{path}: {error}") from error
 
-    def _normal_in_image(self, pixels: Points) -> FloatArray:
-        """Return the image direction (2,) of the plane's normal halfway along a line.
+    def _normal_in_image(self, pixels: Points) -> tuple[FloatArray, float]:
+        """Return the image of the plane's normal halfway along a line.
 
-        Zeros where the line's ray misses the plane, or the normal is seen end on.
+        Its direction (2,), and the relative change of its length for each pixel along it. Zeros
+        where the line's ray misses the plane, or the normal is seen end on.
         """
         valid = pixels[np.isfinite(pixels).all(axis=1)]
         ray = self.camera.rays(valid[[len(valid) // 2]])
@@ -310,8 +311,16 @@ class LightSection(ComparedByValue):
         shifted = point + NORMAL_STEP_MM * self.laser_plane.normal
         start, stop = self.camera.project(np.vstack([point, shifted]))
         length = math.hypot(*(stop - start))
-        direction: FloatArray = (stop - start) / length if length > 0 else np.zeros(2)
-        return direction
+        if not length > 0:
+            return np.zeros(2), 0.0
+        # At depth z, the normal has the length |m| / z in normalised image coordinates, with
+        # m = (n_x, n_y) - p n_z: 1 / z is proportional to n . (p, 1), and m falls by n_z.
+        nx, ny, nz = self.laser_plane.normal
+        m = np.array([nx, ny]) - ray[0, :2] * nz
+        size = math.hypot(*m)
+        growth = (np.array([nx, ny]) @ m / size) / (ray[0] @ self.laser_plane.normal) - nz / size
+        px_per_unit = length / (NORMAL_STEP_MM * size / point[0, 2])
+        return (stop - start) / length, float(growth / px_per_unit)
 
     def _section_points(self, pixels: Points) -> tuple[Points, FloatArray]:
         """Return the section points (n, 2) of pixels, and their Jacobian by the pixel (n, 2, 2)."""

@@ -238,7 +238,8 @@ def test_provenance_cannot_be_changed_afterwards():
 
 def test_the_blur_of_the_rig_is_used_and_saved(tmp_path):
     camera = Camera([[900, 0, 160], [0, 900, 120], [0, 0, 1]], [], (320, 240))
-    plain = LightSection(camera, Plane((0.0, 0.866, 0.5), 150.0))
+    # Seen at 45 deg, the sheet's image has nearly the same thickness everywhere.
+    plain = LightSection(camera, Plane((0.0, 0.7071, 0.7071), 212.0))
     stated = replace(plain, line_blur_px=0.7)
     rows = np.arange(240)[:, None]
     place = 100 + (np.arange(320) - 20) ** 2 / 1600
@@ -247,13 +248,26 @@ def test_the_blur_of_the_rig_is_used_and_saved(tmp_path):
     raw = extract_laser_line(image)
     shifts = []
     for section, blur in ((plain, None), (stated, 0.7)):
-        expected = correct_line_blur(raw, blur, section._normal_in_image(raw.pixels))
+        expected = correct_line_blur(raw, blur, *section._normal_in_image(raw.pixels))
         np.testing.assert_array_equal(section.line(image).pixels, expected.pixels)
         shifts.append(np.abs(expected.pixels - raw.pixels).max())
     # The line is as wide where it is steep as where it is level: it is not blurred.
     assert shifts[0] < 2e-4 < shifts[1]
     stated.save(tmp_path / "rig.json")
     assert LightSection.load(tmp_path / "rig.json").line_blur_px == 0.7
+
+
+@pytest.mark.parametrize("name", PLANES)
+def test_the_sheet_looks_thicker_where_its_normal_is_longer(name):
+    section = LightSection(CAMERA, PLANES[name])
+    pixels = np.array([[300.0, 200.0]])
+    direction, growth = section._normal_in_image(pixels)
+    ends = pixels + [[-1.0], [1.0]] * direction
+    feet = section.camera_from_section.apply(section.points_from_pixels(ends))
+    tips = section.camera.project(feet + 0.1 * section.laser_plane.normal)
+    shorter, longer = np.hypot(*(tips - ends).T)
+    # The distortion changes the length by a further 13 %.
+    assert growth == pytest.approx(np.log(longer / shorter) / 2, rel=0.15, abs=2e-5)
 
 
 def test_a_blur_of_single_precision_is_saved(tmp_path):
