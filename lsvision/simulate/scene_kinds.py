@@ -239,7 +239,8 @@ def _draw_visible(
     raise DegenerateGeometry(
         f"{MAX_DRAWS} random scenes drawn and in none are all tubes visible to the sensor, whose "
         f"line is {SCENE_SENSOR.width_at_max_range:g} mm long at {SCENE_SENSOR.max_range:g} mm: "
-        "ask for smaller or less tilted tubes"
+        "ask for radii of about 10 to 40 mm (smaller tubes have too few points, larger ones exceed "
+        "the field or hide each other), or less tilted tubes"
     )
 
 

@@ -82,5 +82,5 @@ def test_a_slip_of_the_user_is_a_usage_error(run, tmp_path, words, message):
 def test_what_the_world_rejects_is_an_lsvision_error(tmp_path):
     with pytest.raises(UnwritableFile, match="nowhere"):
         simulate("single", tmp_path / "nowhere")
-    with pytest.raises(DegenerateGeometry, match="smaller or less tilted"):
+    with pytest.raises(DegenerateGeometry, match="ask for radii of about 10 to 40 mm"):
         simulate("single", tmp_path, radius="900")

@@ -86,9 +86,10 @@ def test_tubes_of_fixed_parameters():
         assert found == pytest.approx((19, 30, 20))
 
 
-def test_tubes_too_large_for_the_field_of_view_raise_an_error():
-    with pytest.raises(DegenerateGeometry, match="ask for smaller or less tilted tubes"):
-        random_section("single", 1, tubes=TubeRanges(radius_mm=(900, 900)))
+@pytest.mark.parametrize("radius", [1.0, 900.0])
+def test_tubes_too_small_or_too_large_for_the_sensor_raise_an_error(radius):
+    with pytest.raises(DegenerateGeometry, match=r"ask for radii of about 10 to 40 mm .* or less"):
+        random_section("single", 1, tubes=TubeRanges(radius_mm=(radius, radius)))
 
 
 def test_an_unknown_kind_raises_an_error():
