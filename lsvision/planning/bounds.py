@@ -18,7 +18,7 @@ from lsvision.geometry import (
     as_readonly_array,
     tangent_frame,
 )
-from lsvision.geometry.arrays import require_coordinates
+from lsvision.geometry.arrays import TINY, require_coordinates
 from lsvision.planning.predictions import ScanPrediction, SectionPrediction
 from lsvision.planning.sensor_view import cylinder_normals
 
@@ -102,8 +102,9 @@ def invert_information(
         index, std = radius_prior
         if not std >= 0:
             raise ValueError(f"expected known_radius_std >= 0 mm, got {std}")
-        free[index] = std > 0
-        information[index, index] += 1 / std**2 if std > 0 else 0.0
+        variance = std * std  # 0 or inf where std**2 would raise an error
+        free[index] = variance >= TINY
+        information[index, index] += 1 / max(variance, TINY)
     bound = np.zeros_like(information)
     bound[np.ix_(free, free)] = _invert_scaled(information[np.ix_(free, free)])
     return bound

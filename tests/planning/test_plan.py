@@ -286,3 +286,11 @@ def test_the_sections_needed_by_so_coarse_a_pitch_that_one_has_too_few_points():
     scan = sections_needed(19.0, *rad(20, 20), view=view, target=AccuracyTarget(radius_std=0.1))
     assert scan.sections > 1
     assert scan.radius_std <= 0.1
+
+
+@pytest.mark.parametrize(("std", "equivalent"), [(1e-200, 0.0), (1e-150, 0.0), (1e200, None)])
+def test_a_prior_of_any_size_is_accepted(std, equivalent):
+    got, expected = (
+        plan_section(19.0, 0.3, 0.3, known_radius_std=prior) for prior in (std, equivalent)
+    )
+    assert got.phi_std == pytest.approx(expected.phi_std, rel=1e-9)
