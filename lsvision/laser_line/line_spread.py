@@ -47,6 +47,9 @@ TUKEY_SIGMAS = 4.7
 """Residual, in standard deviations, from which on a width has no weight."""
 MIN_NOISE_FACTOR = 0.1
 """Smallest ratio of the widths' estimated noise to `width_std`."""
+MIN_WIDTH_STD_RATIO = 1e-4
+"""Smallest `width_std` over width: with a smaller one, the equations of a straight line without
+noise are singular."""
 THICKENING_STD = 0.7
 """Prior standard deviation of the thickening of the sheet's image over that of a surface along the
 plane's normal: 0.5 to 1.4 on pipes tilted by up to 40 deg, and the sheet's blur itself is estimated
@@ -113,7 +116,7 @@ def estimate_line_spread(
     thicker = np.zeros(len(slope)) if thickening is None else thickening[usable]
     sheet_change = thickness * thicker * (v - slope * u) ** 2
     design = np.stack([np.ones_like(slope), -2 * slope, slope**2, sheet_change], axis=1)
-    scale = 2 * width[usable] * width_std[usable]
+    scale = 2 * np.maximum(width_std[usable], MIN_WIDTH_STD_RATIO * width[usable]) * width[usable]
     design, target = design / scale[:, None], variances / scale
     values: FloatArray = prior
     prior_information = np.diag(1 / prior_std**2)
@@ -126,7 +129,7 @@ def estimate_line_spread(
         values = covariance @ (weighted @ target + prior_information @ prior)
     undetermined = np.sqrt(covariance.diagonal()) > UNDETERMINED_FRACTION * prior_std
     values, covariance = np.where(undetermined, prior, values)[:3], covariance[:3, :3]
-    values[2] = max(values[2], values[1] ** 2 / values[0])  # no variance is negative
+    values[2] = max(values[2], 0.0)  # no variance is negative
     error = UNKNOWN_THICKENING_ERROR if thickening is None else MODEL_ERROR
     spread = LineSpread(values, covariance + np.diag([(error * values[0]) ** 2] * 3))
     return spread if blur is None else _with_stated_blur(spread, blur)

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from lsvision.laser_line.extraction import LineSettings, extract_laser_line
+from lsvision.laser_line.extraction import LaserLine, LineSettings, extract_laser_line
 from lsvision.laser_line.line_blur import _continuous_runs, correct_line_blur
 from lsvision.laser_line.line_shape import WINDOW, compute_line_shape
 from lsvision.laser_line.line_spread import estimate_line_spread
@@ -189,6 +189,16 @@ def test_a_line_without_a_run_of_points_stays_as_it_is():
     line = extract_laser_line(blurred_line().round().astype(np.uint8))
     lost = replace(line, pixels=np.full_like(line.pixels, np.nan))
     assert correct_line_blur(lost, BLUR) is lost
+
+
+@pytest.mark.parametrize("slope", [0.0, -0.0384, 0.29])
+def test_a_straight_line_without_noise_is_not_shifted(slope):
+    count = 40
+    pixels = np.column_stack([np.arange(count), 100 + slope * np.arange(count)])
+    std, light, width = np.full((3, count), [[1e-11], [100.0], [0.7]])
+    saturated = np.zeros(count, dtype=bool)
+    line = LaserLine(pixels, std, light, width, saturated, "columns", 0.0, 2.0)
+    np.testing.assert_allclose(correct_line_blur(line, BLUR).pixels, pixels, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("blur", [-0.8, np.nan, np.inf])
