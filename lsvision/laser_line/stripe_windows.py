@@ -11,12 +11,11 @@ from lsvision.laser_line.line_image import LineImage
 
 HALF_WIDTH_SIGMAS = 3.5
 """Half width of a window in standard deviations of the filter."""
-CLIPPING_STD_PX = 0.008
-"""Standard deviation of a stripe's position for each clipped pixel; measured on stripes of 1.2 to
-4 times full scale. Units: px."""
-MAX_CLIPPED_PIXELS = 5
-"""Number of clipped pixels above which the error grows no further: the flanks are as steep as edges
-then."""
+CLIPPING_ALIAS = 0.14
+"""Standard deviation of the filtered light by the sampling of a clipped stripe, over the filter's
+weight at the ends of its plateau times the largest step between two pixels. A plateau ends in
+corners, whose first alias in the sum over pixels is slope / (4 pi^2) each; the slope there is 1 to
+3 times that step, which a clipped pixel hides. Checked on stripes of 1.2 to 12 times full scale."""
 END_PIXELS = 2
 """Pixels at each end of a window whose mean is its background."""
 
@@ -50,15 +49,27 @@ class Windows:
         backgrounds: FloatArray = ends.mean(axis=1)
         return backgrounds
 
-    @property
-    def clipping_std(self) -> FloatArray:
-        """Standard deviation of each position due to clipping at full scale (n,). Units: px.
+    def clipping_std(self, sigma: float, steepness: FloatArray) -> FloatArray:
+        """Return the standard deviation of each position due to clipping at full scale (n,), in px.
 
-        The two ends of the plateau lie anywhere within their pixels; the more pixels are
-        clipped, the steeper are the remaining flanks, and the larger is the error.
+        The two ends of the plateau lie anywhere within their pixels.
+
+        Parameters
+        ----------
+        sigma : float
+            Standard deviation of the derivative of Gaussian, x exp(-x^2 / 2 sigma^2). Units: px.
+        steepness : (n,) ndarray
+            Minus the derivative, by the position, of the sum of values times that filter. Units: DN
+            px.
         """
-        clipped = np.minimum(self.saturated.sum(axis=1), MAX_CLIPPED_PIXELS)
-        std: FloatArray = CLIPPING_STD_PX * clipped
+        clipped = self.saturated.sum(axis=1)
+        std = np.zeros(len(clipped))
+        at = np.flatnonzero(clipped)
+        if len(at):
+            step = np.abs(np.diff(self.values[at], axis=1)).max(axis=1)
+            end = clipped[at] / 2
+            weight = end * np.exp(-0.5 * (end / sigma) ** 2)
+            std[at] = CLIPPING_ALIAS * step * weight / steepness[at]
         return std
 
     def select(self, which: BoolArray) -> "Windows":

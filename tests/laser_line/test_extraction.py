@@ -74,6 +74,16 @@ def test_the_std_of_a_fit_holds_where_a_line_is_narrower_than_two_pixels(peak, n
     assert np.nanmax(np.abs(errors)) < 6
 
 
+@pytest.mark.parametrize("sheet_sigma", [0.06, 0.12, 0.3])
+@pytest.mark.parametrize("exposure", [2.0, 7.0])
+def test_the_std_of_an_overexposed_line_contains_its_sampling(sheet_sigma, exposure):
+    # The narrower the line, the steeper are the flanks, and the larger is the error.
+    simulated = rendered(plank(), sheet_sigma=sheet_sigma, psf_sigma=0.4, peak=255 * exposure)
+    line = extract_laser_line(simulated.image)
+    errors = (line.pixels - simulated.truth_pixels)[line.saturated, 1]
+    assert np.sqrt(np.mean((errors / line.std[line.saturated]) ** 2)) < 2.0
+
+
 def test_an_overexposed_line_has_no_columns_far_beyond_the_std_of_their_fit():
     truth, errors = 30 + 0.02 * np.arange(1500.0), []
     mean = 10 + 600 * np.exp(-0.5 * ((np.arange(90.0)[:, None] - truth) / 1.5) ** 2)
