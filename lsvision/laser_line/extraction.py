@@ -159,7 +159,9 @@ def extract_laser_line(
     Steps: candidates in each column (matched filter), the path of lowest cost through them, and
     the zero crossing of a derivative of Gaussian around it. Of two lines the longer unbroken one
     is extracted, however bright the other; see `LaserLine.second_line_fraction`. The error exceeds
-    `std` next to the end of a line, at a step, and where a bright streak crosses the line.
+    `std` next to the end of a line, at a step, and where a bright streak crosses the line. Ambient
+    light that changes by g DN per row shifts a line of height A towards the brighter side, with a
+    filter of 2 px by about 11 g / A px, unless a `laser_off` frame removes it.
 
     Examples
     --------

@@ -141,8 +141,8 @@ def draw_repeatability(repeatability: Repeatability) -> str:
     axes.grid(visible=True, lw=0.4, alpha=0.5)
     axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     return inline_svg(figure, "repeatability",
-                      "Centres of repeated measurements: a narrow tall cloud, much taller than "
-                      "the paper's box")  # fmt: skip
+                      "Centres of repeated measurements, the box around them, the paper's box, "
+                      "and the best possible at three sigma")  # fmt: skip
 
 
 def _covariance_ellipse(covariance: FloatArray) -> FloatArray:
