@@ -43,8 +43,9 @@ def correct_line_blur(
         Standard deviation of the point spread function of lens and pixel; 0 for no correction. By
         default it is estimated from the width of the line, which grows with its slope. Units: px.
     sheet_direction : (2,) array_like, optional
-        Direction u, v in the image in which the normal of the laser plane is seen: the thickness
-        of the laser sheet blurs along it. By default down the columns (or along the rows).
+        Direction u, v in the image in which the normal of the laser plane is seen, of any length;
+        zeros if it is seen end on. The thickness of the laser sheet blurs along it. By default
+        down the columns (or along the rows).
     sheet_growth : float, optional
         Relative change of the thickness of the sheet's image along that direction, by perspective.
         Units: 1 / px.
@@ -89,6 +90,7 @@ def correct_line_blur(
     sheet = np.array([0.0, 1.0])  # along and across the line's columns
     if sheet_direction is not None:
         sheet = np.asarray(sheet_direction, dtype=np.float64)[[1 - across, across]]
+        sheet = sheet / (math.hypot(*sheet) or 1.0)
     thickening = None
     if sheet_growth is not None:
         along_sheet = line.pixels[:, [1 - across, across]] @ sheet

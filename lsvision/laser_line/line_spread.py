@@ -97,8 +97,7 @@ def estimate_line_spread(
     blur : float, optional
         Standard deviation of the point spread of lens and pixel, if measured. Units: px.
     sheet : (2,) ndarray
-        Direction u, v in which the normal of the laser plane is seen: a unit vector, or zeros if
-        unknown.
+        Direction u, v in which the normal of the laser plane is seen: a unit vector, or zeros.
     thickening : (n,) ndarray, optional
         Relative change of the variance of the sheet's blur from that in the middle of the line.
 

@@ -191,6 +191,14 @@ def test_a_line_without_a_run_of_points_stays_as_it_is():
     assert correct_line_blur(lost, BLUR) is lost
 
 
+def test_the_length_of_the_direction_of_the_sheet_does_not_count():
+    picture = PIPES["roll 30"]
+    line = extract_laser_line(photograph(picture.light(), np.random.default_rng(5)))
+    direction, growth = picture.light_section()._normal_in_image(line.pixels)
+    plain, longer = (correct_line_blur(line, None, k * direction, growth) for k in (1.0, 7.0))
+    np.testing.assert_allclose(longer.pixels, plain.pixels, rtol=0, atol=1e-9)
+
+
 @pytest.mark.parametrize("slope", [0.0, -0.0384, 0.29])
 def test_a_straight_line_without_noise_is_not_shifted(slope):
     count = 40
