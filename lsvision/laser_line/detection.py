@@ -202,7 +202,8 @@ def _no_line_error(image: LineImage, reasons: list[str], settings: LineSettings)
     if not reasons:
         return NoLaserLine(
             f"the image is {rows} px across the laser line and needs "
-            f"{4 * math.ceil(3 * settings.sigma)} px: use a larger region of the camera image"
+            f"{4 * math.ceil(3 * settings.sigma)} px for a filter of sigma {settings.sigma:g} px: "
+            "use a larger region of the camera image, or a smaller sigma"
         )
     return NoLaserLine(
         f"no laser line runs through the {columns} x {rows} px: {reasons[0]}",

@@ -43,10 +43,15 @@ class StrayLight:
     brightness: tuple[float, float] = (100.0, 250.0)
 
     def __post_init__(self) -> None:
-        if not self.ambient >= abs(self.gradient):
+        if not math.inf > self.ambient >= abs(self.gradient):
             raise ValueError(
                 f"expected ambient >= gradient, got {self.ambient:g} and {self.gradient:g} DN: "
                 "light is never negative"
+            )
+        low, high = self.brightness
+        if not 0 <= low <= high < math.inf:
+            raise ValueError(
+                f"expected brightness (smallest, largest) in DN, got {self.brightness}"
             )
         if self.streaks < 0 or self.blobs < 0:
             raise ValueError(

@@ -10,6 +10,7 @@ The true line is the intersection of the visible, illuminated surface with the m
 It is independent of sheet thickness, blur, incidence and speckle, which shift the brightness.
 """
 
+import math
 from dataclasses import dataclass, field
 
 import cv2
@@ -79,10 +80,10 @@ class ImageSettings:
 
     def __post_init__(self) -> None:
         for name in ("peak", "sheet_sigma", "speckle_fwhm"):
-            if not getattr(self, name) > 0:
+            if not 0 < getattr(self, name) < math.inf:
                 raise ValueError(f"expected a positive {name}, got {getattr(self, name)}")
         for name in ("psf_sigma", "speckle_looks", "glints"):
-            if not getattr(self, name) >= 0:
+            if not 0 <= getattr(self, name) < math.inf:
                 raise ValueError(f"expected {name} >= 0, got {getattr(self, name)}")
 
 

@@ -80,10 +80,11 @@ class SectionSettings(ShowsChanges):
         for name in ("lost_fraction", "jump_fraction", "jump_pair_share"):
             if not 0 <= getattr(self, name) <= 1:
                 raise ValueError(f"expected {name} in [0, 1], got {getattr(self, name)}")
-        for name in ("noise_factor", "correlation_columns", "grazing_ramp_deg", "lost_runs"):
+        for name in ("noise_factor", "correlation_columns", "grazing_ramp_deg", "lost_runs",
+                     "grazing_limit_deg"):  # fmt: skip
             if not 0 <= getattr(self, name) < math.inf:
                 raise ValueError(f"expected {name} >= 0, got {getattr(self, name)}")
-        if not 0 < self.jump_mm[0] <= self.jump_mm[1]:
+        if not 0 < self.jump_mm[0] <= self.jump_mm[1] < math.inf:
             raise ValueError(f"expected jump_mm (smallest, largest), got {self.jump_mm}")
 
     @classmethod

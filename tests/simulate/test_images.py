@@ -153,6 +153,8 @@ def test_speckle_has_its_contrast_and_width(looks, rng):
 REJECTED = {
     "no light": (lambda: ImageSettings(peak=0.0), "positive peak"),
     "blur": (lambda: ImageSettings(psf_sigma=-1.0), "psf_sigma >= 0"),
+    "infinite": (lambda: ImageSettings(peak=np.inf), "positive peak, got inf"),
+    "reversed": (lambda: StrayLight(brightness=(300.0, 100.0)), "smallest, largest"),
     "bits": (lambda: ImageSensor(bits=7), "8 to 16 bits, got 7"),
     "well": (lambda: ImageSensor(full_well=0), "full_well > 0"),
     "dark": (lambda: StrayLight(ambient=1.0, gradient=2.0), "light is never negative"),
