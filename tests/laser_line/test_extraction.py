@@ -81,7 +81,7 @@ def test_the_std_of_an_overexposed_line_contains_its_sampling(sheet_sigma, expos
     simulated = rendered(plank(), sheet_sigma=sheet_sigma, psf_sigma=0.4, peak=255 * exposure)
     line = extract_laser_line(simulated.image)
     errors = (line.pixels - simulated.truth_pixels)[line.saturated, 1]
-    assert np.sqrt(np.mean((errors / line.std[line.saturated]) ** 2)) < 2.0
+    assert np.sqrt(np.mean((errors / line.std[line.saturated]) ** 2)) < 2.2
 
 
 def test_an_overexposed_line_has_no_columns_far_beyond_the_std_of_their_fit():
