@@ -17,6 +17,9 @@ MAX_STEP_PX = 8.0
 SECOND_ORDER = 2.0
 """Error of the first-order correction, as a multiple of (sum of its terms)^2 / width of the line:
 the largest value on noise-free images of pipes whose line becomes vertical."""
+MAX_EDGE_VARIANCE_RATIO = 2.0
+"""Largest ratio of the variance of a column at an edge to that by blur; beyond it, the rest of the
+variance is taken for an error of the position."""
 MAX_VARIANCE_RATIO = 4.0
 """Largest ratio of a column's variance to the median: a larger one has another cause than blur."""
 
@@ -119,7 +122,7 @@ def _compute_shift(
     shape: LineShape, spread: LineSpread, width: FloatArray, filter_sigma: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return the shift (n,) of a run by its blur, and its standard deviation. Units: px."""
-    _, c_uv, c_uu = spread.values
+    c_vv, c_uv, c_uu = spread.values
     variance = np.minimum(width**2, MAX_VARIANCE_RATIO * median(width**2))
     # Minus the covariance of the displacements of light along u and from the line along v.
     lag = shape.slope * c_uu - c_uv
@@ -136,6 +139,10 @@ def _compute_shift(
         + WINDOW / 2 * (lag * shape.fade_std) ** 2
         + (SECOND_ORDER * size**2 / width) ** 2
     )
+    # At an edge of a steep line, a column can hold light that is smeared over many rows.
+    expected = c_vv - 2 * shape.slope * c_uv + shape.slope**2 * c_uu
+    smeared = shape.edge & (width**2 > MAX_EDGE_VARIANCE_RATIO * expected)
+    shift_variance += np.where(smeared, width**2 - expected, 0.0)
     return shift, np.sqrt(shift_variance)
 
 
