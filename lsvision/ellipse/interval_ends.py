@@ -48,7 +48,8 @@ MAX_STEP = 2.5
 MAX_LOG_STEP = 2.0
 """Largest change of log m in a step."""
 MAX_RATIO = 6.0
-"""Largest F - min F of the points over c after a step; a step beyond it is rejected."""
+"""Largest F - min F over c after a step, without the priors or with them; a step beyond it is
+rejected."""
 STEP_REDUCTION, STEP_GROWTH = 0.35, 1.5
 """Factors on the fraction of a step: after a rejected step (which includes one that leads to no
 ellipse), and after an accepted step."""
@@ -272,7 +273,12 @@ class _Search:
         if moved.any():
             owners, ends = self.rows.select(moved)
             new = expand_cost(self.regions.stack, owners, trial[moved])
-            ratio = new.cost_of_points - self.regions.best.cost_of_points[owners]
+            best = self.regions.best
+            # F without the priors hardly increases where a step leaves the curved surface of a
+            # known radius; F with them hardly where it follows a prior that contradicts the points.
+            ratio = np.minimum(
+                new.cost - best.cost[owners], new.cost_of_points - best.cost_of_points[owners]
+            )
             near = ratio < MAX_RATIO * self.targets.critical[moved]
             near |= ends == CIRCLE
             moved[moved] = near

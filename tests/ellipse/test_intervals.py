@@ -284,6 +284,23 @@ def test_an_exactly_known_phi_is_its_own_interval(rng):
     assert low <= phi <= high
 
 
+@pytest.mark.parametrize(
+    "known",
+    [
+        {"known_phi": PhiPrior(math.radians(FAR - 10), 0.02)},
+        {"known_radius": RadiusPrior(20.0, 0.1)},
+    ],
+)
+def test_a_narrow_interval_has_ends_where_a_prior_contradicts_the_points(known, rng):
+    fit = prior_fit(FAR, rng, degrees=160.0, **known)
+    (narrow_low, narrow_high), (low, high) = (intervals(fit, p).centre_y for p in (0.1, 0.5))
+    assert low < narrow_low < fit.ellipse.centre[1] < narrow_high < high
+    normal = chi2.ppf([0.1, 0.5], 1) ** 0.5
+    assert (narrow_high - narrow_low) / (high - low) == pytest.approx(
+        normal[0] / normal[1], rel=0.05
+    )
+
+
 def test_an_exactly_known_circle_has_any_theta_and_hardly_a_phi(rng):
     fit = prior_fit(CIRCLE, rng, known_phi=PhiPrior(0.0))
     found = intervals(fit)
