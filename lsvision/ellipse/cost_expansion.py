@@ -7,15 +7,14 @@ A = J' J + sum r Hess r.
 """
 
 import math
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from lsvision.ellipse.fit_stack import FitStack, deviators_from_parameters
-from lsvision.ellipse.parameters import PARAMETERS, semi_minor, semi_minor_gradient
-from lsvision.ellipse.problem import EllipseProblem
-from lsvision.geometry import BoolArray, FloatArray, IntArray
+from lsvision.ellipse.parameters import PARAMETERS
+from lsvision.ellipse.problem import EllipseProblem, ProblemStack
+from lsvision.geometry import FloatArray, IntArray
 from lsvision.geometry.noisy_points import ComplexArray
 
 FOOT_TOLERANCE, MAX_FOOT_ITERATIONS = 3e-3, 20
@@ -55,10 +54,6 @@ class Expansion(NamedTuple):
     cost_of_points: FloatArray
     gradient_of_points: FloatArray
     information_of_points: FloatArray
-
-    def select(self, rows: IntArray | BoolArray) -> "Expansion":
-        """Return the expansion of some rows."""
-        return Expansion(*(field[rows] for field in self))
 
 
 def expand_cost(stack: FitStack, owners: IntArray, parameters: FloatArray) -> Expansion:
@@ -124,12 +119,13 @@ def _add_priors(
     """Add the residuals of the priors to the sum of squares, in place."""
     squares, slope, gauss_newton, curvature = second_order
     for k in np.flatnonzero(stack.has_prior[owners]):
-        problem, row = stack.fits[owners[k]].problem, parameters[k]
-        residuals, jacobian = _evaluate_priors(problem, row)
+        problem = stack.fits[owners[k]].problem
+        rows = problem.prior_rows(parameters[k])
+        residuals, jacobian = rows[:, PARAMETERS], -rows[:, :PARAMETERS]
         squares[k] += residuals @ residuals
         slope[k] += jacobian.T @ residuals
         gauss_newton[k] += jacobian.T @ jacobian
-        curvature[k] += _differentiate_priors(problem, row, residuals)
+        curvature[k] += _differentiate_priors(problem, parameters[k], residuals)
 
 
 def _expand_orthogonal(stack: FitStack, owners: IntArray, parameters: FloatArray) -> SecondOrder:
@@ -190,24 +186,9 @@ def _linearise_radial(
     problem: EllipseProblem, parameters: FloatArray
 ) -> tuple[float, FloatArray, FloatArray]:
     """Return sum of squares, J'r and J'J of the paper's radial residuals."""
-    points = replace(problem, known_radius=None, known_phi=None)
-    residuals, jacobian = points.evaluate(parameters)
+    (rows,), _ = ProblemStack.of([problem]).evaluate(parameters[None])
+    residuals, jacobian = rows[PARAMETERS], -rows[:PARAMETERS].T
     return float(residuals @ residuals), jacobian.T @ residuals, jacobian.T @ jacobian
-
-
-def _evaluate_priors(
-    problem: EllipseProblem, parameters: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return residuals (j,) and Jacobian (j, 5) of the priors."""
-    residuals, jacobian = np.empty(0), np.empty((0, PARAMETERS))
-    if problem.known_phi is not None:
-        residuals, jacobian = problem.known_phi.residuals_and_jacobian(parameters)
-    if problem.known_radius is not None:
-        known = problem.known_radius
-        residual = (semi_minor(parameters) - known.radius) / known.effective_std
-        row = semi_minor_gradient(parameters) / known.effective_std
-        residuals, jacobian = np.append(residuals, residual), np.vstack([jacobian, row])
-    return residuals, jacobian
 
 
 def _differentiate_priors(
@@ -219,8 +200,9 @@ def _differentiate_priors(
     curvature = np.zeros((PARAMETERS, PARAMETERS))
     for i in range(2, PARAMETERS):
         shift = step * np.eye(PARAMETERS)[i]
-        ahead, behind = (_evaluate_priors(problem, parameters + s * shift)[1] for s in (1, -1))
-        curvature[i] = (ahead - behind).T @ residuals / (2 * step)
+        # The rows contain the negative derivatives.
+        ahead, behind = (problem.prior_rows(parameters + s * shift) for s in (1, -1))
+        curvature[i] = (behind - ahead)[:, :PARAMETERS].T @ residuals / (2 * step)
     return (curvature + curvature.T) / 2
 
 

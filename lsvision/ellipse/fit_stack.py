@@ -9,7 +9,7 @@ import numpy as np
 from lsvision.ellipse.fit_result import EllipseFit
 from lsvision.ellipse.problem import EllipseProblem
 from lsvision.geometry import BoolArray, FloatArray
-from lsvision.geometry.arrays import TINY
+from lsvision.geometry.arrays import TINY, padded_rows, stack_padded
 from lsvision.geometry.noisy_points import ComplexArray, as_complex
 
 
@@ -28,7 +28,7 @@ class FitStack:
     variance_factors, degrees_of_freedom : (s,) ndarray
         See `EllipseFit`.
     points : (s, n) complex ndarray
-        x + iy; after the last point of a fit, its first one is repeated. Units: mm.
+        x + iy; after the last point of a fit it is repeated. Units: mm.
     weights : (s, n) ndarray
         1 / variance of the residuals; 0 for repeated points. Units: 1/mm^2.
     arc_middles : (s,) complex ndarray
@@ -76,15 +76,11 @@ class FitStack:
 
 
 def _stack_points(problems: Sequence[EllipseProblem]) -> tuple[ComplexArray, FloatArray]:
-    """Return points and weights as matrices, filled up with the first point and weight 0."""
-    shape = len(problems), max(len(problem.points) for problem in problems)
-    points, weights = np.empty(shape, dtype=complex), np.zeros(shape)
-    for row, problem in enumerate(problems):
-        count = len(problem.points)
-        points[row, :count] = as_complex(problem.points)
-        points[row, count:] = points[row, 0]
-        weights[row, :count] = 1 / problem.stds**2
-    return points, weights
+    """Return points and weights as matrices, padded with the last point and weight 0."""
+    points = [as_complex(problem.points) for problem in problems]
+    indices, valid = padded_rows(list(map(len, points)))
+    variances = stack_padded([problem.stds for problem in problems], indices) ** 2
+    return stack_padded(points, indices), valid / variances
 
 
 def _directions(points: ComplexArray, parameters: FloatArray) -> ComplexArray:

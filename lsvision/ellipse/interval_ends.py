@@ -30,7 +30,7 @@ from lsvision.ellipse.region_extrema import (
     Targets,
 )
 from lsvision.geometry import BoolArray, FloatArray, IntArray
-from lsvision.geometry.arrays import TINY
+from lsvision.geometry.arrays import TINY, select_rows
 from lsvision.geometry.noisy_points import ComplexArray, as_vectors
 
 SAME_DIRECTION = 0.99
@@ -173,8 +173,8 @@ class _Search:
         circle_ratios = np.full(len(ends), math.inf)
         last = Targets(ends[rows], angles[rows], kappas[rows], critical[rows], circle_ratios)
         search = cls(
-            regions, ends, critical, wanted, rows, ends[rows], regions.best.select(rows.owners),
-            last, critical[rows], np.ones(rows.ends.size),
+            regions, ends, critical, wanted, rows, ends[rows],
+            select_rows(regions.best, rows.owners), last, critical[rows], np.ones(rows.ends.size),
         )  # fmt: skip
         search._find_targets()
         search._drop_second_ends()
@@ -191,7 +191,7 @@ class _Search:
         self._find_targets()
         done = moved & self._is_last_step(previous)
         if done.any():
-            rows = self.rows.select(done)
+            rows = select_rows(self.rows, done)
             self.ends[rows] = self._move(np.ones(done.size))[done]
             self.critical[rows] = self.targets.critical[done]
             self._decide_by_circles(rows.owners[rows.ends == CIRCLE])
@@ -271,7 +271,7 @@ class _Search:
         """Move to trial parameters (k, 5) where F is not too large; return which rows moved."""
         moved = np.hypot(trial[:, 3], trial[:, 4]) < MAX_FLATTENING * trial[:, 2]
         if moved.any():
-            owners, ends = self.rows.select(moved)
+            owners, ends = select_rows(self.rows, moved)
             new = expand_cost(self.regions.stack, owners, trial[moved])
             best = self.regions.best
             # F without the priors hardly increases where a step leaves the curved surface of a
@@ -314,8 +314,8 @@ class _Search:
     def _select_rows(self, chosen: BoolArray) -> None:
         """Drop the active rows that are not chosen."""
         if not chosen.all():
-            self.rows, self.parameters = self.rows.select(chosen), self.parameters[chosen]
-            self.expansion = self.expansion.select(chosen)
+            self.rows, self.parameters = select_rows(self.rows, chosen), self.parameters[chosen]
+            self.expansion = select_rows(self.expansion, chosen)
             self.targets = self.targets.select(chosen)
             self.lengths, self.reduction = self.lengths[chosen], self.reduction[chosen]
 

@@ -205,10 +205,11 @@ def _decide_linearly(fits: Sequence[EllipseFit]) -> tuple[BoolArray, BoolArray]:
     theta_quantile = squared_quantile(1, degrees_of_freedom, THETA_LEVEL)
     (pp, pq), (_, qq) = np.array([fit.parameter_covariance[3:, 3:] for fit in fits]).T
     p, q = np.array([fit.parameters[3:] for fit in fits]).T
+    # The variance of d across its direction, times h^2: the std of theta is sqrt(across) / 2 h^2.
+    across = qq * p * p - 2 * pq * p * q + pp * q * q
     # F - min F of the circle, d = 0: d' C^-1 d with the covariance C of d.
-    ratio = (qq * p * p - 2 * pq * p * q + pp * q * q) / np.maximum(pp * qq - pq * pq, TINY)
-    across = pp * q * q - 2 * pq * p * q + qq * p * p
-    largest = THETA_MAX_ERROR * 2 * (p * p + q * q)  # std of theta is sqrt(across) / 2 h^2
+    ratio = across / np.maximum(pp * qq - pq * pq, TINY)
+    largest = THETA_MAX_ERROR * 2 * (p * p + q * q)
     determined = ratio > CLEAR_RATIO * circle_quantile
     determined &= CLEAR_RATIO * theta_quantile * across < largest**2
     clear = determined | (ratio < circle_quantile / CLEAR_RATIO)

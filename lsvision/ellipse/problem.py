@@ -153,20 +153,6 @@ class EllipseProblem:
         rows[:, :PARAMETERS] *= -1
         return rows
 
-    def evaluate(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the residuals over their standard deviations, and their derivative.
-
-        Returns
-        -------
-        residuals : (n + j,) ndarray
-            The last j are those of the priors.
-        jacobian : (n + j, 5) ndarray
-            Derivatives of the residuals. Units: 1/mm.
-        """
-        (rows,), _ = ProblemStack.of([self]).evaluate(parameters[None])
-        rows = np.concatenate([rows.T, self.prior_rows(parameters)])
-        return rows[:, PARAMETERS], -rows[:, :PARAMETERS]
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ProblemStack:

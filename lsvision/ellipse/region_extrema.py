@@ -22,7 +22,7 @@ from lsvision.ellipse.critical_ratio import CriticalRatios
 from lsvision.ellipse.fit_stack import FitStack
 from lsvision.ellipse.parameters import PARAMETERS
 from lsvision.geometry import BoolArray, FloatArray, IntArray
-from lsvision.geometry.arrays import TINY
+from lsvision.geometry.arrays import TINY, select_rows
 from lsvision.geometry.noisy_points import ComplexArray, as_complex, as_vectors
 
 RADIUS_LOW, RADIUS_HIGH, PHI_LOW, PHI_HIGH, RADIUS_LOW_2, PHI_HIGH_2 = range(6)
@@ -73,10 +73,6 @@ class Rows(NamedTuple):
     owners: IntArray
     ends: IntArray
 
-    def select(self, rows: IntArray | BoolArray) -> "Rows":
-        """Return some of the rows."""
-        return Rows(self.owners[rows], self.ends[rows])
-
 
 class Targets(NamedTuple):
     """Targets of a step.
@@ -103,8 +99,7 @@ class Targets(NamedTuple):
 
     def select(self, rows: BoolArray) -> "Targets":
         """Return the targets of some rows."""
-        first, angles, kappas, critical = (field[rows] for field in self[:4])
-        return Targets(first, angles, kappas, critical, self.circle_ratios)
+        return Targets(*select_rows(self[:4], rows), self.circle_ratios)
 
 
 class Ellipsoids(NamedTuple):
@@ -252,7 +247,7 @@ class Regions:
         if not i.size:
             return
         to_circle, distances = ellipsoids.to_circles(i)
-        f, selected = RIDGE_GRADIENTS[ends[i]], expansion.select(i)
+        f, selected = RIDGE_GRADIENTS[ends[i]], select_rows(expansion, i)
         covariances = np.asarray(np.linalg.inv(selected.information[:, :3, :3]), dtype=np.float64)
         Cf = multiply_vectors(covariances, f)
         circles = parameters[i] - multiply_vectors(selected.covariance, selected.gradient)

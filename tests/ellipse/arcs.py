@@ -7,6 +7,7 @@ import numpy as np
 from lsvision import Ellipse, ProfileSensor
 from lsvision.ellipse.critical_ratio import CriticalRatios
 from lsvision.ellipse.fit_stack import FitStack
+from lsvision.ellipse.problem import ProblemStack
 from lsvision.ellipse.robust_gauss_newton import (
     WeightedSystem,
     ellipse_residuals,
@@ -39,6 +40,13 @@ def about(ellipse):
     return Ellipse(
         (x + 2, y - 1), ellipse.radius * 1.15, ellipse.radius * 1.05, ellipse.theta + 0.3
     )
+
+
+def residuals_and_jacobian(problem, parameters):
+    """Residuals (n + j,) over their standard deviations, the last j those of the priors."""
+    (rows,), _ = ProblemStack.of([problem]).evaluate(parameters[None])
+    rows = np.concatenate([rows.T, problem.prior_rows(parameters)])
+    return rows[:, 5], -rows[:, :5]
 
 
 def parameter_stds(points, parameters):

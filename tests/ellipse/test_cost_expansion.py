@@ -10,7 +10,7 @@ from lsvision.ellipse.fit import FittingSettings, fit_ellipse
 from lsvision.ellipse.fit_stack import FitStack
 from lsvision.ellipse.phi_prior import PhiPrior
 from lsvision.ellipse.problem import RadiusPrior
-from tests.ellipse.arcs import SENSOR, measured, pipe, upper_arc
+from tests.ellipse.arcs import SENSOR, measured, pipe, residuals_and_jacobian, upper_arc
 
 SHIFT = np.array([0.03, -0.02, 0.04, 0.03, -0.05])  # mm: a few sigmas
 STEP = 1e-4  # mm: of central differences
@@ -40,12 +40,12 @@ def expand_rows(fit, rows):
 
 
 def cost(fit, parameters):
-    residuals, _ = fit.problem.evaluate(parameters)
+    residuals, _ = residuals_and_jacobian(fit.problem, parameters)
     return float(residuals @ residuals) / fit.variance_factor
 
 
 def gradient(fit, parameters):
-    residuals, jacobian = fit.problem.evaluate(parameters)
+    residuals, jacobian = residuals_and_jacobian(fit.problem, parameters)
     return jacobian.T @ residuals / fit.variance_factor
 
 
@@ -97,7 +97,7 @@ def test_radial_residuals_have_the_gauss_newton_information(rng):
     fit = fit_ellipse(points, truth, settings=FittingSettings(residual="radial"))
     row = fit.parameters + SHIFT
     expansion = expand_rows(fit, row[None])
-    residuals, jacobian = fit.problem.evaluate(row)
+    residuals, jacobian = residuals_and_jacobian(fit.problem, row)
     factor = fit.variance_factor
     assert expansion.cost[0] == pytest.approx(residuals @ residuals / factor)
     np.testing.assert_allclose(expansion.information[0], jacobian.T @ jacobian / factor, rtol=1e-9)

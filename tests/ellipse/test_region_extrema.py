@@ -8,6 +8,7 @@ from lsvision.ellipse.cost_expansion import expand_cost
 from lsvision.ellipse.fit import fit_ellipse
 from lsvision.ellipse.fit_stack import FitStack
 from lsvision.ellipse.region_extrema import Regions, Rows, Targets
+from lsvision.geometry.arrays import select_rows
 from tests.ellipse.arcs import SENSOR, measured, pipe, ratios_of, upper_arc
 
 LEVEL, DRAWN = 0.95, 400_000
@@ -39,7 +40,7 @@ def targets_and_ellipsoid(phi_deg, rng):
     angles[directed], kappas[directed] = (each[0, ends[directed]] for each in searched)
     critical = np.repeat(ratios.one_dof, len(ends))
     last = Targets(start, angles, kappas, critical, np.full(1, np.inf))
-    found = regions.find_targets(rows, start, regions.best.select(rows.owners), last)
+    found = regions.find_targets(rows, start, select_rows(regions.best, rows.owners), last)
     drawn = rng.normal(size=(DRAWN, 5))
     drawn /= np.linalg.norm(drawn, axis=1, keepdims=True)
     factor = np.linalg.cholesky(regions.best.covariance[0])
