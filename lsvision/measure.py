@@ -285,7 +285,10 @@ def _measure_arcs(
     """Return the cylinder of each identified arc, or the rejection with its reason."""
     # Accurate screening, section 3.2.2.
     screened = screen_arcs([search.prepared for search, _ in arcs], [arc for _, arc in arcs])
-    checked = [_check_screened(*pair, arc) for pair, arc in zip(arcs, screened, strict=True)]
+    checked = [
+        _check_screened(search, identified, arc)
+        for (search, identified), arc in zip(arcs, screened, strict=True)
+    ]
     passed = [
         (search, identified.arc, arc)
         for (search, identified), arc in zip(arcs, checked, strict=True)
@@ -298,7 +301,7 @@ def _measure_arcs(
 def _check_screened(
     search: _Search, arc: IdentifiedArc, screened: ScreenedArc | None
 ) -> ScreenedArc | Rejection:
-    """Return the screened arc, or its rejection if it has no ellipse or continues tangentially."""
+    """Return the screened arc, or a rejection if it has no ellipse or continues tangentially."""
     if screened is None:
         return Rejection(arc.arc, "no ellipse fits the points of the arc")
     reason = tangential_end_reason(search.prepared, arc, screened)

@@ -100,6 +100,7 @@ def find_candidates(
     searched = [i for i, segments in enumerate(components) if segments]
     if not searched:
         return candidates
+    # A row for each profile: the points of its components, one component after the other.
     sequences = [np.concatenate(components[i]) for i in searched]
     arrays = [profiles[i].noisy_points.z[row] for i, row in zip(searched, sequences, strict=True)]
     points, _ = stack_with_mask(arrays)

@@ -66,7 +66,7 @@ def prepare_profile(profile: Profile, noise: NoiseModel | None) -> PreparedProfi
         columns, points = columns[order], points[order]
     valid = np.arange(len(columns))
     pitch = typical_pitch(points)
-    if len(columns) == 0:
+    if len(columns) == 0:  # all points are lost, and kept
         columns, points = np.arange(len(profile)), profile.points
     if noise is None:
         std, factor = estimate_noise_std(points[valid], pitch), MIN_ESTIMATED_VARIANCE_FACTOR

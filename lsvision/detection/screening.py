@@ -206,13 +206,13 @@ def _compare_once(fits: _ArcFits) -> tuple[_ArcFits, _EndComparison, BoolArray]:
     system = WeightedSystem.of(fits.evaluated, fits.noise.variance_factor[:, None])
     middle = WeightedSystem(system.rows[..., stack.middle], system.weights[:, stack.middle])
     equations = middle.normal_equations(stack.middle_valid)
-    # A prediction needs the prior here; `damped_step` below adds it itself.
-    predicting = equations.copy()
-    add_flattening_prior(predicting, stack.parameters)
+    # For the predictions; `damped_step` below adds the prior itself.
+    with_prior = equations.copy()
+    add_flattening_prior(with_prior, stack.parameters)
     rows, weights = stack.take_ends(system.rows), stack.take_ends(system.weights)
     ends = WeightedSystem(rows[..., PREDECESSORS:], weights[..., PREDECESSORS:])
     # Each end is predicted from the middle part and the other end.
-    others = predicting[:, None] + ends.normal_equations(stack.members)[:, ::-1]
+    others = with_prior[:, None] + ends.normal_equations(stack.members)[:, ::-1]
     prediction, singular = _predict(others, fits)
     points = _end_points(fits, rows[..., :PARAMETERS, :])
     inliers = find_end_inliers(points, prediction)

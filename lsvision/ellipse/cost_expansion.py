@@ -11,15 +11,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lsvision.ellipse.fit_stack import FitStack, deviators_from_parameters
-from lsvision.ellipse.parameters import PARAMETERS
+from lsvision.ellipse.fit_stack import FitStack
+from lsvision.ellipse.parameters import FOOT_TOLERANCE, PARAMETERS, split_parameters
 from lsvision.ellipse.problem import EllipseProblem, ProblemStack
 from lsvision.geometry import FloatArray, IntArray
 from lsvision.geometry.noisy_points import ComplexArray
 
-FOOT_TOLERANCE, MAX_FOOT_ITERATIONS = 3e-3, 20
-"""Newton step (rad) of the nearest points below which the iteration ends, with an error of the size
-of its square; largest number of steps."""
+MAX_FOOT_ITERATIONS = 20
+"""Largest number of Newton steps of the nearest points; they end at `FOOT_TOLERANCE`."""
 STRAIN_SIGNS = np.array([0.0, 0.0, 1.0, -1.0, -1.0])[:, None]
 """Rotation of the tangent by each parameter, as a multiple of its tangential displacement."""
 DIFFERENCE_STEP = 1e-4
@@ -137,7 +136,7 @@ def _expand_orthogonal(stack: FitStack, owners: IntArray, parameters: FloatArray
     the tangent; terms in distance times curvature are neglected.
     """
     distances, steepness, normals, w = _nearest_points(stack.points[owners], parameters)
-    m, d = parameters[:, 2:3], deviators_from_parameters(parameters)[:, None]
+    _, m, d = split_parameters(parameters)
     normals = normals.conj()
     along, across = w * normals, w.conj() * normals
     N, T = np.empty((2, len(w), PARAMETERS, w.shape[1]))
@@ -161,8 +160,8 @@ def _nearest_points(
     points: ComplexArray, parameters: FloatArray
 ) -> tuple[FloatArray, FloatArray, ComplexArray, ComplexArray]:
     """Return distance, |m w - d conj(w)|, unit normal and w of the nearest points, (k, n) each."""
-    offsets = points - (parameters[:, 0] + 1j * parameters[:, 1])[:, None]
-    m, d = parameters[:, 2:3], deviators_from_parameters(parameters)[:, None]
+    centre, m, d = split_parameters(parameters)
+    offsets = points - centre
     w = m * offsets - d * offsets.conj()
     w /= np.abs(w)
     moving = True

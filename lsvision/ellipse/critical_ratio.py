@@ -17,7 +17,8 @@ from typing import Self
 
 import numpy as np
 
-from lsvision.ellipse.fit_stack import FitStack, deviators_from_parameters
+from lsvision.ellipse.fit_stack import FitStack
+from lsvision.ellipse.parameters import deviators_from_parameters
 from lsvision.geometry import BoolArray, FloatArray, IntArray
 from lsvision.geometry.arrays import TINY
 from lsvision.geometry.noisy_points import ComplexArray
@@ -231,10 +232,11 @@ def _interpolation_fractions(level: float, tubes: FloatArray) -> FloatArray:
     """
     tails, target = np.log1p(-np.minimum(tubes, 1 - 1e-15)).T, math.log1p(-level)
     positions = np.zeros(len(tubes))
-    for i, j, k, node in ((0, 1, 2, -1.0), (2, 0, 1, 1.0)):
+    # Lagrange's formula for the positions -1, 0 and 1, the second of which has no term.
+    for i, j, k, position in ((0, 1, 2, -1.0), (2, 0, 1, 1.0)):
         weights = (target - tails[j]) * (target - tails[k])
         products = (tails[i] - tails[j]) * (tails[i] - tails[k])
-        positions += node * weights / np.where(products == 0, TINY, products)
+        positions += position * weights / np.where(products == 0, TINY, products)
     fractions: FloatArray = np.minimum(np.maximum((positions + 1) / 2, 0.0), 1.0)
     return fractions
 

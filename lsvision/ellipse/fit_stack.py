@@ -7,6 +7,7 @@ from typing import Self
 import numpy as np
 
 from lsvision.ellipse.fit_result import EllipseFit
+from lsvision.ellipse.parameters import deviators_from_parameters
 from lsvision.ellipse.problem import EllipseProblem
 from lsvision.geometry import BoolArray, FloatArray
 from lsvision.geometry.arrays import TINY, padded_rows, stack_padded
@@ -84,13 +85,8 @@ def _stack_points(problems: Sequence[EllipseProblem]) -> tuple[ComplexArray, Flo
 
 
 def _directions(points: ComplexArray, parameters: FloatArray) -> ComplexArray:
-    """Return the unit vector w of a point on each ellipse."""
+    """Return the unit vector w of the point where the ray to a point meets each ellipse, (s,)."""
     offset = points - as_complex(parameters[:, :2])
-    w = parameters[:, 2] * offset - as_complex(parameters[:, 3:]) * offset.conj()
+    w = parameters[:, 2] * offset - deviators_from_parameters(parameters) * offset.conj()
     directions: ComplexArray = w / np.maximum(np.abs(w), TINY)
     return directions
-
-
-def deviators_from_parameters(parameters: FloatArray) -> ComplexArray:
-    """Return the view d = p + iq of (k, 5) parameters, row by row in memory. Units: mm."""
-    return parameters[:, 3:].view(complex)[:, 0]

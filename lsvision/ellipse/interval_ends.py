@@ -15,7 +15,8 @@ import numpy as np
 
 from lsvision.ellipse.cost_expansion import Expansion, expand_cost, multiply_vectors
 from lsvision.ellipse.critical_ratio import CriticalRatios
-from lsvision.ellipse.fit_stack import FitStack, deviators_from_parameters
+from lsvision.ellipse.fit_stack import FitStack
+from lsvision.ellipse.parameters import deviators_from_parameters
 from lsvision.ellipse.region_extrema import (
     CIRCLE,
     DIRECTED,

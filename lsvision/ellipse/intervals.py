@@ -359,10 +359,10 @@ def _clip(interval: Interval, limits: Interval, found: Sequence[bool]) -> Interv
 def _theta_interval(fit: EllipseFit, ends: FloatArray) -> Interval:
     """Return the interval of theta, at most 90 deg to either side of the estimate."""
     theta, quarter = fit.ellipse.theta, math.pi / 2
-    turns = []
-    for p, q in ends[[THETA_LOW, THETA_HIGH], 3:].tolist():
-        turns.append(math.remainder(math.atan2(q, p) / 2 - theta, math.pi))
-    low, high = turns
+    low, high = (
+        math.remainder(math.atan2(q, p) / 2 - theta, math.pi)
+        for p, q in ends[[THETA_LOW, THETA_HIGH], 3:].tolist()
+    )
     return theta + (low if low <= 0 else -quarter), theta + (high if high >= 0 else quarter)
 
 

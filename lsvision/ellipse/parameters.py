@@ -179,6 +179,11 @@ def deviator_from_parameters(parameters: FloatArray) -> complex:
     return complex(*parameters[-2:].tolist())
 
 
+def deviators_from_parameters(parameters: FloatArray) -> ComplexArray:
+    """Return p + iq of (k, 5) parameters, row by row in memory, as a view (k,). Units: mm."""
+    return parameters[:, 3:].view(complex)[:, 0]
+
+
 def parameters_from_ellipse(ellipse: Ellipse) -> FloatArray:
     """Return (centre_x, centre_y, m, p, q) of an ellipse. Units: mm."""
     m = (ellipse.semi_major + ellipse.semi_minor) / 2

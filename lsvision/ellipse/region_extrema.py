@@ -343,6 +343,9 @@ def _turn_to_extrema(
 
 
 def _mean_and_deviator(shapes: FloatArray) -> tuple[FloatArray, ComplexArray]:
-    """Return half the trace of the shapes of d, and half their difference and direction."""
+    """Return the mean of the two principal values of the shapes of d, and half their difference.
+
+    The difference is multiplied by exp(2 i angle), with the angle of the larger axis.
+    """
     pp, pq, qq = shapes[:, 1, 1], shapes[:, 1, 2], shapes[:, 2, 2]
     return (pp + qq) / 2, (pp - qq) / 2 + 1j * pq
