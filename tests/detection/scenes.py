@@ -1,4 +1,4 @@
-"""Lines drawn by hand, so that a test of one step knows what lies where."""
+"""Profiles built from simple pieces, so that a test of one step knows where each surface lies."""
 
 import math
 
@@ -15,7 +15,7 @@ STEP = 2 * 20 * math.sin(math.radians(STEP_DEG / 2))  # mm, on a circle of 20 mm
 
 
 def line(*pieces, noise_mm=0.02, rng=None):
-    """Pieces of (n, 2) points one behind the other, as a weighed profile."""
+    """Return the prepared profile of successive pieces of (n, 2) points, with isotropic noise."""
     points = np.concatenate(pieces)
     rng = rng or np.random.default_rng(5)
     return prepare_profile(Profile(points + noise_mm * rng.normal(size=points.shape)), None)
@@ -39,7 +39,7 @@ def bowl(centre, radius, half_deg=75.0, y=-400.0):
 
 
 def exact(points, std=0.01):
-    """Points without errors as a prepared profile that takes each as known to `std` mm."""
+    """Return the prepared profile of exact points, with a given noise of `std` mm."""
     noise = PointNoise(np.tile(std**2 * np.eye(2), (len(points), 1, 1)))
     return prepare_profile(Profile(points), noise)
 
@@ -51,7 +51,7 @@ def arc_points(angles_deg, radius=20.0, centre=(0.0, -440.0)):
 
 
 def walk(start, headings_deg, step):
-    """Points one step after the other from `start`, each step in its own direction from +X."""
+    """Return points at equal steps from `start`, each step at its own angle from +X."""
     headings = np.radians(headings_deg)
     steps = step * np.column_stack([np.cos(headings), np.sin(headings)])
     return start + np.cumsum(steps, axis=0)
@@ -67,7 +67,7 @@ def identified(start, stop, ellipse):
 
 
 def as_screened(profile, arc, std, mixed_points=0):
-    """The arc with the same inliers, of which each has a noise of `std` mm, after screening."""
+    """Return the arc as screened, with the same inliers and a noise of `std` mm."""
     factor = (std / profile.noise_std) ** 2
     noisy_points = profile.noisy_points[arc.indices]
     return ScreenedArc(arc.indices, noisy_points, arc.ellipse, factor, mixed_points)
@@ -92,9 +92,9 @@ def screen_arc(profile, arc):
 
 
 def with_foot(curvature, *, begins_deg=45.0):
-    """The foot of a weld bead: from an angle on the line bends towards the sensor.
+    """Return an arc with the foot of a weld bead: beyond an angle it bends towards the sensor.
 
-    Returns the points, the first of the foot, and the distance of each from the circle.
+    Returns the points, the index of the first one of the foot, and the distances from the circle.
     """
     arc = arc_points(np.arange(-60.0, begins_deg + 0.1, STEP_DEG))
     turns = curvature * STEP_DEG * (np.arange(16) + 0.5)

@@ -1,4 +1,4 @@
-"""Each reason has a section that earns it, and the section beside it that does not."""
+"""Each reason for a rejection: a section that is rejected, and a similar one that is not."""
 
 import math
 import re
@@ -127,7 +127,7 @@ def test_residuals_of_three_times_the_given_noise_are_too_large(rms, is_rejected
 
 
 def test_residuals_of_a_hundredth_of_the_radius_are_never_too_large():
-    """20 mm: 0.2 mm, however small the noise."""
+    """With a radius of 20 mm the limit is 0.2 mm, however small the noise is."""
     std = 0.01
     assert reason_of(wavy(math.sqrt(2) * 0.19), std) is None
     assert "residual rms" in reason_of(wavy(math.sqrt(2) * 0.21), std)
@@ -141,7 +141,7 @@ def test_estimated_noise_is_not_blamed_on_the_sensor(rng):
 
 
 def test_a_parabola_has_no_best_ellipse():
-    """The nearer an ellipse comes to it the longer it is: no fit converges."""
+    """The longer an ellipse, the better it fits a parabola: no fit converges."""
     x = np.linspace(-20, 20, 60)
     points = np.column_stack([x, -400.0 - x**2 / 40])
     profile = exact(points, 0.02)
@@ -225,13 +225,13 @@ def test_what_is_known_bounds_the_radius(known):
     ],
 )
 def test_a_radius_of_two_to_six_sigma_needs_its_interval(sigmas, reason):
-    """Profile-likelihood intervals take time: fewer sigma are too few, more are enough."""
+    """Only then the interval, which takes time, decides: fewer are too few, more are enough."""
     assert undeterminable_radius_reason(section_of(5.0, 100.0, std=20 / sigmas)) == reason
 
 
 @pytest.mark.parametrize(("sigmas", "is_rejected"), [(4.2, True), (4.6, False), (9.0, False)])
 def test_a_tilt_by_which_a_short_arc_seems_determined_must_not_be_by_chance(sigmas, is_rejected):
-    """At 45 deg 1 / b is twice that of an untilted cylinder, with half as many sigma left to it."""
+    """The untilted cylinder of an arc at 45 deg has twice the radius, and half as many sigmas."""
     section = section_of(15.0, 30.0, std=20 / sigmas, phi=math.pi / 4)
     reason = undeterminable_radius_reason(section)
     untilted = "radius not determinable: 40 +/- 19 mm untilted; a longer arc is needed"
@@ -283,7 +283,7 @@ def test_a_radius_that_needs_no_interval_is_distinguished_from_a_bound_of_its_st
 
 
 def test_points_with_noise_of_their_own_are_judged_by_it():
-    """Twice as many sigmas where each point's own standard deviation is halved."""
+    """The same residuals are too large for a std of 0.05 mm, but not for one of 0.2 mm."""
     noise = PointNoise(np.tile(0.05**2 * np.eye(2), (71, 1, 1)))
     profile = prepare_profile(Profile(wavy(0.6)), noise)
     section = fitted(profile, circle())

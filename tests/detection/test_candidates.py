@@ -24,7 +24,7 @@ def candidates_of(profile, radius_range=RANGE):
 
 
 def whole(points, noise_mm=1e-4, radius_range=RANGE):
-    """Whether all points together are a candidate, with errors of which so much is said."""
+    """Return whether all points together are a candidate, with a given noise along Y."""
     covariances = np.tile(np.diag([0, noise_mm**2]), (len(points), 1, 1))
     profile = prepare_profile(Profile(points), PointNoise(covariances))
     every = [np.arange(len(points))]
@@ -39,7 +39,7 @@ def arc(count, degrees, radius=20.0):
 
 
 def wavy(amplitude):
-    """An arc of radius 20 whose points lie so far outside and inside in turn. Units: mm."""
+    """Return an arc of 20 mm whose points lie `amplitude` mm outside and inside in turn."""
     points = arc(60, 120)
     return points * (1 + amplitude / 20 * np.tile([1, -1], 30))[:, None]
 
@@ -67,7 +67,7 @@ def test_the_best_candidate_of_a_dome_is_its_circle():
     ],
 )
 def test_what_does_not_curve_like_a_pipe_is_hardly_tried(pieces):
-    # A seed is unproven: noise on a bar may curve by chance.
+    # A short window of noisy points may be curved by chance.
     assert all(len(candidate.indices) < 25 for candidate in candidates_of(line(*pieces)))
 
 
@@ -83,7 +83,7 @@ def test_a_radius_range_excludes_other_pipes():
     [((34.0, 60.0), True), ((46.0, 60.0), False), ((2.0, 5.7), True), ((2.0, 4.4), False)],
 )
 def test_an_ellipse_curves_twice_as_much_as_its_radius_or_a_quarter(radius_range, tried):
-    """A circle of 20 mm may be the sharp end of a larger pipe, or the flat side of a smaller."""
+    """A circle of 20 mm may be the sharp end of a larger ellipse or the flat side of a smaller."""
     assert whole(arc(80, 150), radius_range=radius_range) == tried
 
 
@@ -94,7 +94,7 @@ def test_36_points_must_cover_25_degrees(degrees, tried):
 
 @pytest.mark.parametrize(("millimetres", "tried"), [(1.5, True), (1.65, False)])
 def test_points_lie_within_three_sigma_of_their_circle(millimetres, tried):
-    """3 * 0.5 mm, and 0.2 mm for an ellipse."""
+    """The limit is 3 * 0.5 mm, plus 1 % of the radius since the section may be an ellipse."""
     assert whole(wavy(millimetres), noise_mm=0.5) == tried
 
 

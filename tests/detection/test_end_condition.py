@@ -1,4 +1,4 @@
-"""Corners and sheets go on tangentially; pipes end, kink, or have a fillet."""
+"""Lines of corners and sheets continue tangentially; those of pipes end, kink, or have a fillet."""
 
 import math
 
@@ -15,7 +15,7 @@ STEP = 2 * 20 * math.sin(math.radians(STEP_DEG / 2))  # mm, chord of the arcs' s
 
 
 def sides(left_deg, right_deg, half_deg=60.0, step_deg=STEP_DEG):
-    """An arc of 20 mm radius; each side goes on in steps that turn by so much from its tangent.
+    """Return an arc of 20 mm; each side continues in steps at these angles from its tangent.
 
     A positive turn is a turn towards the sensor, as that of a fillet.
     """
@@ -74,7 +74,7 @@ def test_where_both_ends_turn_less_than_20_deg_it_is_a_sheet():
 
 @pytest.mark.parametrize("mixed", [0, 4, 12])
 def test_points_into_which_a_sensor_mixes_the_arc_do_not_count(mixed):
-    """Nor do they make the line end, if it goes on tangentially beyond them."""
+    """A line that continues tangentially beyond them does not end at them, either."""
     for count, is_rejected in ((mixed + 5, False), (mixed + 6, True), (mixed + 20, True)):
         points, start, stop = sides([0.0] * count, KINK)
         arc = identified(start, stop, circle())
@@ -84,9 +84,9 @@ def test_points_into_which_a_sensor_mixes_the_arc_do_not_count(mixed):
 
 
 def test_most_pipes_whose_ends_a_filter_has_bent_are_found():
-    """A Gaussian filter over 3.8 columns, one-sided at the ends of the profile.
+    """A Gaussian filter with a std of 3.8 columns, which is one-sided at the ends of the profile.
 
-    With all points beyond the ends every third one would go on tangentially.
+    If no mixed points were left out, every third pipe would seem to continue tangentially.
     """
     found = 0
     for seed in range(40):
@@ -105,7 +105,7 @@ def test_fewer_than_six_points_beyond_are_nothing():
 
 
 def test_the_turn_of_a_short_arc_is_measured_over_six_points():
-    """Of 41 points, an eighth is less."""
+    """An eighth of 41 points is less than six."""
     short = {"half_deg": 40.0}
     assert reason([-18] * 6 + [-28] * 9, KINK, **short) is not None
     assert reason([-24] * 4 + [-10] * 2 + [-18] * 9, KINK, **short) is not None
@@ -113,7 +113,7 @@ def test_the_turn_of_a_short_arc_is_measured_over_six_points():
 
 
 def test_the_turn_of_a_long_arc_is_measured_over_an_eighth_of_its_points():
-    """96 points, 12 beyond: not over fewer, nor over more."""
+    """On an arc of 96 points these are 12 points."""
     long = {"half_deg": 47.5, "step_deg": 1.0}
     assert reason([-18] * 12 + [-42] * 12, KINK, **long) is not None
     assert reason([22] * 8 + [14] * 4, KINK, **long) is not None
@@ -136,7 +136,7 @@ def test_jumps_between_the_points_beyond_do_not_hide_that_they_go_on():
 
 
 def fillet(radius_ratio, count):
-    """Turns of a line that curves towards the sensor with so many radii of the arc."""
+    """Return the angles of steps along a fillet whose radius is `radius_ratio` times the arc's."""
     return STEP_DEG / radius_ratio * (np.arange(count) + 0.5)
 
 
@@ -156,7 +156,7 @@ def test_the_same_bent_the_other_way_is_a_corners():
 
 
 def test_a_bead_has_twice_the_curvature_of_the_cylinder_at_least():
-    """Beyond a foot that turns by 12 deg; the arc of a corner of half the radius is as curved."""
+    """The bead begins beyond a foot that turns by 12 deg; a corner may have half the radius."""
     for ratio, is_rejected in ((1.5, True), (1.8, True), (2.2, False), (4.0, False)):
         bead = 12 + 6 * STEP_DEG * ratio - fillet(1 / ratio, 12)
         for first, second in ((bead, KINK), (KINK, bead)):
@@ -165,7 +165,7 @@ def test_a_bead_has_twice_the_curvature_of_the_cylinder_at_least():
 
 
 def test_a_bead_begins_beyond_the_longer_arc():
-    """Screening left out four points of the pipe, along which the line is less curved."""
+    """Beyond the screened arc lie points of the pipe first, along which the line is less curved."""
     bead = 15 - fillet(1 / 2.6, 12)
     points, start, stop = sides(NOTHING, bead)
     assert reason_of(points, start, stop, screened=(start, stop - 6)) is None
@@ -178,7 +178,7 @@ def test_a_fillet_has_the_curvature_of_the_cylinder_at_least():
 
 
 def curvature_std(count, step, noise):
-    """Of the parabola through equally spaced points: var c = sigma^2 180 / h^4 n(n^2-1)(n^2-4)."""
+    """Return the std of 2 c for y = c x^2: var c = 180 sigma^2 / (h^4 n (n^2 - 1) (n^2 - 4))."""
     return 2 * noise * math.sqrt(180 / (count * (count**2 - 1) * (count**2 - 4))) / step**2
 
 
@@ -193,7 +193,7 @@ def test_noise_hides_a_fillet_that_is_too_short(count):
 
 
 def test_the_curvature_of_a_fillet_is_that_of_its_first_twelve_points():
-    """With more of them 3 sigma would be passed; five tell no curvature."""
+    """The curvature of 20 points would be significant; that of five never is."""
     points, start, stop = sides(fillet(1 / CURVED, 20), KINK)
     for sigmas, is_rejected in ((2.8, True), (3.2, False)):
         noise = CURVED / 20 / sigmas / curvature_std(12, 0.985 * STEP, 1.0)
@@ -202,7 +202,7 @@ def test_the_curvature_of_a_fillet_is_that_of_its_first_twelve_points():
 
 
 def test_the_curvature_beyond_a_long_arc_is_that_of_an_eighth_of_its_points():
-    """Of 241 points, 30: with 22 or with 12 it would not be significant."""
+    """On an arc of 241 points these are 30; the curvature of 22 or 12 would not be significant."""
     points, start, stop = sides(fillet(1 / CURVED, 80) / 4, KINK, step_deg=0.5)
     for sigmas, is_rejected in ((2.8, True), (3.2, False)):
         noise = CURVED / 20 / sigmas / curvature_std(30, 0.985 * STEP / 4, 1.0)
@@ -210,7 +210,7 @@ def test_the_curvature_beyond_a_long_arc_is_that_of_an_eighth_of_its_points():
 
 
 def test_the_scatter_of_a_line_hides_its_curvature_as_noise_does():
-    """Errors across it without share in a parabola; s^2 = their squares / (6 - 3)."""
+    """The errors are orthogonal to any parabola; s^2 is the sum of their squares over 6 - 3."""
     points, start, stop = sides(fillet(1 / CURVED, 6), KINK)
     across = np.array([-5, 7, 4, -4, -7, 5])[:, None] / 60**0.5 * [-math.sin(0.87), math.cos(0.87)]
     limit = CURVED / 20 / 3 / curvature_std(6, STEP, 1.0)
@@ -221,13 +221,13 @@ def test_the_scatter_of_a_line_hides_its_curvature_as_noise_does():
 
 
 def test_the_turn_is_that_of_the_end_before_screening():
-    """A pipe that screening cut short goes on there, and ends in a kink all the same."""
+    """The line of a pipe that screening cut short continues there, but ends in a kink."""
     points, start, stop = sides(KINK, KINK)
     assert reason_of(points, start, stop, screened=(start + 6, stop - 6)) is None
 
 
 def test_a_fillet_begins_where_screening_ended():
-    """Growth took two of its points, and with 10 its bend does not stand out from the noise."""
+    """The identified arc has two points of it; the curvature of the other 10 is not significant."""
     points, start, stop = sides(NOTHING, fillet(1 / CURVED, 12))
     noise = CURVED / 20 / 3.3 / curvature_std(12, STEP, 1.0)
     assert reason_of(points, start, stop + 2, screened=(start, stop), std=noise) is None
@@ -235,7 +235,7 @@ def test_a_fillet_begins_where_screening_ended():
 
 
 def corner(radius, pitch, rng, *, last_deg=75.0, noise=0.02):
-    """A plate at columns `pitch` apart whose right edge is rounded; the edge's points."""
+    """Return the points of a plate with a rounded right edge, and the indices of the edge."""
     x = np.arange(-3 * radius, radius * math.sin(math.radians(last_deg)), pitch)
     y = np.where(x < 0, radius, np.sqrt(radius**2 - np.maximum(x, 0) ** 2)) - 440
     edge = np.flatnonzero(x >= 0)
@@ -283,7 +283,7 @@ def test_a_point_within_three_steps_is_connected():
 
 
 def test_the_last_twelve_points_tell_the_step():
-    """Their median, the upper one of two: six of eleven are needed."""
+    """The typical step is the upper median: with six short steps of eleven it is short."""
     far = np.array([25.0 + 0j])
     short = real_line(*[10.0] * 9, *[1.0] * 6)
     assert len(find_connected_beyond(short - short[-1], far, 9)) == 0
@@ -300,7 +300,7 @@ def test_the_chain_leaves_out_what_is_out_of_reach_and_ends_in_time():
 
 
 def reason_of_positions(positions):
-    """Points on the tangent beyond an arc, at these steps from the first of them."""
+    """Return the result for points on the tangent beyond an arc, at these steps from the first."""
     points, start, stop = sides([], [0])
     beyond = points[-1] + np.outer(positions, points[-1] - points[-2])
     return reason_of(np.concatenate([points[:-1], beyond]), start, stop)

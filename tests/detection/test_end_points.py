@@ -19,7 +19,7 @@ MATCHES = 1e-3  # an excluded jump of 100 sigma keeps 1e-6 of its weight: 1e-4 s
 
 
 def stacked(ends):
-    """Ends, or their predictions, as one stack."""
+    """Stack ends, or their predictions."""
     return type(ends[0])(*(np.stack(field) for field in zip(*ends, strict=True)))
 
 
@@ -40,7 +40,7 @@ def departure_free_probability(end, prediction, members, following):
 
 
 def circle_end(rng, count=24, *, radius=20.0, std=0.05, start_deg=40.0, step_deg=1.5, time=1.0):
-    """Points beyond `start_deg` from the top of a circle, known from a fit of what lies inside."""
+    """Return the points of a circle beyond `start_deg` from its top, and the fit of the others."""
     inner = np.radians(np.linspace(-start_deg, start_deg, 60))
     known = rows_of(inner) / std**2 @ rows_of(inner).T + np.diag([0, 0, 0, 1.0, 1.0])
     angles = math.radians(start_deg) + np.radians(step_deg) * np.arange(-2, count)
@@ -61,7 +61,7 @@ def rows_of(angles):
 
 
 def spoiled(rng, end, *, jumps=0.15, leaves_at=None):
-    """With jumps of both signs, points that turn away, and a line that leaves at one of them."""
+    """Return the end with jumps, points that face away, and a line that leaves the circle."""
     residuals, cosines = end.residuals.copy(), end.incidence_cosines.copy()
     jump = rng.random(len(residuals)) < jumps
     jump[:2] = False
@@ -106,12 +106,12 @@ def log_in(residual, variance):
 
 
 def outlier_density(end, i, radius):
-    """Log of an outlier's density: an error up to a radius along the ray, seen along the normal."""
+    """Return the log density of an outlier: an error of up to a radius along the ray."""
     return math.log(OUTLIERS / (2 * radius * max(end.incidence_cosines[i], 0.05)))
 
 
 def other_line(end, i, radius):
-    """Straight on from the two points before, or an outlier."""
+    """Return the log density of a point on the line through the two before, or of an outlier."""
     (e0, e1, e2), (v0, v1, v2) = end.residuals[i - 2 : i + 1], end.variances[i - 2 : i + 1]
     before, step = np.diff(end.positions[i - 2 : i + 1])
     ratio = min(step / before, 5.0)
@@ -151,7 +151,7 @@ def test_points_at_one_position_of_the_ellipse_are_judged_without_breaking(scale
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_inliers_of_a_coarse_and_quiet_line_are_those_of_the_filter_as_well(seed):
-    """Where two steps bend more than the noise the other line may bend as well, by 1 / R."""
+    """The other line may be as curved as the circle, which is seen where steps are long."""
     rng = np.random.default_rng([72, seed])
     end, prediction = circle_end(rng, std=0.003, step_deg=3.0, count=16)
     beyond = np.maximum(end.positions - end.positions[10], 0.0)
@@ -178,7 +178,7 @@ def test_no_points_beyond_have_no_inliers(rng):
 
 
 def certain(residuals, *, std=1.0, radius=100.0, positions=None, cosines=1.0):
-    """An ellipse that is known exactly: each point is judged by its own residual."""
+    """Return an end and an exact prediction: each point is judged by its own residual alone."""
     residuals = np.concatenate([[0.0, 0.0], residuals])
     count = len(residuals)
     steps = np.arange(count, dtype=float) if positions is None else np.asarray(positions, float)
@@ -218,7 +218,7 @@ def test_a_point_that_the_sensor_cannot_see_is_no_inlier():
 
 
 def test_the_correlation_of_errors_delays_the_end():
-    """A line that leaves slowly is detected by many points; correlated, they count for fewer."""
+    """Many points detect a line that leaves slowly; correlated points count as fewer."""
     leaving = np.concatenate([np.zeros(6), 0.8 * np.arange(1, 9)])
     end, prediction = certain(leaving, std=1.0, radius=1e4)
     last = [
@@ -229,7 +229,7 @@ def test_the_correlation_of_errors_delays_the_end():
 
 
 def departure_oracle(end, prediction, members, following):
-    """The marginal likelihood of each departure, by full covariances."""
+    """Return the probabilities from the full covariance with each departure."""
     members, following = list(members), list(following)[:8]
     rows = np.array(members + following) + 2
     offset, covariance, time, radius = prediction

@@ -1,4 +1,4 @@
-"""From the profile to its candidates: the same whichever way the points are listed or lie."""
+"""The candidates of a profile do not depend on the order, position or scale of its points."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ SCENES |= {f"welded in clutter {seed}": others(seed) for seed in range(4)}
 
 
 def dense(count=30_000):
-    """More points than are kept."""
+    """Return more points than `MAX_POINTS`."""
     x = np.linspace(-60, 60, count)
     y = np.where(np.abs(x) < 19, np.sqrt(np.maximum(400 - x * x, 0)), -5) - 400
     return np.column_stack([x, y + 0.05 * np.random.default_rng(1).normal(size=count)])
@@ -38,7 +38,7 @@ SCENES["more than 20 000 points"] = dense()
 
 
 def front_end(points, sensor=None, scale=1.0):
-    """Columns, centre and radius of each candidate, the most telling first."""
+    """Return columns, centre and radius of each candidate, in order."""
     profile = prepare_profile(Profile(points), sensor)
     components = connected_components(build_range_image(profile), 10)
     candidates = find_candidates(profile, components, (RADII[0] * scale, RADII[1] * scale))
@@ -49,7 +49,7 @@ def front_end(points, sensor=None, scale=1.0):
 
 
 def assert_same(found, expected, rows=None, move=lambda centre: centre):
-    """The same candidates in the same order; `rows` are the former rows of the columns found."""
+    """Compare candidates, in order; `rows` are the former columns of the points of `found`."""
     assert len(found) == len(expected) > 0
     for (columns, centre, radius), (old_columns, old_centre, old_radius) in zip(
         found, expected, strict=True
@@ -101,7 +101,7 @@ def test_scaled_points_have_the_same_candidates(scene, scale):
 
 
 def test_points_in_any_order_have_the_candidates_of_those_by_x(rng):
-    """Where x tells the order: no two points of one column, no overhang."""
+    """The order follows from x if no two points have the same x, and there is no overhang."""
     points = SCENES["welded in clutter 1"]
     points = points[np.isfinite(points[:, 0])]
     rows = rng.permutation(len(points))

@@ -1,4 +1,4 @@
-"""What a candidate grows to, on lines without errors where the last point is known by hand."""
+"""Arcs that grow from candidates, mostly on exact lines whose last inlier is known."""
 
 import math
 
@@ -52,7 +52,7 @@ def grown(profile, candidate, free=None):
 
 
 def arcs_of(points, noise=None):
-    """Columns of all arcs that the candidates of a profile grow to."""
+    """Return the columns of all arcs that grow from the candidates of a profile."""
     profile = prepare_profile(points, noise)
     radii = search_range(None, None, profile)
     components = connected_components(build_range_image(profile), 10)
@@ -64,7 +64,7 @@ def test_a_candidate_grows_to_the_whole_arc():
     profile = line(LEFT, PIPE, RIGHT)
     centre = (FIRST + STOP) // 2
     arc = grown(profile, seed_at(centre - 12, centre + 12))
-    # Points of the ground may lie on the flank's prolongation, by chance.
+    # By chance, points of the ground may lie on the extended ellipse.
     assert abs(arc.arc.start - FIRST) <= 2
     assert abs(arc.arc.stop - STOP) <= 2
     np.testing.assert_allclose(arc.ellipse.centre, (0, -440), atol=0.3)
@@ -101,7 +101,7 @@ def test_each_tube_of_another_simulator_has_an_arc(seed):
 
 
 def test_another_pipe_behind_an_interruption_is_not_joined():
-    """Beyond seven jumps the line goes on at a wider pipe: one ellipse does not hold both."""
+    """Beyond seven jumps lies a wider pipe, whose points are not on the same ellipse."""
     near, far = dome(0, 20), dome(0, 26, y=-447.0)
     gap = np.column_stack([np.linspace(-1.8, 1.8, 7), np.linspace(-416, -413, 7)])
     near, far = near[near[:, 0] < -2], far[far[:, 0] > 2]
@@ -111,7 +111,7 @@ def test_another_pipe_behind_an_interruption_is_not_joined():
 
 
 def test_the_foot_of_a_bead_at_a_flank_does_not_pull_the_ellipse_to_itself():
-    """The seed holds a bead's points, which weigh much: n' Sigma n is small there."""
+    """The seed contains points of a bead with large weights, since n' Sigma n is small there."""
     section = random_section("welded_pair", 6010)
     arcs = arcs_of(section.profile, section.profile.noise)
     for label in (1, 2):
@@ -135,7 +135,7 @@ def test_fewer_than_eight_free_points_grow_to_nothing():
 
 
 def jumping(offset_mm, *, std=0.1, at=30):
-    """An exact circle with one point outside by so much, and the noise that it is known to."""
+    """Return an exact circle with one point `offset_mm` outside, and a given noise of `std` mm."""
     points = arc_points(np.arange(-60, 61, 2.0))
     points[at] += offset_mm * arc_points(np.arange(-60, 61, 2.0), 1.0, (0.0, 0.0))[at]
     return exact(points, std)
@@ -153,7 +153,7 @@ def test_the_sensor_error_is_four_sigma(sigmas, inside, side):
 
 @pytest.mark.parametrize(("scale", "inside"), [(2.0, 7.5), (2.9, 11.0)])
 def test_the_sensor_error_grows_with_the_scatter_of_the_arc(scale, inside):
-    """Where most points lie `scale` sigma off, twice four sigma are still the arc's."""
+    """With a scatter of `scale` sigma the limit is 4 * `scale` sigma."""
     angles = np.arange(-60, 61, 2.0)
     out = arc_points(angles, 1.0, (0.0, 0.0))
     sigma = math.sqrt(1.1) * 0.1
@@ -166,7 +166,7 @@ def test_the_sensor_error_grows_with_the_scatter_of_the_arc(scale, inside):
 
 
 def test_the_scatter_counts_up_to_the_largest_that_an_arc_may_have():
-    """A given sigma may be three times too small, and 1 % of the radius too: 0.2 mm here."""
+    """That is 3 times a given sigma, or 1 % of the radius, here 0.2 mm."""
     angles = np.arange(-60, 61, 2.0)
     out = arc_points(angles, 1.0, (0.0, 0.0))
     points = arc_points(angles) + (0.5 * (-1) ** np.arange(61))[:, None] * out
@@ -176,7 +176,7 @@ def test_the_scatter_counts_up_to_the_largest_that_an_arc_may_have():
 
 
 def turned_away(last_deg):
-    """A circle seen far over its horizon, in its order along the line."""
+    """Return a circle up to an angle from its top at which it faces away from the sensor."""
     points = arc_points(np.arange(-60.0, last_deg, 0.5))
     count = len(points)
     noisy = NoisyPoints.uniform(as_complex(points), 0.01, 0.01)
@@ -193,7 +193,7 @@ def test_a_normal_120_deg_from_the_sensor_is_the_last_that_is_seen():
 
 
 def gap_of(inside, gap, beyond):
-    """Points on a circle, as many jumps, and points on it again; errors of 0.01 mm are known."""
+    """Return points on a circle, then jumps, then points on it again; their noise is given."""
     points = arc_points(np.linspace(-60, 60, inside + gap + beyond))
     points[inside : inside + gap, 1] += 5.0
     return exact(points)
@@ -201,7 +201,7 @@ def gap_of(inside, gap, beyond):
 
 @pytest.mark.parametrize(("gap", "bridged"), [(2, True), (6, True), (9, True), (10, False)])
 def test_an_arc_grows_by_half_of_its_points_at_once(gap, bridged):
-    """40 points see 20 more: 9 jumps and 11 points, which are more; 10 and 10 are not."""
+    """A window adds 20 to 40 points: 9 jumps and 11 points, which are more; 10 and 10 are not."""
     arc = grown(gap_of(40, gap, 40), seed_at(0, 40))
     assert (arc.arc.stop > 40) == bridged
     if bridged:
@@ -217,13 +217,13 @@ def test_towards_the_start_it_grows_by_as_many():
 
 
 def runs(*lengths):
-    """Inliers and others in turn, the first run the arc so far."""
+    """Return runs of inliers and of others in turn; the first run is the previous arc."""
     inliers = np.concatenate([np.full(n, i % 2 == 0) for i, n in enumerate(lengths)])
     return inliers, np.arange(lengths[0])
 
 
 def connected(*lengths):
-    """Whether the last run belongs to the first."""
+    """Return whether the last run is connected to the first one."""
     inliers, inside = runs(*lengths)
     return bool(find_connected_inliers(inliers, inside)[-1] == len(inliers) - 1)
 
@@ -261,7 +261,7 @@ def test_the_run_around_the_middle_of_the_arc_is_the_arcs():
 
 
 def test_a_seed_at_one_end_of_ten_thousand_points_reaches_the_other():
-    """Each step adds half: 10 points are 10 000 after 18 steps."""
+    """Each step adds half of the points: 10 points become 10 000 in 18 steps."""
     profile = exact(arc_points(np.linspace(-60, 60, 10_000)), 1e-5)
     arc = grown(profile, seed_at(0, 10))
     assert arc.arc == Arc(0, 10_000)
@@ -322,7 +322,7 @@ def test_noise_of_two_pitches_does_not_hide_a_pipe():
 
 
 def test_an_arc_without_the_shape_of_a_pipe_is_reported_once():
-    """It failed as a seed and as an arc."""
+    """The other two candidates overlap it, and are left out."""
     arcs, rejections = identify_arcs(two_pipes(), [seed_at(10, 50)] * 3, (30.0, 60.0))
     assert arcs == []
     (rejection,) = rejections
@@ -342,7 +342,7 @@ def test_two_touching_pipes_are_two_arcs_without_common_points():
 
 
 def test_the_arc_so_far_may_lie_anywhere_in_the_profile():
-    """Positions of growth are those in its window; these runs lie far from the first point."""
+    """The window in which an arc grows begins far from the first point of the profile."""
     points = arc_points(np.linspace(-60, 60, 300))
     points[[100, 101, 102, 103, 204, 205, 206, 207], 1] += 5.0
     arc = grown(exact(points), seed_at(140, 170))
@@ -351,7 +351,7 @@ def test_the_arc_so_far_may_lie_anywhere_in_the_profile():
 
 
 def test_a_run_of_the_arc_counts_from_its_own_first_point():
-    """Bridges are as long as half of the run in the middle, wherever it lies."""
+    """Half of the central run is bridged, wherever it lies."""
     inliers = np.concatenate([np.full(n, i % 2 == 0) for i, n in enumerate((30, 21, 40, 19, 30))])
     kept = find_connected_inliers(inliers, np.arange(55, 85))
     np.testing.assert_array_equal(kept, np.r_[51:91, 110:140])
@@ -360,7 +360,7 @@ def test_a_run_of_the_arc_counts_from_its_own_first_point():
 
 
 def test_candidates_that_grow_again_keep_their_order(monkeypatch):
-    """Both worse arcs have a point in common with the best one, which grew at the same time."""
+    """Both worse arcs share a point with the best one, which has grown at the same time."""
     profile = line(LEFT, PIPE, RIGHT)
     spans = (0, 20), (20, 40), (40, 60)
     normals = np.exp(1j * np.linspace(0.5, 2.5, 20))

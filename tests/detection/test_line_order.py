@@ -14,7 +14,7 @@ def ring(start_deg=90.0, clockwise=True, count=COUNT, radius=20.0):
 
 
 def two_lines(gaps, pitch=0.3):
-    """Columns of height 0, each with a second return so far below it; NaN for none."""
+    """Return columns at y = 0 with second returns at these distances below; NaN: no second one."""
     x = pitch * np.arange(len(gaps))
     rows = np.stack([np.column_stack([x, 0 * x]), np.column_stack([x, -np.asarray(gaps)])], axis=1)
     rows = rows.reshape(-1, 2)
@@ -63,7 +63,7 @@ def test_a_closed_section_in_no_order_is_two_lines_too(rng):
 
 
 def test_a_path_that_does_not_close_keeps_its_order():
-    """An overhang: x goes back for a while."""
+    """In an overhang, x decreases along the line."""
     turn = np.radians(np.linspace(-60, 240, 300))
     hook = 20 * np.column_stack([np.cos(turn)[::-1], np.sin(turn)[::-1]])
     line = np.column_stack([np.arange(-60, -11, 0.3), np.full(164, hook[0, 1])])

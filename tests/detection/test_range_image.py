@@ -12,7 +12,7 @@ def components_of(profile, smallest=3):
 
 
 def exact(points, noise_mm=1e-3):
-    """Points without errors, said to have some."""
+    """Return exact points with a given noise."""
     return prepare_profile(
         Profile(points), PointNoise(np.tile(np.diag([0, noise_mm**2]), (len(points), 1, 1)))
     )

@@ -89,7 +89,7 @@ def test_a_profile_without_a_line_has_a_reason_too(points, reason):
 
 
 def reason_of_run(points):
-    """Of points that are all one component, with errors of 0.02 mm."""
+    """Return the reason for points that are one component, with a noise of 0.02 mm."""
     profile, every = exact(points, 0.02 / 2**0.5), [np.arange(len(points))]
     (rejection,) = complete_rejections(profile, every, [], [], RANGE)
     return rejection.reason

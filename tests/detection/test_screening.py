@@ -1,4 +1,4 @@
-"""Which points at the ends of an arc are its own, where that is known."""
+"""Inliers at the ends of arcs, on profiles where they are known."""
 
 import math
 
@@ -34,7 +34,7 @@ STD = 0.02  # mm
 
 
 def along_y(points, std=STD, rng=None):
-    """A profile whose points have errors along Y and are known to."""
+    """Return a profile with errors along Y, and with the noise model of such errors."""
     noise = PointNoise(np.tile(np.diag([(0.05 * std) ** 2, std**2]), (len(points), 1, 1)))
     errors = 0 if rng is None else std * rng.normal(size=(len(points), 1)) * (0, 1)
     return prepare_profile(Profile(points + errors), noise)
@@ -47,7 +47,7 @@ def screened(profile, start, stop, ellipse=None):
 
 
 def outside(points, mm):
-    """The points of a circle so far outside it."""
+    """Return the points of a circle moved outwards by `mm`."""
     return points + mm * (points - (0.0, -440.0)) / 20
 
 
@@ -69,7 +69,7 @@ def test_the_middle_part_is_seven_tenths_and_not_judged():
 
 @pytest.mark.parametrize(("count", "judged"), [(11, False), (12, True)])
 def test_an_arc_with_fewer_than_eight_points_in_its_middle_comes_back_as_it_is(count, judged):
-    """Of 12 points two at each end are judged."""
+    """Of 12 points, two at each end are compared."""
     points = arc_points(np.linspace(-60, 60, count))
     points[-1] = outside(points, 3.0)[-1]
     profile = exact(points)
@@ -130,7 +130,7 @@ def test_single_outliers_near_an_end_are_left_out(off_mm, at):
 
 
 def test_a_surface_at_87_deg_to_the_ray_is_not_seen():
-    """A column of rays along Y; points lie on the very ellipse."""
+    """The rays are parallel to Y; all points are exactly on the ellipse."""
     for last_deg, seen in ((84.0, True), (86.5, True), (87.7, False), (89.0, False)):
         points = arc_points([*np.arange(-75, 75.1, STEP_DEG), last_deg])
         kept = screened(along_y(points), 0, len(points) - 1)
@@ -138,7 +138,7 @@ def test_a_surface_at_87_deg_to_the_ray_is_not_seen():
 
 
 def contact(count, *, step=STEP):
-    """The arc, and so many points of a line that rises beside it."""
+    """Return the arc, then `count` points of a line that rises beside it."""
     arc = arc_points(ANGLES)
     return np.concatenate([arc, walk(arc[-1], [10.0] * count, step)])
 
@@ -158,7 +158,7 @@ def test_a_contact_at_the_start_costs_one_as_well():
 
 
 def test_a_line_beyond_a_gap_is_no_contact():
-    """Three steps are connected, four are not."""
+    """A gap of three steps is bridged, one of four is not."""
     arc = arc_points(ANGLES)
     first = walk(arc[-1], [10.0], 4 * STEP)
     points = np.concatenate([arc, first, walk(first[-1], [10.0] * 12, STEP)])
@@ -167,7 +167,7 @@ def test_a_line_beyond_a_gap_is_no_contact():
 
 @pytest.mark.parametrize(("time", "dropped"), [(1.0, 0), (1.3, 1), (2.0, 2), (3.0, 4)])
 def test_before_an_edge_a_sensor_that_smooths_costs_points(monkeypatch, time, dropped):
-    """Two for each correlated neighbour."""
+    """Two points per unit of autocorrelation time above 1."""
     noise = ArcNoise(1.0, time, time, smoothed=False)
     monkeypatch.setattr(screening, "estimate_arc_noise", lambda *_: noise)
     kept = screened(exact(arc_points(ANGLES)), 0, 81)
@@ -180,14 +180,14 @@ FEET = [(curvature, seed) for curvature in (0.8, 1.3, 2.0) for seed in range(4)]
 @pytest.mark.parametrize("mirrored", [False, True])
 @pytest.mark.parametrize(("curvature", "seed"), FEET)
 def test_the_foot_of_a_weld_bead_is_left_out(curvature, seed, mirrored):
-    """It leaves tangentially: its first points cannot be detected, those of 3 sigma can."""
+    """It begins tangentially: its first points cannot be detected, those beyond 3 sigma can."""
     points, first, away = with_foot(curvature)
     beside = np.flatnonzero(away > 3 * STD)
     if mirrored:
         points = points[::-1] * (-1, 1)
         beside, first = len(points) - 1 - beside, len(points) - 1 - first
     rng = np.random.default_rng([3, seed])
-    # Growth has taken four points of the foot.
+    # The identified arc has four points of the foot.
     arc = (first - 3, len(points)) if mirrored else (0, first + 4)
     kept = screened(along_y(points, rng=rng), *arc)
     assert not np.isin(beside, kept).any()
@@ -196,7 +196,7 @@ def test_the_foot_of_a_weld_bead_is_left_out(curvature, seed, mirrored):
 
 
 def test_many_feet_do_not_move_the_ellipse():
-    """Errors of 200 circles with two feet of beads each, in their standard deviations."""
+    """Errors of the ellipses of 200 circles between two beads, over their standard deviations."""
     errors = []
     for seed in range(200):
         right = with_foot(1.3)[0][40:]  # from the top
@@ -210,7 +210,7 @@ def test_many_feet_do_not_move_the_ellipse():
 
 
 def test_what_was_cut_off_on_one_side_is_judged_with_the_other_side():
-    """Both ends at once: the left end is known from the right one, and the other way round."""
+    """The left end is predicted with the right one, and the other way round."""
     points = arc_points(ANGLES)
     profile = exact(points, STD)
     both = screen_arc(profile, identified(10, 71, circle()))
@@ -229,7 +229,7 @@ def test_a_tube_whose_first_fit_misses_its_end_is_whole_after_the_second():
 
 
 def both_ends(members, log_odds, leverages):
-    """The same inliers, given by their positions, at both ends of an arc with 12 points beyond."""
+    """Return the same inliers at both ends of an arc, with 12 points beyond its middle part."""
     mask, odds, large = np.zeros((1, 2, 12), dtype=bool), np.zeros((1, 2, 12)), np.ones((1, 2, 12))
     mask[..., members], odds[..., members], large[..., members] = True, log_odds, leverages
     return EndInliers(mask, odds, large)
@@ -237,7 +237,7 @@ def both_ends(members, log_odds, leverages):
 
 @pytest.mark.parametrize(("more", "expected"), [(1, True), (0, False)])
 def test_an_arc_is_screened_again_only_if_it_has_more_inliers_than_before(more, expected):
-    """Otherwise screening might not end. The outermost of 16 points beyond an end is an inlier."""
+    """Otherwise screening might not end. Here the outermost point that is compared is an inlier."""
     arc = split_arc(0, exact(arc_points(ANGLES)), identified(20, 60, circle()))
     members = np.zeros((2, len(arc.members[0])), dtype=bool)
     before = sum(map(np.count_nonzero, arc.members))
@@ -272,7 +272,7 @@ def test_inliers_that_growth_found_already_are_compared_once(monkeypatch):
 
 
 def test_estimated_noise_is_that_of_the_residuals():
-    """The profile's noise is held to be too small by its smooth ground."""
+    """The noise estimated for the profile is too small, because its ground is smooth."""
     rng = np.random.default_rng(11)
     points = arc_points(np.arange(-60, 60.1, 0.5)) + rng.normal(size=(241, 1)) * (0, 0.06)
     x = np.arange(-200.0, -25.0, 0.2)
@@ -291,7 +291,7 @@ def test_no_ellipse_in_the_middle_part_is_no_arc(monkeypatch):
 
 
 def test_another_line_that_runs_beside_the_circle_is_none_of_its_points():
-    """Eight points 0.5 mm further out, one behind the other, and the circle behind them."""
+    """Eight successive points lie 0.5 mm outside the circle, the next ones on it."""
     points = arc_points(ANGLES)
     points[69:77] = outside(points, 0.5)[69:77]
     kept = screened(exact(points), 0, 81)
@@ -315,7 +315,7 @@ def test_no_more_than_a_hundred_points_of_an_end_are_judged(outlier, judged):
 
 
 def watched(monkeypatch, name, points, arc, noise=ArcNoise(1.0, 1.0, 1.0, smoothed=False)):
-    """What a step of screening is given, of the left and the right end, in its first call."""
+    """Return the arguments of the first call of a step of screening, for each end."""
     step, given = getattr(screening, name), []
 
     def watch(*values):
@@ -329,14 +329,14 @@ def watched(monkeypatch, name, points, arc, noise=ArcNoise(1.0, 1.0, 1.0, smooth
 
 
 def one_end(value, end):
-    """Arrays, or tuples of them, of one end of the only arc."""
+    """Return the part of one end of arrays, or of tuples of arrays, of the only arc."""
     if isinstance(value, tuple):
         return type(value)(*(one_end(field, end) for field in value))
     return np.broadcast_to(value, (1, 2, *value.shape[2:]))[0, end]
 
 
 def test_the_points_of_an_end_run_outwards_with_their_residuals(monkeypatch):
-    """With two of the middle part first; a twentieth of the total variance is added: 1.1."""
+    """Two points of the middle part come first; the inflated variances are 1.1 sigma^2."""
     points = arc_points(ANGLES)
     points[[2, 75]] = outside(points, 0.5)[[2, 75]]
     noise = ArcNoise(4.0, 1.0, 1.0, smoothed=False)
@@ -345,7 +345,7 @@ def test_the_points_of_an_end_run_outwards_with_their_residuals(monkeypatch):
         assert len(end.residuals) == 14
         np.testing.assert_allclose(np.delete(end.residuals, [8, 11]), 0, atol=1e-9)
         np.testing.assert_allclose(end.variances, 4 * 1.1 * STD**2)
-        # On the ellipse, whatever a jump does.
+        # A jump does not move the ellipse.
         np.testing.assert_allclose(end.positions, STEP * np.arange(14), atol=1e-9)
         assert (end.incidence_cosines > 0.05).all()
     assert left.residuals[11] == pytest.approx(0.5, abs=1e-9)
@@ -366,7 +366,7 @@ def test_correlated_errors_widen_the_prediction(monkeypatch):
 
 
 def test_a_departure_is_looked_for_with_the_eight_points_that_follow(monkeypatch):
-    """12 points at the end are inliers, and a line begins beyond them; at the start none does."""
+    """12 points at the end are inliers, with a line beyond them; at the start there is no line."""
     given = []
     monkeypatch.setattr(
         screening,
@@ -384,7 +384,7 @@ LEVERAGES = np.array([1.0, 8.0, 8.0, 1.0, 1.0, 30.0])
 
 
 def test_an_inlier_that_decides_much_must_be_the_more_probable(monkeypatch):
-    """Its odds must exceed its leverage of 8: 8.2 do, 7.8 do not."""
+    """Odds of 8.2 exceed its leverage of 8, odds of 7.8 do not."""
     found = both_ends(np.r_[0:5, 11], LOG_ODDS, LEVERAGES)
     monkeypatch.setattr(screening, "find_end_inliers", lambda *_: found)
     kept = screened(exact(arc_points(ANGLES)), 0, 81)
@@ -393,7 +393,7 @@ def test_an_inlier_that_decides_much_must_be_the_more_probable(monkeypatch):
 
 
 def test_an_inlier_beyond_a_probable_departure_is_none(monkeypatch):
-    """The probability that none has begun must exceed .9: .91 does, .89 does not."""
+    """The probability that no departure has begun must exceed 0.9."""
     free = np.array([1.0] * 9 + [0.91, 0.89, 0.4])
     found = both_ends(np.arange(12), np.full(12, 20.0), np.ones(12))
     found = EndInliers(*(np.pad(f, ((0, 0), (0, 0), (0, 12)), mode="edge") for f in found))
@@ -407,7 +407,7 @@ def test_an_inlier_beyond_a_probable_departure_is_none(monkeypatch):
 
 
 def test_the_ellipse_is_that_of_the_inliers():
-    """Within its standard deviations of what more steps of the same fit would give: smoothing and
+    """It is within some std of the result of more steps of the same fit: smoothing and
     refinement begin there, and end elsewhere.
     """
     rng = np.random.default_rng(4)

@@ -1,4 +1,4 @@
-"""The same inliers whichever way the points are listed or lie."""
+"""The inliers do not depend on the order or position of the points."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ SCENES = range(8)
 
 
 def cluttered(seed):
-    """A circle between a plate and the foot of a bead, with jumps: sensor's points and the arc."""
+    """Return the points of a circle between a plate and the foot of a bead, and the arc."""
     rng = np.random.default_rng([21, seed])
     points, _, _ = with_foot(1.3)
     plate = walk(points[0], [178.0] * 20, STEP)[::-1]

@@ -34,7 +34,7 @@ def test_a_clean_arc_has_its_circle(half_deg):
     np.testing.assert_allclose(circle.centre[0], 12 - 440j, atol=1e-6)
     assert circle.radius[0] == pytest.approx(25, abs=1e-6)
     assert circle.rms[0] < 1e-4
-    # One pitch less at the end, where the flank is steep.
+    # The last point is up to a pitch before the end: a large angle on a steep flank.
     assert coverage_of(dome(12.0, 25.0, half_deg)) == pytest.approx(
         math.radians(2 * half_deg), rel=0.1
     )
@@ -50,7 +50,7 @@ def test_each_window_has_its_own_circle(rng):
 
 
 def test_a_row_of_points_has_the_circles_that_it_has_alone(rng):
-    """However far away the other rows lie."""
+    """Also if other rows lie far away."""
     rows = np.array([dome(0, 20)[:60], 1e4 + dome(0, 25)[:60], dome(0, 30)[:60]])
     spans = Windows(np.array([2, 0, 2]), np.array([0, 5, 20]), np.array([60, 50, 45]))
     together = fit_window_circles(as_complex(rows), spans)

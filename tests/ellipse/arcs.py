@@ -23,19 +23,19 @@ def pipe(phi_deg, radius=19.0, theta=0.5):
 
 
 def upper_arc(ellipse, degrees=140.0, count=70):
-    """Noise-free points of the side towards the sensor."""
+    """Return exact points of the side towards the sensor."""
     top, half = math.pi / 2 - ellipse.theta, math.radians(degrees) / 2
     return ellipse.points_at(np.linspace(top + half, top - half, count))
 
 
 def measured(points, rng, sensor=SENSOR):
-    """Points with an error along each ray, as `sensor` has it."""
+    """Return the points with errors along the rays, of the size that `sensor` states."""
     factors = np.linalg.cholesky(sensor.covariances(points))
     return points + np.einsum("nij,nj->ni", factors, rng.normal(size=points.shape))
 
 
 def about(ellipse):
-    """A start a few millimetres and a third of the tilt away."""
+    """Return an initial guess some mm and 17 deg away."""
     x, y = ellipse.centre
     return Ellipse(
         (x + 2, y - 1), ellipse.radius * 1.15, ellipse.radius * 1.05, ellipse.theta + 0.3
@@ -69,5 +69,5 @@ def ratios_of(fit, level):
 
 
 def ratios_of_flattening(ratios, kappas):
-    """c of phi of one fit."""
+    """Critical ratios of phi of one fit, for values of h / m."""
     return ratios.ratios_for_flattening(np.zeros(len(kappas), dtype=int), np.array(kappas))

@@ -22,7 +22,7 @@ def fan(count, degrees=140.0):
 
 
 def smoothed_along(count, width, rng):
-    """Noise of one sigma that a sensor has averaged over `width` columns."""
+    """Return unit noise averaged over `width` columns, and scaled to a std of 1."""
     kernel = np.ones(width) / math.sqrt(width)
     return np.convolve(rng.normal(size=count + width - 1), kernel, mode="valid")
 
@@ -61,7 +61,7 @@ def test_an_average_over_five_columns_is_reported(rng):
 
 
 def test_low_waves_alone_say_nothing_of_neighbours():
-    """A form error of two waves under white noise: the middle part's ellipse knows less."""
+    """A form error of 2.5 waves, smaller than the white noise: the ellipse is less certain."""
     white = np.random.default_rng(5).normal(size=200)
     noise = estimate_arc_noise(white + 0.5 * np.cos(np.linspace(0, 5 * np.pi, 200)), ESTIMATED)
     assert not noise.smoothed
@@ -93,7 +93,7 @@ def test_the_error_has_grown_by_sqrt_2_at_45_deg_either_way():
 
 
 def test_the_error_grows_little_before_and_steeply_after():
-    """Real spheres: a standard deviation as square on up to 30 deg, and 3.3 times that at 60."""
+    """The std on real spheres is constant up to 30 deg of incidence, and 3.3 times that at 60."""
     assert std_factors(30).max() < 1.02
     assert std_factors(60) == pytest.approx(3.3, rel=0.05)
 

@@ -17,7 +17,7 @@ M = 20.0
 
 
 def fit_with(sigmas, d, freedom=math.inf, known_phi=None):
-    """A fit whose d and covariance of d are given."""
+    """Return a fit with this d = (p, q), and with these stds of d."""
     truth = exact_pipe(10.0)
     points = upper_arc(truth)
     fit = fit_ellipse(points, truth, SENSOR.covariances(points))
@@ -33,7 +33,7 @@ def fit_with(sigmas, d, freedom=math.inf, known_phi=None):
 
 
 def share_within(critical, sigmas, true, alternatives, rng):
-    """How often the estimate of a true d is within sqrt(c) of the nearest alternative."""
+    """Return how often the estimate of a true d is within sqrt(c) sigmas of an alternative."""
     drawn = true / sigmas + rng.normal(size=(DRAWN, 2))
     distances, _ = cKDTree(alternatives / sigmas).query(drawn)
     return float((distances**2 <= critical).mean())
@@ -88,7 +88,7 @@ def test_that_of_theta_holds_the_estimate_as_often_as_it_says(h, degrees, rng):
 
 @pytest.mark.parametrize("aspect", [1.0, 3.0, 8.0])
 def test_that_of_phi_has_no_steps(aspect):
-    """Also not where d is five sigmas from the circle, nor far along an elongated ring."""
+    """Also at five sigmas from the circle, and far out on an elongated ring."""
     sigmas = np.array([0.1 * aspect, 0.1])
     ratios = ratios_of(fit_with(sigmas, (0.02, 0.2)), 0.95)
     steps = [

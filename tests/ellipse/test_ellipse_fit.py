@@ -158,7 +158,7 @@ def test_correlated_errors_widen_the_covariance(rng):
     toward = exact / np.linalg.norm(exact, axis=1)[:, None]
     points = exact + 0.05 * smooth * toward
     fit = fit_ellipse(points, truth, SENSOR.covariances(points))
-    assert fit.variance_factor > 4  # nine neighbours say the same
+    assert fit.variance_factor > 4  # nine neighbours have nearly the same error
 
 
 ESTIMATED = FittingSettings(variance="estimated", reweightings=0)
@@ -175,13 +175,13 @@ def fit_noisy_points(points, start, known_radius=None, known_phi=None, settings=
 
 
 def ellipse_of(values):
-    """From centre, semi-minor axis, a - b and theta."""
+    """Return the ellipse of centre, semi-minor axis, a - b and theta."""
     x, y, minor, excess, theta = values
     return Ellipse.from_axes((x, y), minor + excess, minor, theta)
 
 
 def least_squares_by_scipy(points, stds, truth, further=lambda _: ()):
-    """Ellipse of least squares in its own axes, with numerical derivatives."""
+    """Return the least-squares ellipse over centre, axes and theta, by numerical derivatives."""
 
     def residuals(values):
         off = orthogonal_residuals(points, ellipse_of(values)) / stds
@@ -193,7 +193,7 @@ def least_squares_by_scipy(points, stds, truth, further=lambda _: ()):
 
 
 def ray_stds(points, ellipse, std=0.05):
-    """Along the ellipse's normals, of errors along rays from the origin that grow with range^2."""
+    """Return the stds along the normals of errors along the rays, which grow with range^2."""
     u, v = ellipse.to_ellipse_frame(points).T
     gradient = np.column_stack([u / ellipse.semi_major**2, v / ellipse.semi_minor**2])
     normals = ellipse.from_ellipse_frame(gradient) - ellipse.centre
@@ -229,7 +229,7 @@ def test_an_estimated_variance_leaves_the_ellipse_and_scales_the_covariance(rng)
 
 
 def test_an_estimated_variance_follows_chi_square(rng):
-    """65 degrees of freedom, and without correlation said to be so many."""
+    """70 points have 65 degrees of freedom, which are reported if there is no correlation."""
     truth, factors = pipe(30.0), []
     for _ in range(RUNS):
         points = measured(upper_arc(truth), rng)
@@ -307,7 +307,7 @@ def test_the_correlation_of_the_residuals_comes_with_the_fit(rng):
 
 @pytest.mark.parametrize("assumed", [1e-4, 1.0, 1e4], ids=["too small", "right", "too large"])
 def test_a_known_radius_weighs_as_its_std_says_whatever_the_assumed_noise(assumed):
-    """The size of the noise is estimated: only the points' relative weights are given."""
+    """The noise is estimated: the given variances are only relative weights."""
     truth, std = pipe(30.0), 0.1
     points = measured(upper_arc(truth, count=200), np.random.default_rng(1))
     known = RadiusPrior(truth.radius + 0.3, std)

@@ -27,7 +27,7 @@ def steps_between(points):
 
 
 def crowded_at_one_flank(count=150):
-    """Three points on one half of the arc for each one on the other."""
+    """Return an arc with more points on one half than on the other."""
     share = np.linspace(0, 1, count) ** 2
     top = math.pi / 2 - TRUTH.theta
     return TRUTH.points_at(top + math.radians(70) * (1 - 2 * share))
@@ -66,7 +66,7 @@ def test_the_initial_guess_is_nearer_than_the_screened_ellipse(rng):
 
 
 def test_without_noise_the_initial_guess_lies_on_the_points():
-    """What one step leaves in depth and size cancels along the arc."""
+    """The errors of centre and size that remain after one step cancel along the arc."""
     points = upper_arc(TRUTH)
     found = homogenised(points, SLIGHTLY_OFF).ellipse
     before, after = (np.abs(orthogonal_residuals(points, e)).max() for e in (SLIGHTLY_OFF, found))

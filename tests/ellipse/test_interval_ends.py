@@ -1,4 +1,4 @@
-"""The ends against a search that shares no code, over raw parameters (x, y, a, b, theta)."""
+"""Interval ends, compared with those of an independent search over (x, y, a, b, theta)."""
 
 import math
 
@@ -78,7 +78,7 @@ def cost_of_raw(fit, values):
 
 
 def search(fit, value, critical, starts):
-    """Extremum of a value where F <= min F + c, by sequential quadratic programming."""
+    """Return the extremum of a value over F <= min F + c, by sequential quadratic programming."""
     scale = np.sqrt(np.abs(np.diag(fit.parameter_covariance)))
     scale[4] /= math.hypot(*fit.parameters[3:])
     least = cost_of_raw(fit, raw(fit.parameters))
@@ -139,7 +139,7 @@ def test_every_end_lies_on_the_boundary_of_its_region(name, rng):
 
 @pytest.mark.parametrize("level", [0.68, 0.95])
 def test_the_ends_of_phi_follow_their_critical_ratio_near_a_circle(level, rng):
-    """It changes as fast as F itself there."""
+    """Near a circle the critical ratio changes as fast as F."""
     for _ in range(30):
         truth = pipe(rng.uniform(0, 8))
         points = measured(upper_arc(truth, rng.uniform(100, 200)), rng)
@@ -196,7 +196,7 @@ def test_the_largest_radius_of_a_circle_may_be_that_of_a_circle(degrees):
 
 @pytest.fixture
 def expansions(monkeypatch):
-    """A list with an element for each call of `expand_cost`."""
+    """List with an element for each call of `expand_cost`."""
     calls = []
     expand = interval_ends.expand_cost
     monkeypatch.setattr(
@@ -252,7 +252,7 @@ def test_no_end_is_further_out_for_another_quantity_than_its_own():
 
 
 def test_an_arc_that_tells_no_radius_has_no_reliable_ends(rng, expansions):
-    """And the search for them ends soon."""
+    """The search for them ends soon, too."""
     truth = pipe(20.0)
     points = measured(upper_arc(truth, 35.0, count=25), rng)
     fit = fit_ellipse(points, truth, SENSOR.covariances(points))

@@ -43,7 +43,7 @@ def value_of(ellipse, quantity):
 
 
 def least_cost(fit, starts, violation=lambda *values: 0.0):
-    """Least F under a constraint: raw parameters, one anomaly a point, a steep penalty."""
+    """Return the minimum of F over raw parameters, with an anomaly per point, under a penalty."""
     points, stds = fit.problem.points, fit.problem.stds
 
     def gaps(free):
@@ -116,7 +116,7 @@ def moved(ellipse, turn=0.0, scale=1.0, shift=(0.0, 0.0)):
 
 
 def moved_fit(fit, turn=0.0, scale=1.0, shift=(0.0, 0.0)):
-    """The fit of the same points in other coordinates."""
+    """Return the fit of the same points after a rotation, scaling and shift."""
     cos, sin = math.cos(turn), math.sin(turn)
     rotation = np.array([[cos, -sin], [sin, cos]])
     points = scale * fit.problem.points @ rotation.T + np.array(shift)
@@ -207,7 +207,7 @@ def test_intervals_are_kept_as_long_as_their_fit(rng):
 
 @pytest.mark.parametrize("level", [0.68, 0.95, 0.999])
 def test_intervals_of_many_fits_are_those_of_each(level, rng):
-    """Of arcs of any length and number of points, with and without known quantities."""
+    """Arcs of several lengths and numbers of points, with and without known quantities."""
     fits = [
         prior_fit(phi, rng, degrees=degrees, **known)
         for phi in (CIRCLE, 3.0, FAR, 45.0)
@@ -311,7 +311,7 @@ def test_an_exactly_known_circle_has_any_theta_and_hardly_a_phi(rng):
 
 
 def test_a_weakly_known_radius_is_still_determined_by_the_points(rng):
-    """Its posterior is narrower than its prior, by more than the share that counts as nothing."""
+    """Its interval is that of the prior only if the points hardly narrow it (`PRIOR_FRACTION`)."""
     free = prior_fit(FAR, rng)
     std = CylinderSection(free, Arc(0, 70), np.arange(70)).radius_std
     fit = prior_fit(FAR, rng, known_radius=RadiusPrior(19.0, std / 4))
@@ -332,7 +332,7 @@ def test_noise_free_points_have_hardly_a_width(phi_deg):
 
 
 def test_theta_is_determined_by_two_intervals(rng):
-    """No circle, at 99.9 %, and not 30 deg off, at 99 %: on sections at both borders."""
+    """A circle is excluded at 99.9 %, and an error of 30 deg at 99 %: sections near both limits."""
     seen = set()
     for phi_deg, degrees in ((12.0, 120.0), (28.0, 85.0), (33.0, 85.0), (3.5, 300.0)):
         for _ in range(20):
@@ -358,7 +358,7 @@ def test_far_from_a_circle_the_interval_is_that_of_the_covariance(rng):
 
 
 def test_an_estimated_noise_has_wider_intervals_than_the_same_known(rng):
-    """Student's quantile over that of the normal, at few points."""
+    """With few points Student's quantile is larger than that of the normal distribution."""
     truth, exact = pipe(FAR), upper_arc(pipe(FAR), count=11)
     fit = fit_ellipse(measured(exact, rng), truth)
     low, high = interval(fit, "centre_x", 0.95)
@@ -428,7 +428,7 @@ def test_intervals_turn_with_nothing_and_give_the_same_twice(rng):
 
 @pytest.mark.parametrize("degrees", [80.0, 100.0])
 def test_a_determined_theta_is_not_off_by_thirty_degrees(degrees, rng):
-    """A short arc excludes the circle far more often than it knows the direction."""
+    """A short arc excludes a circle far more often than it determines the direction."""
     far = determined = 0
     for theta in rng.uniform(0, math.pi, SHORT_ARCS):
         truth = pipe(20.0, theta=theta)
@@ -464,7 +464,7 @@ def test_where_the_linear_approximation_is_clear_theta_is_determined_as_the_sear
 
 
 def test_a_variance_that_rounding_makes_negative_counts_as_zero(rng):
-    """Of an exactly known radius: found by tests.fuzz."""
+    """That of an exactly known radius; found by tests.fuzz."""
     fit = prior_fit(20.0, rng, known_radius=RadiusPrior(30.0))
     gradient = np.array([0.0, 0.0, 1.0, *(-fit.parameters[3:] / np.hypot(*fit.parameters[3:]))])
     negative = fit.unscaled_covariance - 1e-3 * np.outer(gradient, gradient)

@@ -43,7 +43,7 @@ def test_a_linear_problem_is_solved_by_one_step(tolerance, rng):
 
 
 def test_a_step_that_makes_it_worse_is_not_taken(rng):
-    """arctan has a Gauss-Newton step that diverges from 3 on."""
+    """For residuals arctan(x), Gauss-Newton steps diverge from x = 3."""
     start = MINIMUM + 3.0
     search, costs = run(
         lambda at: -np.diag(1 / (1 + (at - MINIMUM) ** 2)),
@@ -56,7 +56,7 @@ def test_a_step_that_makes_it_worse_is_not_taken(rng):
 
 
 def test_a_minimum_at_infinity_is_not_reached():
-    """exp(-x) decreases for ever: the evaluations are used up."""
+    """exp(-x) has no minimum: the iteration ends with the largest number of evaluations."""
     search, costs = run(
         lambda at: np.diag(np.exp(-at / 10) / 10),
         lambda at: np.exp(-at / 10),

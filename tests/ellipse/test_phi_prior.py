@@ -1,4 +1,4 @@
-"""A tilt known beforehand: what it adds to short arcs, and that it claims no more."""
+"""Fits with a known tilt: what it improves on short arcs, and valid uncertainties."""
 
 import math
 
@@ -14,7 +14,7 @@ from tests.tolerances import CONVERGED, DIFFERENCES, FOUR_SIGMA, spread_of_rms, 
 RUNS = 60
 SHORT, LONG = 60.0, 140.0  # deg
 SQUARE_ON = PhiPrior(0.0)
-HARDLY_TILTED = 2.5e-3  # rad; "exactly 0" is held to 1e-3, at 95 %
+HARDLY_TILTED = 2.5e-3  # rad; an exact 0 has a std of 1e-3
 
 
 def section_of(truth, known_phi, rng=None, degrees=SHORT, covariances=True):
@@ -99,7 +99,7 @@ def test_a_tilt_that_is_known_sharpens_the_radius_of_an_arc_that_tells_theta(rng
 
 
 def test_a_tilt_without_direction_is_not_used(rng):
-    """A ring of (p, q) is no help where the arc is too short to tell theta."""
+    """All (p, q) on a ring have this phi: it is used only if the points determine theta."""
     points = measured(upper_arc(pipe(20.0), 50.0), rng)
     free, known = (
         fit_ellipse(points, pipe(20.0), SENSOR.covariances(points), known_phi=prior)
@@ -149,5 +149,5 @@ def test_what_is_no_tilt_is_rejected(arguments, message):
 def test_where_the_points_say_nothing_of_phi_its_interval_is_that_of_the_prior(std_deg, rng):
     prior = PhiPrior(0.0, math.radians(std_deg))
     high = section_of(pipe(0.0), prior, rng).interval("phi", 0.95)[1]
-    # 1.96 sigma, less what an arc of 60 deg knows of a tilt of 10 deg.
+    # 1.96 sigma, slightly reduced by the information of an arc of 60 deg on larger tilts.
     assert high == pytest.approx(1.96 * prior.std, rel=0.1)

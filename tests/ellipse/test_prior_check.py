@@ -23,7 +23,7 @@ def fitted(known, *, std=0.05, degrees=140.0, seed=3, given=True, prior_std=0.0)
 
 
 def smallest_contradiction(**options):
-    """Smallest difference between the radius of the points alone and a known one that is one."""
+    """Return the smallest difference of a known radius from that of the points that is detected."""
     radius = fitted(None, **options).ellipse.radius
     for difference in np.arange(0.05, 6.0, 0.05):
         if contradicting_radius(fitted(radius - difference, **options)):
@@ -64,7 +64,7 @@ def test_without_a_known_radius_there_is_no_contradiction():
 
 
 def test_right_radii_are_not_contradicted():
-    """Of 400 arcs of 60 to 150 deg, with a noise model or without."""
+    """400 arcs of 60 to 150 deg, with a noise model or without."""
     for seed in range(400):
         rng = np.random.default_rng([9, seed])
         exact = upper_arc(TRUTH, degrees=rng.uniform(60, 150), count=int(rng.integers(15, 120)))

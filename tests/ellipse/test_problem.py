@@ -119,7 +119,7 @@ def test_the_gradients_of_the_semi_axes_are_derivatives(phi_deg):
 
 
 def orthogonal_oracle(points, start):
-    """Ellipse and one anomaly for each point, all free at once: no nearest point is searched."""
+    """Return the best ellipse with an anomaly for each point as a parameter."""
 
     def gaps(free):
         x, y, a, b, theta = free[:5]
@@ -136,7 +136,7 @@ def orthogonal_oracle(points, start):
 
 
 def radial_oracle(points, start):
-    """The paper's J over raw parameters by numeric differences, Eq. (4) with theta along a."""
+    """Return the minimum of the paper's J, Eq. (4) with theta along a, by numeric derivatives."""
 
     def residuals(free):
         x, y, a, b, theta = free
@@ -201,7 +201,7 @@ def test_residuals_and_jacobian_have_a_row_more_with_a_prior(residual):
 
 
 def mixed_problems(rng):
-    """Problems of many sizes and priors, one with a far outlier, one too small; their guesses."""
+    """Return problems of many sizes and priors, one too small, one with an outlier; and guesses."""
     priors = [
         (None, None), (RadiusPrior(12.0), None), (None, PhiPrior(0.0)),
         (RadiusPrior(14.0, 0.1), PhiPrior(0.5, 0.02)), (None, PhiPrior(0.6)),
@@ -259,7 +259,7 @@ def test_the_iteration_ends_near_the_minimum_of_minpack(residual, tolerance, rng
 
 
 def test_residuals_after_the_last_step_are_those_at_the_solution(rng):
-    """The last step is taken without an evaluation, to first order."""
+    """The last step has no evaluation: residuals are extrapolated to first order."""
     truth = pipe(30.0)
     points = measured(upper_arc(truth), rng)
     problem = EllipseProblem(points, np.full(len(points), 0.05), None, "orthogonal")
@@ -335,7 +335,7 @@ def test_what_is_no_radius_is_rejected(radius, std, message):
 def test_after_a_large_newton_step_the_nearest_points_are_found_in_closed_form(
     longest, calls, monkeypatch
 ):
-    """The step from the ray to a point, by differences of the squared distance: limit 0.2 rad."""
+    """The limit is a Newton step of 0.2 rad, here from differences of the squared distance."""
     a, b, found = 30.0, 19.0, []
     closed_form = module._nearest_directions
     monkeypatch.setattr(

@@ -28,7 +28,7 @@ def isotropic(points, std=STD):
 
 
 def averaged(exact, columns, rng):
-    """Points of a sensor that has averaged its errors, along Y, over so many columns."""
+    """Return points with errors along Y that are averages over a number of columns."""
     kernel = np.ones(columns) / math.sqrt(columns)
     errors = np.convolve(rng.normal(size=len(exact) + columns - 1), kernel, mode="valid")
     return exact + STD * errors[:, None] * [0.0, 1.0]

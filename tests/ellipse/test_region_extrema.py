@@ -25,7 +25,7 @@ QUANTITIES = {
 
 
 def targets_and_ellipsoid(phi_deg, rng):
-    """Targets of a fit by end, and its ellipsoid as points (DRAWN, 5) of a unit ball's surface."""
+    """Return targets and estimate of a fit, and offsets (DRAWN, 5) at which F is min F + 1."""
     truth = pipe(phi_deg)
     points = measured(upper_arc(truth, 150.0), rng)
     stack = FitStack.of([fit_ellipse(points, truth, SENSOR.covariances(points))])
@@ -62,7 +62,7 @@ def test_targets_are_the_extrema_of_their_quantities(phi_deg, rng):
 
 @pytest.mark.parametrize("phi_deg", [6.0, 8.0, 14.0])
 def test_d_of_a_target_has_the_direction_that_was_found(phi_deg, rng):
-    """Else the extremum of the linear function is not that of the radius or phi."""
+    """Otherwise the extremum of the linear function is not that of radius or phi."""
     found, _, _ = targets_and_ellipsoid(phi_deg, rng)
     for row, end in enumerate(QUANTITIES):
         if end in (region_extrema.RADIUS_LOW, region_extrema.PHI_HIGH):

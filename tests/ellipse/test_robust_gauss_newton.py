@@ -43,7 +43,7 @@ def compared_with(residuals, variances):
 
 
 def distances(values, points):
-    """To the ellipse c + E w, through its semi-axes."""
+    """Return the distances of points from the ellipse of these parameters."""
     x, y, m, p, q = values
     h = math.hypot(p, q)
     return orthogonal_residuals(points, Ellipse((x, y), m + h, m - h, math.atan2(q, p) / 2))

@@ -62,7 +62,7 @@ def bisquare(normalised):
 
 
 def robust_quadratic(length, residuals, stds, even):
-    """With the weights of the residual itself, and the weights of what it leaves."""
+    """Return the regression with the weights of the residuals, and the weights of what remains."""
     smooth = local_quadratic(length, residuals, stds, even, bisquare(residuals / stds))
     return smooth, bisquare((residuals - np.interp(length, even, smooth)) / stds)
 
@@ -167,7 +167,7 @@ def test_a_jump_takes_no_clean_neighbours_with_it(jump):
 
 
 def test_a_wave_as_long_as_the_window_keeps_its_shape_between_the_positions():
-    """More positions follow it no better: what is lost is what a local quadratic loses."""
+    """More positions have the same error, which is that of a local quadratic."""
     residual = 0.2 * np.sin(LENGTH / 60.0 * 2 * math.pi)
     positions = np.linspace(0.0, 60.0, POSITIONS)
     few, _ = smooth_residual(LENGTH, residual, STDS, positions)
