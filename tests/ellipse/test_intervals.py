@@ -277,6 +277,18 @@ def test_an_exactly_known_radius_narrows_what_is_left(phi_deg, rng):
     assert high - low < wide[1] - wide[0]
 
 
+@pytest.mark.parametrize("seed", [60, 71, 96])
+def test_an_exactly_known_radius_of_an_untilted_pipe_bounds_all_intervals(seed):
+    """The largest centre_y lies near the circle, across which full steps would alternate."""
+    rng, truth = np.random.default_rng(seed), pipe(CIRCLE, radius=20.0)
+    exact = upper_arc(truth, math.degrees(rng.uniform(1.5, 2.8)), count=60)
+    points = exact + 0.02 * rng.normal(size=exact.shape)
+    covariances = np.tile(0.0004 * np.eye(2), (60, 1, 1))
+    fit = fit_ellipse(points, truth, covariances, known_radius=RadiusPrior(20.0))
+    for low, high in (intervals(fit).centre_x, intervals(fit).centre_y):
+        assert high - low < 0.5
+
+
 def test_an_exactly_known_phi_is_its_own_interval(rng):
     phi = math.radians(FAR)
     low, high = interval(prior_fit(FAR, rng, known_phi=PhiPrior(phi)), "phi")
