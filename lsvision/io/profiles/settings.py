@@ -136,8 +136,6 @@ class ReadSettings:
             value = getattr(self, name)
             if value is not None and not math.isfinite(value):
                 raise ValueError(f"expected a finite {name}, got {value}")
-        if self.x0 is not None and self.dx is None:
-            raise ValueError("expected dx with x0, got none")
         if self.lost is not None:
             object.__setattr__(self, "lost", _parse_markers(self.lost))
         if self.columns is not None:

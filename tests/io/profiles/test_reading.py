@@ -88,7 +88,7 @@ def test_the_keywords_are_the_fields_of_the_settings():
         ({"format": "xls"}, "expected format among text, matrix, .*, got 'xls'"),
         ({"units": "furlong"}, "expected units among nm, um, mm, .*, got 'furlong'"),
         ({"dx": 0.0}, "expected dx other than 0, got 0"),
-        ({"x0": 3.0}, "expected dx with x0, got none"),
+        ({"x0": 3.0}, "expected dx beside x0"),
         ({"columns": (0,)}, r"expected columns of x and height .*, got \(0,\)"),
         ({"columns": (0, -1)}, r"expected columns .* from 0, got \(0, -1\)"),
         ({"columns": "0,-1"}, "expected columns .* from 0, got '0,-1'"),
