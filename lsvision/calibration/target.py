@@ -61,9 +61,8 @@ class TargetView(ComparedByValue):
 
 def board_homography(view: TargetView) -> FloatArray:
     """Return the homography (3, 3) from the board plane (mm) to the image (px)."""
-    homography, _ = cv2.findHomography(
-        np.ascontiguousarray(view.points[:, :2]), np.ascontiguousarray(view.pixels)
-    )
+    points = np.ascontiguousarray(view.points[:, :2])
+    homography, _ = cv2.findHomography(points, np.ascontiguousarray(view.pixels))
     return np.asarray(homography, dtype=np.float64)
 
 
@@ -261,8 +260,7 @@ class Chessboard(PrintedTarget):
 class CircleGrid(PrintedTarget):
     """Grid of discs, dark on bright or bright on dark; must be completely visible.
 
-    A symmetric grid is numbered in reading order of the image, since its rotations look the same;
-    for a hand-eye calibration, an asymmetric one is better (`turn_boards`).
+    A symmetric grid is numbered in reading order of the image: its rotations look the same.
 
     Parameters
     ----------
@@ -276,6 +274,11 @@ class CircleGrid(PrintedTarget):
         Diameter of a disc. Units: mm.
     asymmetric : bool
         Whether every second row is shifted by `spacing`, which makes the orientation unique.
+
+    Examples
+    --------
+    >>> CircleGrid().points.shape
+    (44, 3)
     """
 
     columns: int = 4
@@ -319,9 +322,10 @@ class CircleGrid(PrintedTarget):
         limits.minArea, limits.maxArea = 20.0, image.size / (self.columns * self.rows)
         limits.minDistBetweenBlobs = 2.0
         blobs = cv2.SimpleBlobDetector_create(limits)
-        size = (self.columns, self.rows)
         for picture in (image, 255 - image):  # the blob detector finds dark discs only
-            found, centres = cv2.findCirclesGrid(picture, size, flags=layout, blobDetector=blobs)
+            found, centres = cv2.findCirclesGrid(
+                picture, (self.columns, self.rows), flags=layout, blobDetector=blobs
+            )
             if found:
                 grid = np.asarray(centres, dtype=np.float64).reshape(self.rows, self.columns, 2)
                 grid = grid if self.asymmetric else grid.reshape(-1, 2)[reading_order(grid)]
@@ -346,23 +350,19 @@ def find_target(image: npt.ArrayLike, target: Target) -> TargetView:
 
     Raises
     ------
-    TypeError, ValueError
-        If it is not an image.
-    TargetNotFound
-        If the target is not found.
+    TypeError, ValueError, TargetNotFound
+        If it is not an image, or the target is not found in it.
 
     Examples
     --------
     >>> board = np.kron(np.indices((7, 8)).sum(axis=0) % 2, np.ones((40, 40))) * 255
     >>> image = np.pad(board, 40, constant_values=255).astype(np.uint8)
-    >>> view = find_target(image, Chessboard(columns=7, rows=6, square=10.0))
-    >>> view.pixels[0].round(1)
+    >>> find_target(image, Chessboard(columns=7, rows=6, square=10.0)).pixels[0].round(1)
     array([79.5, 79.5])
     """
     grey = grey_image(image)
     height, width = grey.shape
-    detection = target.find(grey)
-    if detection is None:
+    if (detection := target.find(grey)) is None:
         raise TargetNotFound(
             f"no {target} in the image of {width} x {height} px: show it whole, sharp and "
             "evenly lit, with a white margin, and check its counts"
