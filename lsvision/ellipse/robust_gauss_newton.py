@@ -130,7 +130,8 @@ class WeightedSystem(NamedTuple):
     Parameters
     ----------
     rows : (..., 6, n) ndarray
-        Jacobian (..., 5, n), then the residuals.
+        Displacements of the ellipse along its normals by each parameter (..., 5, n), which are
+        minus the derivatives of the residuals, then the residuals.
     weights : (..., n) ndarray
         Inverse variances. Units: 1/mm^2.
     """
@@ -188,8 +189,8 @@ def damped_step(equations: FloatArray, parameters: FloatArray) -> FloatArray:
     """
     m = _mean_semi_axes(parameters)
     information = equations[..., :PARAMETERS] + DAMPED_PRIOR / (m * m)
-    gradient = equations[..., PARAMETERS:] - FLATTENING_DIAGONAL / (m * m) * parameters[..., None]
-    return solve_positive_definite(information, gradient)[..., 0]
+    rhs = equations[..., PARAMETERS:] - FLATTENING_DIAGONAL / (m * m) * parameters[..., None]
+    return solve_positive_definite(information, rhs)[..., 0]
 
 
 def _mean_semi_axes(parameters: FloatArray) -> Any:
@@ -238,11 +239,13 @@ def row_medians(
 ) -> list[float]:
     """Return the upper median of each row of (k, n) values, or of (n,) values.
 
-    `members` are the values that are used, as a mask (k, n) or as positions in each row, at least
-    one in each; all of them by default.
+    `members` are the values that are used, as a mask of the same shape or as positions in each row,
+    at least one in each; all of them by default.
     """
     rows: Iterable[FloatArray] = values.reshape(-1, values.shape[-1])
     if members is not None:
+        if isinstance(members, np.ndarray):
+            members = members.reshape(-1, values.shape[-1])
         rows = (row[selected] for row, selected in zip(rows, members, strict=True))
     return [upper_median(row) for row in rows]
 

@@ -1,6 +1,7 @@
 import math
 
 import numpy as np
+import numpy.testing as npt
 import pytest
 from scipy.optimize import approx_fprime, minimize
 
@@ -11,6 +12,7 @@ from lsvision.ellipse.robust_gauss_newton import (
     add_flattening_prior,
     damped_step,
     ellipse_residuals,
+    gauss_newton_step,
     ray_normal_variances,
     solve_positive_definite,
 )
@@ -177,3 +179,12 @@ def test_variances_along_the_normals_alone_are_those_of_the_residuals(rng):
     stacked, _ = NoisyPoints.stack([points, points[:20]])
     found = ray_normal_variances(stacked, np.array([PARAMETERS, PARAMETERS]))
     np.testing.assert_allclose(found[1, :20], wanted[:20], rtol=1e-9)
+
+
+def test_a_step_of_one_arc_uses_its_members():
+    points = noisy(upper_arc(TRUTH))
+    evaluated = ellipse_residuals(points, 1.01 * PARAMETERS)
+    members = np.arange(len(points)) % 3 > 0
+    step = gauss_newton_step(evaluated, 1.01 * PARAMETERS, members)
+    selected = ellipse_residuals(points[members], 1.01 * PARAMETERS)
+    npt.assert_allclose(step, gauss_newton_step(selected, 1.01 * PARAMETERS), rtol=ROUNDING)
