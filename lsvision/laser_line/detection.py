@@ -89,7 +89,10 @@ class DetectedLine:
         )
 
     def replace_columns(self, other: "DetectedLine", which: BoolArray) -> "DetectedLine":
-        """Return the line with the columns of a mask (n,) from another line of the same columns."""
+        """Return the line with the columns of a mask (n,) from another line of the same columns.
+
+        `sigma` and `second_line_fraction` are those of the other line.
+        """
         return replace(
             other,
             blocks=self.blocks,
@@ -114,6 +117,7 @@ def find_direction(image: LineImage, settings: LineSettings) -> Direction:
     """
     shrink = max(1, round(min(image.signal.shape) / COARSE_SIDE_PX))
     small = _shrink(image.signal, shrink)
+    # The cost of a restart is about the number of columns of the shortest segment.
     path = replace(
         settings.path,
         restart_cost=settings.path.restart_cost / shrink,
@@ -279,7 +283,7 @@ def add_rounding_errors(image: LineImage, line: DetectedLine) -> DetectedLine:
         As given where the image never was a JPEG image.
     """
     signal, windows, step = image.signal, line.windows, image.value_step
-    if step < 1:  # a float image: steps of quantisation are whole numbers of 8-bit grey levels
+    if step < 1:  # a float image: scaled to 8-bit grey levels, the unit of a JPEG file's steps
         signal, windows = signal / step, replace(windows, values=windows.values / step)
     blocks = find_jpeg_blocks(signal, windows)
     if blocks is None:
