@@ -22,8 +22,8 @@ def separate_profiles(
     table : NumberTable
         One point per row.
     key : int
-        Column that separates the profiles; a number that starts again for each part is combined
-        with the column of parts.
+        Column that separates the profiles; combined with other columns of profiles and parts,
+        because its numbers may start again for each part.
     coordinates : sequence of int
         Columns of the points.
     is_travel : bool
@@ -70,14 +70,14 @@ def find_key(table: NumberTable, coordinates: Sequence[int]) -> int | None:
 
 
 def is_profile_key(column: FloatArray) -> bool:
-    """Return whether each value occupies one run of points, long enough for a profile."""
+    """Return whether each value occupies one run of points, on average enough for a profile."""
     key = _without_gaps(column)
     runs = 1 + np.count_nonzero(np.diff(key))
     return bool(runs == len(np.unique(key)) and runs * MIN_POINTS_PER_PROFILE <= len(key))
 
 
 def _separates_profiles(table: NumberTable, column: int) -> bool:
-    """Return whether a column may separate profiles; a running number, all different, does not."""
+    """Return whether a column may separate profiles: not if two or more numbers all differ."""
     codes = _codes(table, column)
     finite = codes[np.isfinite(codes)]
     return len(finite) < 2 or len(np.unique(finite)) < len(finite)
@@ -97,7 +97,8 @@ def _composite_key(
 ) -> FloatArray:
     """Return the codes of a key combined with other columns of profiles, parts, sensors or runs.
 
-    The number of a profile may start again for each part.
+    The number of a profile may start again for each part. A column with which each point would be a
+    profile numbers the points and is not used.
     """
     for column, name in enumerate(table.names):
         if column == key or column in coordinates:
@@ -105,8 +106,9 @@ def _composite_key(
         is_scan = column_role(name) == "scan" and _separates_profiles(table, column)
         if is_scan or is_part_name(name):
             pairs = np.column_stack([codes, _without_gaps(_codes(table, column))])
-            _, combined = np.unique(pairs, axis=0, return_inverse=True)
-            codes = combined.ravel().astype(np.float64)
+            keys, combined = np.unique(pairs, axis=0, return_inverse=True)
+            if len(keys) < len(codes):
+                codes = combined.ravel().astype(np.float64)
     return codes
 
 

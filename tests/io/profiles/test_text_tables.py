@@ -246,6 +246,14 @@ def test_a_running_number_of_points_parts_nothing(write, arc):
     assert_reads(write, lines, arc)
 
 
+@pytest.mark.parametrize("restarts", [False, True])
+def test_numbers_of_points_beside_those_of_profiles_part_nothing(write, arc, restarts):
+    rows = [f"{k},{i + (0 if restarts else k * len(arc))},{x:.3f},{z:.3f}"
+            for k in range(2) for i, (x, z) in enumerate(arc.tolist())]  # fmt: skip
+    file = inspect_profiles(write("\n".join(["profile,measurement,x,z", *rows])))
+    assert [len(profile) for profile in file.profiles] == [len(arc)] * 2
+
+
 def heights(rows=60, columns=400):
     x = np.linspace(-30, 30, columns)
     return x, np.stack([-150 + np.sqrt(np.maximum(400 - x**2, 0)) - k / 100 for k in range(rows)])
