@@ -108,7 +108,8 @@ def measure_lens_blur(
     target : Target
         `Chessboard` or `ChArUco`; a circle grid has no straight edges.
     along : {"u", "v"}
-        Image axis; "u" for a laser line that runs from left to right.
+        Image axis; "u" for a laser line that runs from left to right, because blur along the
+        line biases its position (`correct_line_blur`).
 
     Returns
     -------
@@ -198,8 +199,9 @@ def _chords(view: TargetView | LaserView, axis: int) -> FloatArray:
     first, second = np.nonzero(np.triu(np.abs(distances - pitch) < 0.1 * pitch))
     chords = np.stack([view.pixels[first], view.pixels[second]], axis=1)
     extents = np.abs(chords[:, 1] - chords[:, 0])
+    lengths = np.linalg.norm(extents, axis=1)
     across_axis: FloatArray = chords[
-        (extents[:, 1 - axis] > extents[:, axis]) & (extents.max(axis=1) > MIN_EDGE_LENGTH_PX)
+        (extents[:, 1 - axis] > extents[:, axis]) & (lengths > MIN_EDGE_LENGTH_PX)
     ]
     return across_axis
 

@@ -80,7 +80,7 @@ def camera_parameters(calibration: "CameraCalibration") -> dict[str, tuple[float
         matrix[1, 2],
         *calibration.camera.distortion,
     ]
-    pairs = zip(values, calibration.std.items(), strict=False)
+    pairs = zip(values, calibration.std.items(), strict=True)
     return {name: (float(value), std) for value, (name, std) in pairs}
 
 

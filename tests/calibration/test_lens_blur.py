@@ -55,6 +55,12 @@ def test_each_direction_has_its_own_blur():
     assert along_v.sigma == pytest.approx(np.hypot(1.2, PIXEL), abs=CLOSE)
 
 
+def test_edges_are_limited_by_their_length_in_any_direction():
+    square_px = 1.25 * lens_blur.MIN_EDGE_LENGTH_PX
+    image = board_image(0.6, turn=0.7, tilt=(0, 0), square_px=square_px)
+    assert measure_lens_blur([image], TARGET).sigma == pytest.approx(np.hypot(0.6, PIXEL), abs=0.1)
+
+
 def test_noise_increases_the_std_and_not_the_blur():
     calm, noisy = (measure_lens_blur([board_image(0.8, noise=n)], TARGET) for n in (0.5, 6.0))
     assert noisy.std > 2 * calm.std

@@ -69,7 +69,7 @@ def hand_eye():
 def camera_calibration():
     seen = TargetView(np.ones((4, 3)), np.ones((4, 2)), (64, 48))
     view = CalibratedView(0, seen, lsv.Pose(), np.ones((4, 2)))
-    std = {"fx": 0.5, "fy": 0.5, "cx": 0.3, "cy": 0.3, "k1": 0.01}
+    std = {"fx": 0.5, "fy": 0.5, "cx": 0.3, "cy": 0.3, "k1": 0.01, "k2": 0, "p1": 0, "p2": 0}
     rejected = (RejectedView(3, "no board"),)
     return CameraCalibration(CAMERA, std, (view,), rejected, (), ("few views",))
 
@@ -118,7 +118,8 @@ RESULTS = {
 UNITS = ("_mm", "_deg", "_px", "_mm_per_mm")
 WITHOUT_UNIT = {
     "theta_determined", "points", "frame", "includes_calibration", "ambiguous", "sections",
-    "section", "edges", "views", "index", "k1", "k1_std", "mounting", "sensor", "height_scale",
+    "section", "edges", "views", "index", "mounting", "sensor", "height_scale",
+    "k1", "k1_std", "k2", "k2_std", "p1", "p1_std", "p2", "p2_std",
     "height_scale_std", "target_scale", "target_scale_std", "normal_x", "normal_y", "normal_z",
     "direction_x", "direction_y", "direction_z", "start", "stop", "reason",
     # Of a verdict the unit stands in the column `quantity`; a study has that of its values.
