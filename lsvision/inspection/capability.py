@@ -65,8 +65,8 @@ def estimate_capability(
     limits : (float, float)
         Lower and upper limit; one may be infinite.
     stds : sequence of float
-        Standard uncertainty of each value. A part that is common to all values does not add to
-        their spread: leave it out.
+        Standard uncertainty of each value, without components that are common to all values:
+        these do not add to the spread.
     level : float
         Level of confidence of the intervals.
 

@@ -113,7 +113,7 @@ class Series:
 
     @property
     def capability(self) -> Capability | None:
-        """Cp and Cpk; None for fewer than two values, or values without spread."""
+        """Cp and Cpk; None without limits, with fewer than two values, or without spread."""
         try:
             return estimate_capability(self.values, self.limits, self.stds)
         except ValueError:
