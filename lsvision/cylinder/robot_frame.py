@@ -25,8 +25,8 @@ from lsvision.results.result import Result
 Frame = Literal["base", "flange"]
 
 MIN_SIN_PHI = 1e-6
-"""Smallest sin(phi) used as a divisor; far above it the linear errors of the direction are already
-limited to the section's ``phi_std`` and ``theta_std``."""
+"""Smallest sin(phi) used as a divisor, against division by 0; where it is reached the linear errors
+are limited to the section's ``phi_std`` anyway."""
 PLACED_HEADER = ("point x y z mm", "± mm", "direction x y z", "± deg")
 PLACED_COVARIANCE_ORDER = "point x, y, z (mm), direction along e_phi, e_theta (rad), radius (mm)"
 
@@ -136,7 +136,10 @@ class PlacedCylinder(WithCylinder, Result):
 
     @property
     def direction_record(self) -> Record:
-        """Direction and covariance, which differ between the two cylinders, ready for JSON."""
+        """Direction and covariance, which differ between the two cylinders, ready for JSON.
+
+        ``e_phi`` and ``e_theta`` refer to Z of `frame`, not to phi and theta of the section.
+        """
         return {
             "direction": json_numbers(self.direction),
             "direction_std_deg": math.degrees(self.direction_std),
@@ -189,7 +192,7 @@ def place_section(
     calibration: SectionMount | Pose | npt.ArrayLike,
     base_from_flange: Pose | npt.ArrayLike | None = None,
 ) -> tuple[PlacedCylinder, PlacedCylinder]:
-    """Return both cylinders of a section in the robot's base frame, with their covariances.
+    """Return both cylinders of a section in the base or flange frame, with their covariances.
 
     Parameters
     ----------
@@ -302,11 +305,13 @@ def twin_jacobian(section: CylinderSection, sign: float) -> FloatArray:
     """
     a, b = section.ellipse.semi_major, section.ellipse.semi_minor
     phi, theta = section.phi, section.theta
-    # cos(phi) = b / a (paper section 2.2.3); d theta rotates the direction by sin(phi) d theta.
-    by_phi = np.array([0.0, 0.0, b / a**2, -1 / a, 0.0]) / max(math.sin(phi), MIN_SIN_PHI)
-    by_theta = np.array([0.0, 0.0, 0.0, 0.0, math.sin(phi)])
-    by_phi *= _scale_to_limit(section.phi_std, by_phi, section.covariance)
-    by_theta *= _scale_to_limit(math.sin(phi) * section.theta_std, by_theta, section.covariance)
+    # Gradients by the five parameters of phi and of the rotation along e_theta: cos(phi) = b / a
+    # (paper section 2.2.3); d theta rotates the direction by sin(phi) d theta.
+    phi_gradient = np.array([0.0, 0.0, b / a**2, -1 / a, 0.0]) / max(math.sin(phi), MIN_SIN_PHI)
+    azimuth_gradient = np.array([0.0, 0.0, 0.0, 0.0, math.sin(phi)])
+    phi_gradient *= _scale_to_limit(section.phi_std, phi_gradient, section.covariance)
+    limit = math.sin(phi) * section.theta_std
+    azimuth_gradient *= _scale_to_limit(limit, azimuth_gradient, section.covariance)
     # Derivatives of the direction by phi and, over sin(phi), by theta; section frame. For phi > 0
     # they are the tangent frame of the direction.
     major = np.array([math.cos(theta), math.sin(theta), 0.0])
@@ -315,7 +320,7 @@ def twin_jacobian(section: CylinderSection, sign: float) -> FloatArray:
     jacobian = np.zeros((7, 5))
     jacobian[0, 0] = jacobian[1, 1] = 1.0
     jacobian[6, 3] = section.radius_std / max(math.sqrt(section.covariance[3, 3]), TINY)
-    jacobian[3:6] = np.outer(e_phi, by_phi) + np.outer(e_theta, by_theta)
+    jacobian[3:6] = np.outer(e_phi, phi_gradient) + np.outer(e_theta, azimuth_gradient)
     return jacobian
 
 
