@@ -8,7 +8,7 @@ MAX_DEPTH = 64
 
 
 MAX_DIGITS = 300
-"""Largest number of digits of an integer; a float has a range of 1.8e308."""
+"""Largest number of digits of an integer, so that it fits into a float (up to 1.8e308)."""
 
 
 class NestedTooDeep(ValueError):
@@ -38,8 +38,9 @@ def parse_json(text: str, *, allow_nan: bool = False) -> Any:
     NestedTooDeep
         If the text nests deeper than `MAX_DEPTH`.
     ValueError
-        If the text is not JSON, or contains a key twice in one object, a number beyond the range
-        of a double, or, without `allow_nan`, ``NaN`` or ``Infinity``.
+        If the text is not JSON, or contains a key twice in one object, an integer of more than
+        `MAX_DIGITS` digits, a number beyond the range of a double, or, without `allow_nan`,
+        ``NaN`` or ``Infinity``.
 
     Examples
     --------
@@ -95,7 +96,8 @@ def _parse_number(digits: str) -> float:
     return number
 
 
-def _parse_integer(digits: str) -> int | float:
-    if len(digits) > MAX_DIGITS:
-        raise ValueError(f"expected numbers below 1.8e308, got one of {len(digits)} digits")
-    return int(digits)
+def _parse_integer(text: str) -> int:
+    count = len(text.removeprefix("-"))
+    if count > MAX_DIGITS:
+        raise ValueError(f"expected integers of at most {MAX_DIGITS} digits, got one of {count}")
+    return int(text)
