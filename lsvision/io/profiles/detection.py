@@ -1,4 +1,4 @@
-"""Detection of a file's format by its first bytes and lines; a suffix only names unread formats."""
+"""Detection of a file's format by its content; the suffix only shows some that cannot be read."""
 
 import io
 import re
@@ -39,7 +39,10 @@ _UNSUPPORTED_MAGIC = (
     (b"MATLAB 7.3", "a MAT file (HDF5): save x and z in MATLAB with writematrix as CSV"),
     (b"MATLAB 5.0", "a MAT file: save x and z in MATLAB with writematrix as CSV"),
     (b"%PDF", "a PDF: export the numbers as CSV"),
-    (b"\xd0\xcf\x11\xe0", f"an old Office document (.xls), {_SPREADSHEET}"),
+    (
+        b"\xd0\xcf\x11\xe0",
+        "an old Office document (.xls, .doc): save its table as CSV and read that",
+    ),
     (b"{\\rtf", "a text document (RTF): save it as plain text"),
     (b"\x1f\x8b", f"a gzip archive: {_UNPACK}"),
     (b"7z\xbc\xaf", f"a 7z archive: {_UNPACK}"),
@@ -53,7 +56,10 @@ _UNSUPPORTED_MAGIC = (
     (b"LASF", "a LAS cloud: write its points as PLY or CSV"),
     (b"ASTM-E57", "an E57 cloud: write its points as PLY or CSV"),
     (b"solid ", "an STL mesh: write its points as PLY or CSV"),
-    (b"\x80\x04\x95", "a Python pickle, which may run code: save arrays with np.save"),
+    *(
+        (bytes([0x80, protocol]), "a Python pickle, which may run code: save arrays with np.save")
+        for protocol in range(2, 6)
+    ),
     (b"GIF8", _IMAGE),
     (b"BM", _IMAGE),
     (b"\xff\xd8\xff", _IMAGE),
@@ -67,7 +73,7 @@ _OFFICE_PARTS = {
     "xl/": _SPREADSHEET,
     "word/": "a text document: save its table as CSV and read that",
     "ppt/": "a presentation: save its table as CSV and read that",
-    "content.xml": f"an OpenDocument file, {_SPREADSHEET}",
+    "content.xml": "an OpenDocument file: save its table as CSV and read that",
     "Index/": f"a Numbers document, {_SPREADSHEET}",
 }
 _UNSUPPORTED_SUFFIX = {
@@ -85,6 +91,7 @@ _FIRST_LINES = (
     (re.compile(r"\s*(<\?xml[^>]*>\s*)?<opencv_storage>"), "opencv"),
     (re.compile(r"\s*\{"), "json"),
     (re.compile(r"\s*\[\s*[\[{]"), "json"),
+    # the columns of `rostopic echo -p`, with its prefix or without
     (re.compile(r"[^\n]*\bfield\.(angle_min|ranges)|[^\n]*\bangle_increment\s*,"), "laserscan"),
     # YAML: a ROS message, a key with a list on its line, or a key of points with a list below it
     (re.compile(r"(?:\s*#[^\n]*\n|\s*---[ \t]*\n)*\s*header:\s*\n\s+\w+:"), "yaml"),
@@ -94,23 +101,25 @@ _FIRST_LINES = (
         "yaml",
     ),
     (re.compile(r"\s*Info\s*\n\s*CSV Version,"), "gocator"),
+    # a list of points of a Gocator, without the sections of its recordings
     (re.compile(r"[^\n]*\bx0\s*,\s*z0\b", re.IGNORECASE), "gocator-points"),
 )
 _KEYENCE_ROW = re.compile(r"\s*[-+]?[0-9.]+\t[-+]?[0-9.]+\s*[\r\n]")
 """First line of a UTF-16 file that Keyence's software exports."""
-_RESULT_LOG = re.compile(r"micro-epsilon|scanCONTROL", re.IGNORECASE)
+_RESULT_LOG = re.compile(r"\W*www\.micro-epsilon\.\w+\W+scanCONTROL", re.IGNORECASE)
+"""First two lines of a log that the scanCONTROL Configuration Tools write."""
 _KEYENCE_WIDTHS = frozenset([800, 1600, 3200, 6400])  # columns of an LJ-V and LJ-X profile
 
 
 def detect_format(content: bytes, suffix: str) -> str:
-    r"""Return the name of the format, one of `FORMATS`.
+    r"""Return the name of the format, one of `FORMATS` in `settings`.
 
     Parameters
     ----------
     content : bytes
         The whole file.
     suffix : str
-        Ending of the file's name, such as ``".csv"``; names formats that are not read.
+        Ending of the file's name, such as ``".csv"``; shows formats that are not read.
 
     Raises
     ------
@@ -145,7 +154,10 @@ def _check_supported(content: bytes, suffix: str) -> None:
     if content.startswith(b"RIFF") and content[8:12] == b"WEBP":
         raise UnreadableFile(_IMAGE)
     for magic, advice in _UNSUPPORTED_MAGIC:
-        is_text = magic == b"BM" and content[:400].isascii()  # a text may begin with BM
+        # A text may begin with BM or with the word solid.
+        is_text = (magic == b"BM" and content[:400].isascii()) or (
+            magic == b"solid " and b"facet" not in content[:_HEAD_BYTES]
+        )
         if content.startswith(magic) and not is_text:
             raise UnreadableFile(advice)
     if suffix in _UNSUPPORTED_SUFFIX:
@@ -179,7 +191,7 @@ def _zip_format(content: bytes, suffix: str) -> str:
 
 def _text_format(content: bytes) -> str:
     """Return the name of the reader for a text; raises an error for a text without points."""
-    # Only an ASCII text can be cut at any byte.
+    # A text of ASCII bytes (UTF-16 and UTF-32 without a mark, too) can be cut at a multiple of 4.
     head = content[:_HEAD_BYTES] if content.isascii() else content
     start = "\n".join(decode_text(head)[:4000].splitlines())
     for pattern, name in _FIRST_LINES:
@@ -187,7 +199,7 @@ def _text_format(content: bytes) -> str:
             return name
     if _MARKUP.match(start):
         raise UnreadableFile("a web page or an XML file, no table: export the points as CSV")
-    if _RESULT_LOG.search("\n".join(start.splitlines()[:3])):
+    if _RESULT_LOG.match(start):
         raise UnreadableFile(
             "a scanCONTROL log of results, not of profiles: export the profiles as X;Z text"
         )
@@ -200,7 +212,8 @@ def _text_format(content: bytes) -> str:
 def _table_format(text: str) -> str:
     """Return the name of the reader for a table, by the cells of its first row of numbers.
 
-    A wide table whose header names x and a height is a list of points.
+    A wide table is a list of points if x and a height are named above it. The reader of "text"
+    takes a matrix, too.
     """
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     cells = re.split(r"[,;\t]|\s+", lines[0] if lines else "")
@@ -210,7 +223,8 @@ def _table_format(text: str) -> str:
         separator = find_separator(line)
         cells = split_cells(line, separator)
         if not is_comment(line) and all(map(is_number_or_lost, cells)):
-            labels = split_cells(lines[index - 1], separator) if index else []
+            above = [row.lstrip("#%/! \t") for row in lines[:index]]
+            labels = [label for row in above for label in split_cells(row, separator)]
             names = [split_label(label)[0] for label in labels]
             return "text" if len(cells) < MIN_COLUMNS or names_section(names) else "matrix"
     return "text"

@@ -1,6 +1,7 @@
 """Files that people try, and that hold no profile as such: said what they are and what to do."""
 
 import io
+import pickle
 import zipfile
 
 import pytest
@@ -26,7 +27,7 @@ def zipped(*names):
             "a spreadsheet: save it as CSV",
         ),
         (zipped("a.xml", "b.xml"), "a.xlsx", "a spreadsheet: save it as CSV"),
-        (zipped("mimetype", "content.xml"), "a", "an OpenDocument file, a spreadsheet: save"),
+        (zipped("mimetype", "content.xml"), "a", "an OpenDocument file: save its table"),
         (zipped("word/document.xml"), "a.docx", "a text document: save its table as CSV"),
         (zipped("profile.csv"), "a.zip", "a zip archive of profile.csv: unpack it"),
         (
@@ -41,7 +42,10 @@ def zipped(*names):
         (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", "a.xls", "an old Office document"),
         (b"7z\xbc\xaf\x27\x1c", "a.7z", "a 7z archive: unpack"),
         (b"SQLite format 3\0", "a.db3", "a database .*: export its points as CSV"),
-        (b"\x80\x04\x95\x10", "a.pkl", "a Python pickle, which may run code"),
+        (pickle.dumps([1.5], 2), "a.pkl", "a Python pickle, which may run code"),
+        (pickle.dumps([1.5], 4), "a.pkl", "a Python pickle, which may run code"),
+        (pickle.dumps([1.5], 5), "a.pkl", "a Python pickle, which may run code"),
+        (b"solid tube\n facet normal 0 0 1\n", "a.stl", "an STL mesh"),
         (b"ARROW1\0\0", "a.feather", "write it as Parquet"),
         (b"\x89MCAP0\r\n", "a.mcap", "a ROS bag"),
         ("<!DOCTYPE html><html>", "a.csv", "a web page"),
@@ -57,3 +61,9 @@ def test_a_container_is_named_with_the_remedy(write, content, name, message):
 def test_a_text_that_begins_as_a_container_does_is_text(write):
     assert len(read_profile(write("BMW tube\nx,z\n1,2\n3,4\n"))) == 2
     assert len(read_profile(write("VERSION: 3\nx,z\n1,2\n3,4\n"))) == 2
+    assert len(read_profile(write("solid rod, run 3\nx,z\n1,2\n3,4\n"))) == 2
+
+
+def test_a_remark_that_names_the_sensor_makes_no_log_of_results(write):
+    assert len(read_profile(write("# scanCONTROL 2950\nx;z\n1;2\n3;4\n"))) == 2
+    assert len(read_profile(write("Micro-Epsilon LLT2950\nx;z\n1;2\n3;4\n"))) == 2

@@ -91,6 +91,14 @@ def test_unsorted_and_doubled_points_keep_the_order_of_the_file(write):
     npt.assert_array_equal(read_profile(write(text)).points, rows)
 
 
+@pytest.mark.parametrize("head", ["{}\n" + "mm," * 21 + "mm\n", "# {}\n", "{}\n# a remark\n"])
+def test_x_and_height_are_found_by_their_names_above_a_wide_table(write, head):
+    rows = np.random.default_rng(1).normal(0, 1, (80, 22)).round(3)
+    names = ",".join(["x", "z"] + [f"c{k}" for k in range(20)])
+    text = "\n".join(",".join(map(str, row)) for row in rows.tolist())
+    npt.assert_array_equal(read_profile(write(head.format(names) + text)).points, rows[:, :2])
+
+
 def test_a_constant_second_column_is_left_out(write):
     text = "".join(f"{x} 7.0 {x * x}\n" for x in range(6))
     npt.assert_array_equal(read_profile(write(text)).points[:, 1], np.arange(6.0) ** 2)

@@ -49,7 +49,7 @@ def npy(array) -> bytes:
         ("angle [deg],range\n0,400\n1,399\n", "an angle and no x in its columns: convert"),
         ("x y z\n" + SLANTED, "column y does not separate profiles"),
         (" ".join(["1"] * 30), "1 row of 30 heights without x: .* --x0 and --dx"),
-        ("www.micro-epsilon.com\nscanCONTROL\n", "log of results, not of profiles: export"),
+        ("www.micro-epsilon.com\nscanCONTROL Tools\n", "log of results, not of profiles: export"),
         (b"RIFF\0\0\0\0AVI LIST", "a video container .*: export its profiles as CSV"),
         (b"\x89HDF\r\n\x1a\n", "HDF5 is not read: write its points as NPZ or CSV"),
         (b"#ROSBAG V2.0\n", "a ROS bag"),
