@@ -12,8 +12,8 @@ from lsvision.sensors.camera import Camera
 RECOMMENDED_VIEWS = 10
 """Number of views below which a warning is given."""
 RECOMMENDED_TILT = np.radians(25.0)
-"""A warning is given if no board is tilted by more than this from the mean board: at 15 deg the
-errors double, at 5 deg they are ten times larger. Units: rad."""
+"""A warning is given if no board's normal is tilted by more than this from the mean normal: the
+error of the focal length is twice as large at 15 deg, and ten times at 5 deg. Units: rad."""
 CELLS = 5
 """Number of cells along each side of the image, by which the coverage by corners is measured."""
 RECOMMENDED_COVERAGE = 0.6

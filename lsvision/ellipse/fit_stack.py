@@ -1,4 +1,7 @@
-"""Several ellipse fits as arrays, so that their intervals are computed together."""
+"""Several ellipse fits as arrays, so that their intervals are computed together.
+
+For m, p, q, the unit vector w and the deviator see the `parameters` module.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -85,8 +88,9 @@ def _stack_points(problems: Sequence[EllipseProblem]) -> tuple[ComplexArray, Flo
 
 
 def _directions(points: ComplexArray, parameters: FloatArray) -> ComplexArray:
-    """Return the unit vector w of the point where the ray to a point meets each ellipse, (s,)."""
+    """Return w of the point where the ray from each centre to a point meets the ellipse, (s,)."""
     offset = points - as_complex(parameters[:, :2])
+    # Solution of offset = t E w with t > 0.
     w = parameters[:, 2] * offset - deviators_from_parameters(parameters) * offset.conj()
     directions: ComplexArray = w / np.maximum(np.abs(w), TINY)
     return directions

@@ -130,7 +130,8 @@ def require_noncoplanar_sections(base_from_sections: Sequence[Pose]) -> None:
     Raises
     ------
     DegenerateGeometry
-        If they do: like one section, they do not distinguish the two twins of each axis.
+        If they do: like one section, they fit two cylinders equally well (twins), whose axes are
+        tilted to opposite sides of the plane's normal.
     """
     if len(base_from_sections) < 2:
         return
