@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from lsvision.ellipse.section import CylinderSection
 from lsvision.inspection.job import Job
 from lsvision.inspection.job_tables import MAX_NAME_LENGTH
+from lsvision.inspection.limits import LIMIT_DECIMALS
 from lsvision.inspection.relate import relate
 from lsvision.results.number_format import format_value
 
@@ -45,7 +46,7 @@ gap_mm = {{ max = {gap:.12g} }}  # measured {text}
 TAIL = """
 [decision]
 level = 0.95  # OK and NG are each wrong with a probability of at most 2.5 %
-undecided = "ng"  # what a one-bit output says
+undecided = "ng"  # how an output of one bit (OK or NG) shows an undecided verdict
 # extra_std = { radius_mm = 0.01 }  # not in the fit: temperature, repeatability
 
 # [golden]  # a reference part; if it is overdue or failed, every verdict is undecided
@@ -155,7 +156,8 @@ def find_needed_tolerance(job: Job, cylinders: Sequence[CylinderSection]) -> flo
         Rounded up to two digits. Units: mm.
     """
     lower, upper = job.parts[0].limits["radius_mm"].ends
-    tolerance, level = (upper - lower) / 2, job.decision.level
+    # Rounded, since with 0.09999999999999964 for 0.1 the nominal would have another step.
+    tolerance, level = round((upper - lower) / 2, LIMIT_DECIMALS), job.decision.level
 
     def largest_deviation(tolerance: float) -> float:
         """Return the largest distance of an interval's end from the nominal. Units: mm."""
@@ -180,13 +182,15 @@ def find_needed_tolerance(job: Job, cylinders: Sequence[CylinderSection]) -> flo
 def _x_windows(cylinders: Sequence[CylinderSection]) -> list[tuple[float, float]]:
     """Return a window of x for each cylinder. Units: mm.
 
-    Windows end midway between neighbouring centres, the outer ones a radius beyond the centre.
+    Windows end midway between neighbouring centres, the outer ones a radius beyond the centre. Ends
+    are rounded to 0.1 mm, where a radius is below 1 mm to a tenth of it or less.
     """
     centres = [cylinder.centre[0] for cylinder in cylinders]
-    midpoints = [round((a + b) / 2, 1) for a, b in itertools.pairwise(centres)]
-    left_end = round(centres[0] - cylinders[0].radius, 1)
-    right_end = round(centres[-1] + cylinders[-1].radius, 1)
-    ends = [left_end, *midpoints, right_end]
+    midpoints = [(a + b) / 2 for a, b in itertools.pairwise(centres)]
+    left_end, right_end = centres[0] - cylinders[0].radius, centres[-1] + cylinders[-1].radius
+    smallest = min(cylinder.radius for cylinder in cylinders)
+    decimals = 1 + max(0, -math.floor(math.log10(smallest)))
+    ends = [round(end, decimals) for end in (left_end, *midpoints, right_end)]
     return list(itertools.pairwise(ends))
 
 

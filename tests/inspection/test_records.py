@@ -4,6 +4,7 @@ import datetime
 import json
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -212,6 +213,25 @@ def test_a_job_of_the_needed_tolerance_is_ok(seed, noise):
     made = lsv.Job.from_text(build_job_text("tube", found.cylinders, needed))
     assert find_needed_tolerance(made, found.cylinders) is None
     assert lsv.judge(found, made).decision == "OK"
+
+
+def tube_of(radius, half_width):
+    return SimpleNamespace(
+        radius=radius, radius_std=half_width / 2, phi=0.1, centre=(0.0, -400.0),
+        interval=lambda name, level: (radius - half_width, radius + half_width),
+    )  # fmt: skip
+
+
+def test_a_tolerance_is_needed_where_the_rounded_nominal_makes_a_radius_undecided():
+    tube = tube_of(23.9548, 0.0965)
+    made = lsv.Job.from_text(build_job_text("tube", [tube], 0.1))
+    assert made.parts[0].limits["radius_mm"].ends == (23.85, 24.05)
+    assert find_needed_tolerance(made, [tube]) == 0.11
+
+
+def test_the_window_of_a_thin_wire_contains_its_centre():
+    (part,) = lsv.Job.from_text(build_job_text("wire", [tube_of(0.04, 1e-4)], 1e-3)).parts
+    assert part.x_mm == (-0.04, 0.04)
 
 
 def test_nothing_is_predicted_for_a_quantity_without_a_value():
