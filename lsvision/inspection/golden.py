@@ -59,20 +59,25 @@ def check_golden(
     if not cylinders:
         return record | {"passed": False, "reason": "no cylinder was measured"}
     nearest = min(cylinders, key=lambda cylinder: abs(cylinder.radius - golden.radius_mm))
-    level = job.decision.level
-    low, high = widen_interval(
-        nearest.radius, nearest.interval("radius", level), job.extra_std("radius_mm"), level
-    )
+    level, extra_std = _decision_rule(job)
+    interval = nearest.interval("radius", level)
+    low, high = widen_interval(nearest.radius, interval, extra_std, level)
     ends = _limits(golden)
     decision = decide((low, high), ends)
     reason = f"radius {low:.4f} .. {high:.4f} mm, limits {ends[0]:g} .. {ends[1]:g}"
     measured = {"radius_mm": float(nearest.radius), "low_mm": float(low), "high_mm": float(high)}
-    return record | measured | {"passed": decision == Decision.OK, "reason": reason}
+    rule = {"level": level, "extra_std_mm": extra_std}
+    return record | measured | rule | {"passed": decision == Decision.OK, "reason": reason}
 
 
 def _limits(golden: Golden) -> tuple[float, float]:
     """Return the smallest and largest permissible radius of the golden part. Units: mm."""
     return golden.radius_mm - golden.tolerance_mm, golden.radius_mm + golden.tolerance_mm
+
+
+def _decision_rule(job: Job) -> tuple[float, float]:
+    """Return the level of the golden part's interval, and its further standard uncertainty (mm)."""
+    return job.decision.level, job.extra_std("radius_mm")
 
 
 def find_blocking_reason(job: Job, log: Sequence[Record], now: datetime.datetime) -> str:
@@ -91,11 +96,15 @@ def find_blocking_reason(job: Job, log: Sequence[Record], now: datetime.datetime
         return ""
     if not log:
         return "golden part never measured: lsvision inspect JOB --golden FILE"
-    return _blocking_reason_of_check(log[-1], job.golden, now)
+    return (
+        _blocking_reason_of_check(log[-1], job.golden)
+        or _blocking_reason_of_rule(log[-1], job)
+        or _blocking_reason_of_age(log[-1], job.golden, now)
+    )
 
 
-def _blocking_reason_of_check(last: Record, golden: Golden, now: datetime.datetime) -> str:
-    """Return the reason why the last check does not permit decisions; empty if it does."""
+def _blocking_reason_of_check(last: Record, golden: Golden) -> str:
+    """Return the reason why the last check failed, or would by the present limits; else empty."""
     if not last["passed"]:
         return f"golden part failed at {last['time']}: {last['reason']}"
     reference = last["reference_radius_mm"]
@@ -110,6 +119,23 @@ def _blocking_reason_of_check(last: Record, golden: Golden, now: datetime.dateti
             f"golden part of radius {interval[0]:.4f} .. {interval[1]:.4f} mm measured, limits are "
             f"now {ends[0]:g} .. {ends[1]:g}: lsvision inspect JOB --golden FILE"
         )
+    return ""
+
+
+def _blocking_reason_of_rule(last: Record, job: Job) -> str:
+    """Return the reason if the present job widens the interval of the last check; else empty."""
+    level, extra_std = _decision_rule(job)
+    checked_level, checked_std = last.get("level", level), last.get("extra_std_mm", extra_std)
+    if level <= checked_level and extra_std <= checked_std:
+        return ""
+    return (
+        f"golden part measured with level {checked_level:g} and extra_std {checked_std:g} mm, now "
+        f"{level:g} and {extra_std:g} mm: lsvision inspect JOB --golden FILE"
+    )
+
+
+def _blocking_reason_of_age(last: Record, golden: Golden, now: datetime.datetime) -> str:
+    """Return the reason if the last check is overdue, or after the present time; else empty."""
     hours = (now - datetime.datetime.fromisoformat(last["time"])).total_seconds() / 3600
     if hours < 0:
         return f"golden part measured at {last['time']}, after the present time: set the clock"

@@ -126,6 +126,18 @@ def test_a_golden_part_outside_a_tolerance_that_was_narrowed_blocks(scan):
     assert find_blocking_reason(job(tolerance=1.0), [passed], NOW) == ""
 
 
+@pytest.mark.parametrize("rule", ["level = 0.9999", "extra_std = { radius_mm = 0.1 }"])
+def test_a_golden_part_measured_by_a_less_strict_rule_blocks(scan, rule):
+    found = measure_cylinders(scan[0][1]).cylinders
+    passed = check_golden(found, job(), "golden.csv", NOW)
+    strict = lsv.Job.from_text(
+        f"{JOB.format(revision=1, upper=0.2, tolerance=1)}[decision]\n{rule}"
+    )
+    blocked = find_blocking_reason(strict, [passed], NOW)
+    assert blocked.startswith("golden part measured with level 0.95 and extra_std 0 mm, now ")
+    assert not find_blocking_reason(job(), [check_golden(found, strict, "golden.csv", NOW)], NOW)
+
+
 def test_a_golden_part_that_is_not_proved_right_has_failed(scan):
     found = measure_cylinders(scan[0][1]).cylinders
     narrow = job(tolerance=0.001)
