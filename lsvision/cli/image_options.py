@@ -1,6 +1,5 @@
 """Options of the commands that extract a laser line from images."""
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
@@ -100,10 +99,8 @@ def parse_imaging(
     LsvisionError
         If the rig or the laser-off frame cannot be used; the message states the file.
     typer.BadParameter
-        If an option of images is given without a rig, or its value is unknown or infinite.
+        If an option of images is given without a rig, or its value is unknown.
     """
-    if math.isinf(other_options.get("surface_std", 0.0)):
-        raise typer.BadParameter("expected a finite --surface-std in mm, got inf")
     if light_section is None:
         _reject_image_options(laser, method, bayer, laser_off, other_options)
         return None

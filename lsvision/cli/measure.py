@@ -63,7 +63,9 @@ def measure(
     laser_off: LaserOff = None,
     surface_std: Annotated[
         float,
-        typer.Option(min=0, metavar="MM", help="For images: roughness of the surface, one sigma."),
+        typer.Option(
+            min=0, max=1000, metavar="MM", help="For images: roughness of the surface, one sigma."
+        ),
     ] = 0.0,
     camera: Annotated[
         int | None,

@@ -103,13 +103,17 @@ class Measure(JobTable):
 
     @model_validator(mode="after")
     def _check(self) -> Measure:
-        """Raise an error for an unknown sensor, a noise model stated twice, or a wrong range."""
+        """Raise an error for an unknown sensor, a noise stated twice, or a wrong number."""
         if self.sensor is not None and self.range_std_mm is not None:
             raise ValueError("expected sensor or range_std_mm, got both: leave one out")
         if self.sensor is not None:
             from lsvision.sensors.profile_sensor import find_sensor
 
             find_sensor(self.sensor)
+        if self.range_std_mm is not None:
+            from lsvision.sensors.profile_sensor import ProfileSensor
+
+            ProfileSensor(range_std=self.range_std_mm, reference_range=self.reference_range_mm)
         if isinstance(self.radius_mm, tuple) and self.radius_mm[0] >= self.radius_mm[1]:
             raise ValueError(f"radius_mm reversed: expected [min, max], got {list(self.radius_mm)}")
         known = self.known_phi_deg

@@ -116,8 +116,8 @@ class Feed:
             raise ValueError(f"expected a finite, non-zero feed direction, got {self.direction}")
         for name in ("pose_std", "feed_std"):
             value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0):
-                raise ValueError(f"expected {name} >= 0, got {value}")
+            if not 0 <= value <= 1000:
+                raise ValueError(f"expected {name} >= 0 and at most 1000, got {value}")
 
     @property
     def unit(self) -> FloatArray:

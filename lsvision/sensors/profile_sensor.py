@@ -17,6 +17,9 @@ MIN_RANGE_FRACTION = 1e-3
 no covariance is zero."""
 MAX_RANGE_MM = 1e12
 """Largest coordinate relative to the origin, against overflow at invalid points. Units: mm."""
+RANGE_STDS_MM, REFERENCE_RANGES_MM = (1e-9, 1e3), (1e-3, 1e6)
+"""Accepted noise and reference range, far beyond those of any sensor: with them no covariance is
+zero or overflows. Units: mm."""
 LATERAL_STD_RATIO = 0.05
 """Standard deviation perpendicular to the ray over that along it. The beam has a width, and without
 a perpendicular error the weight of a point at a grazing flank would be infinite."""
@@ -31,9 +34,9 @@ class ProfileSensor:
     name : str
         Name of the sensor for messages.
     range_std : float
-        Standard deviation along the ray at `reference_range`. Units: mm.
+        Standard deviation along the ray at `reference_range`, from 1e-9 to 1000. Units: mm.
     reference_range : float
-        Distance from the origin at which `range_std` is valid. Units: mm.
+        Distance from the origin at which `range_std` is valid, from 0.001 to 1e6. Units: mm.
     origin : tuple of float
         Point of the section frame from which the rays diverge. Units: mm.
     quantum : float
@@ -48,8 +51,8 @@ class ProfileSensor:
     Raises
     ------
     ValueError
-        If a number is not finite, a length or `columns` not positive, `quantum` negative, or
-        `max_range` not above `min_range`.
+        If a number is not finite or outside of its range, a length or `columns` not positive,
+        `quantum` negative, or `max_range` not above `min_range`.
 
     Examples
     --------
@@ -74,6 +77,12 @@ class ProfileSensor:
             value = getattr(self, name)
             if not (isinstance(value, int | float | np.number) and 0 < value < math.inf):
                 raise ValueError(f"expected a positive {name} in mm, got {value!r}")
+        limits = {"range_std": RANGE_STDS_MM, "reference_range": REFERENCE_RANGES_MM}
+        for name, (low, high) in limits.items():
+            if not low <= getattr(self, name) <= high:
+                raise ValueError(
+                    f"expected {name} from {low:g} to {high:g} mm, got {getattr(self, name):g}"
+                )
         if not self.min_range < self.max_range < math.inf:
             raise ValueError(
                 f"expected min_range < max_range, got {self.min_range} and {self.max_range} mm"

@@ -95,6 +95,9 @@ def test_presets_have_the_pitch_and_ranges_of_the_data_sheet():
     [
         ({"range_std": 0.0}, "expected a positive range_std in mm, got 0"),
         ({"range_std": math.nan}, "got nan"),
+        ({"range_std": 1e-300}, "expected range_std from 1e-09 to 1000 mm, got 1e-300"),
+        ({"range_std": 1e200}, "expected range_std from 1e-09 to 1000 mm, got 1e.200"),
+        ({"reference_range": 1e-20}, "expected reference_range from 0.001 to 1e.06 mm, got 1e-20"),
         ({"reference_range": -400.0}, "positive reference_range in mm, got -400"),
         ({"min_range": 0.0}, "positive min_range"),
         ({"width_at_max_range": math.inf}, "positive width_at_max_range"),
