@@ -33,7 +33,7 @@ from lsvision.cli.scan_table import scan_lines
 from lsvision.cli.sources import (
     find_sources,
     profile_names,
-    read_sources,
+    read_sections,
     suffixes_of_profiles,
 )
 from lsvision.files.printable import printable, printable_name
@@ -185,7 +185,7 @@ def _read_all(
     """Return all profiles in the order of their files, a name for each, and how each was read."""
     from lsvision.io.results import input_record
 
-    files = read_sources(sources, reading)
+    files = read_sections(sources, reading)
     profiles = [profile for file in files for profile in file.profiles]
     names = [name for file in files for name in profile_names(file, str(file.path))]
     records = [input_record(file, k) for file in files for k in range(len(file.profiles))]

@@ -1,7 +1,8 @@
 """Input files of a command line, and their profiles."""
 
+import math
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -108,7 +109,11 @@ def iterate_source(source: Path, options: "ReadOptions") -> "Iterator[ProfilePar
         yield part
 
 
-def read_sources(sources: Sequence[Path], options: "ReadOptions") -> "list[ProfileFile]":
+def read_sources(
+    sources: Sequence[Path],
+    options: "ReadOptions",
+    read: "Callable[[Path, ReadOptions], ProfileFile]" = read_source,
+) -> "list[ProfileFile]":
     """Return the profiles of each file; the assumptions made are printed on stderr, each once.
 
     Raises
@@ -118,13 +123,49 @@ def read_sources(sources: Sequence[Path], options: "ReadOptions") -> "list[Profi
     """
     from lsvision.batch.measure_file import list_notes
 
-    files = [read_source(source, options) for source in sources]
+    files = [read(source, options) for source in sources]
     paths_by_note: dict[str, list[Path]] = {}
     for file in files:
         for note in list_notes(file):
             paths_by_note.setdefault(note, []).append(file.path)
     print_notes(paths_by_note)
     return files
+
+
+def read_sections(sources: Sequence[Path], options: "ReadOptions") -> "list[ProfileFile]":
+    """Return the profiles of the files of a scan as `read_sources`.
+
+    A file whose points are all lost has sections without points, and a note.
+
+    Raises
+    ------
+    UnreadableFile
+        If a file cannot be read, or all points of all files are lost.
+    """
+    files = read_sources(sources, options, _read_sections)
+    if all(profile.lost == len(profile) for file in files for profile in file.profiles):
+        count = sum(len(file.profiles) for file in files)
+        raise UnreadableFile(
+            f"{sources[0]}: all points of all sections ({count}) are lost: check exposure and "
+            "range, or --columns"
+        )
+    return files
+
+
+def _read_sections(source: Path, options: "ReadOptions") -> "ProfileFile":
+    """Return the profiles of a file, without points if they are all lost; see `read_source`."""
+    from lsvision.io.profiles.lost_points import AllPointsLost
+    from lsvision.io.profiles.reading import ProfileFile
+    from lsvision.profile import Profile
+
+    try:
+        return read_source(source, options)
+    except AllPointsLost as error:
+        return ProfileFile(
+            path=source, profiles=(Profile([[math.nan, math.nan]]),) * error.sections,
+            reader=options.get("format") or "text", units="mm", units_assumed=True, flipped=False,
+            positions=None, notes=("all points are lost: a section without points",),
+        )  # fmt: skip
 
 
 def profile_names(file: "ProfileFile", name: str) -> list[str]:

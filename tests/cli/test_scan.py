@@ -200,6 +200,24 @@ def test_a_matrix_of_heights_is_a_scan(run, tmp_path) -> None:
     assert "--x0 and --dx" in outcome.stderr
 
 
+@pytest.mark.parametrize("name", ["lost.csv", "lost.npy"])
+def test_a_file_whose_points_are_all_lost_is_a_section_without_points(run, tmp_path, name) -> None:
+    lost = tmp_path / name
+    lost.write_text("x,z\n1,nan\n2,nan\n3,nan\n")
+    if name.endswith("npy"):
+        np.save(lost, np.full((1, 3, 2), np.nan))
+    sections = sorted(PAIR.glob("*.csv"))
+    outputs = ("--json", tmp_path / "a.json", "--plot", tmp_path / "a.png")
+    result = run(*sections[:3], lost, *sections[4:7], *MOTION, *outputs)
+    assert result.exit_code == 0, result.output
+    assert f"{lost}: note: all points are lost: a section without points" in result.stderr
+    assert "7 profiles" in result.stdout
+    assert "0-2, 4-6" in result.stdout
+    result = run(lost, *MOTION)
+    assert result.exit_code == 1
+    assert "all points of all sections (1) are lost" in result.stderr
+
+
 def test_a_unit_that_cannot_be_mm_is_rejected_in_a_scan_too(run, tmp_path) -> None:
     for number in range(2):
         points = np.loadtxt(sorted(PAIR.glob("*.csv"))[number], delimiter=",", comments=["#", "x"])

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lsvision.errors import UnreadableFile
 from lsvision.geometry import BoolArray, FloatArray
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.statistics.lost_markers import find_lost_markers
@@ -12,6 +13,13 @@ from lsvision.statistics.lost_markers import find_lost_markers
 KEYENCE_LOST = (-99999.9999, -99999.999, -99999.99, -99999.9)
 """Markers of Keyence controllers with different numbers of digits; never a height."""
 _TOLERANCE = 1e-7  # of a marker, relative: a little more than single precision rounds, 6e-8
+
+
+class AllPointsLost(UnreadableFile):
+    """A file of profiles without a valid point; in a scan they are sections without points."""
+
+    sections: int = 1
+    """Number of its profiles."""
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from lsvision.io.profiles.height_map import read_height_map
 from lsvision.io.profiles.json_points import read_json
 from lsvision.io.profiles.keyence import read_keyence, read_keyence_raw
 from lsvision.io.profiles.laser_scan import read_laser_scan
-from lsvision.io.profiles.lost_points import LostMarker, remove_lost
+from lsvision.io.profiles.lost_points import AllPointsLost, LostMarker, remove_lost
 from lsvision.io.profiles.matrix import read_matrix
 from lsvision.io.profiles.numpy_arrays import read_npy, read_npz
 from lsvision.io.profiles.opencv_storage import read_opencv_storage
@@ -254,7 +254,8 @@ def inspect_profiles(path: str | os.PathLike[str], **options: Unpack[ReadOptions
         profile_file = convert_to_section_frame(file, reader, raw, settings)
         require_points(profile_file.profiles)
     except UnreadableFile as error:
-        raise UnreadableFile(f"{file}: {error}") from None
+        error.args = (f"{file}: {error}",)
+        raise error from None
     return profile_file
 
 
@@ -360,10 +361,14 @@ def require_plausible_units(file: ProfileFile) -> None:
 
 
 def require_points(profiles: Sequence[Profile]) -> None:
-    """Raise UnreadableFile if the profiles have less than two valid points together."""
+    """Raise UnreadableFile (`AllPointsLost`) for profiles without two valid points together."""
     total = sum(len(profile) for profile in profiles)
     valid = total - sum(profile.lost for profile in profiles)
     if valid == 0:
-        raise UnreadableFile(f"all {total} points are lost: check exposure and range, or --columns")
+        error = AllPointsLost(
+            f"all {total} points are lost: check exposure and range, or --columns"
+        )
+        error.sections = len(profiles)
+        raise error
     if valid == 1:
         raise UnreadableFile("one valid point in it, no profile: check exposure, or --columns")

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import islice
 
 from lsvision.errors import UnreadableFile
+from lsvision.io.profiles.lost_points import AllPointsLost
 from lsvision.io.profiles.number_cells import (
     COMMA_NUMBER,
     COMMENT_MARKS,
@@ -279,7 +280,7 @@ def _no_table_error(lines: Sequence[str], rows: Sequence[int]) -> UnreadableFile
         cells = split_cells(lines[index], find_separator(lines[index].strip()))
         lost += len(cells) > 1 and all(map(is_missing, cells))
     if 2 * lost > len(rows):
-        return UnreadableFile(f"all {lost} points are lost: check exposure and range, or --columns")
+        return AllPointsLost(f"all {lost} points are lost: check exposure and range, or --columns")
     return UnreadableFile(_NO_NUMBERS)
 
 
