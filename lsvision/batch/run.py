@@ -1,5 +1,6 @@
 """Run a batch: write one Parquet file of results per file of profiles, and a manifest."""
 
+import hashlib
 import importlib.util
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -15,6 +16,9 @@ from lsvision.files.file_kinds import exists
 from lsvision.files.limited_reading import current_size_limit
 from lsvision.files.printable import printable_name
 
+MAX_NAME_BYTES, KEPT_NAME_BYTES = 255, 200
+"""Longest name of a file on the usual file systems, and the part of a longer name that is kept in
+front of its hash. Units: bytes."""
 Report = Callable[[FileOutcome, int], None]
 """Type of a function that is called with the outcome of each file that was measured, and the number
 of files that are left."""
@@ -31,7 +35,8 @@ def plan_tasks(sources: Sequence[Path], root: Path, folder: Path, job: BatchJob)
         Absolute folder that holds all sources; their names in the results are relative to it.
     folder : Path
         Folder of the results, which gets the subfolders of `root`: the results of ``part.parquet``
-        are written to ``part.parquet``, the results of ``a.csv`` to ``a.csv.parquet``.
+        are written to ``part.parquet``, the results of ``a.csv`` to ``a.csv.parquet``; a name too
+        long for the file system ends in a hash.
     job : BatchJob
         Settings with which the files are read and measured.
 
@@ -48,8 +53,7 @@ def plan_tasks(sources: Sequence[Path], root: Path, folder: Path, job: BatchJob)
     for source in map(Path.absolute, sources):
         # Without "..", which would name a file outside of the folder of the results.
         relative_path = Path(os.path.abspath(source)).relative_to(root)  # noqa: PTH100
-        suffix = "" if relative_path.suffix.lower() == ".parquet" else ".parquet"
-        output = folder / relative_path.with_name(relative_path.name + suffix)
+        output = folder / relative_path.with_name(_output_name(relative_path.name))
         if source.resolve().is_relative_to(folder.resolve()):
             raise LsvisionError(
                 f"{source}: it lies in the folder of the results: give another folder as --out"
@@ -62,6 +66,16 @@ def plan_tasks(sources: Sequence[Path], root: Path, folder: Path, job: BatchJob)
         name = printable_name(relative_path)
         tasks[output] = FileTask(source, output, name, job, current_size_limit())
     return list(tasks.values())
+
+
+def _output_name(name: str) -> str:
+    """Return the name of the file with the results of the file `name`."""
+    output = name if name.lower().endswith(".parquet") else f"{name}.parquet"
+    encoded = os.fsencode(name)
+    if len(os.fsencode(output)) <= MAX_NAME_BYTES:
+        return output
+    start = encoded[:KEPT_NAME_BYTES].decode(errors="ignore")
+    return f"{start}.{hashlib.sha256(encoded).hexdigest()[:16]}.parquet"
 
 
 def run_batch(

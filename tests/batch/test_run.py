@@ -248,6 +248,19 @@ def test_results_never_overwrite_a_source_or_each_other(folder):
         plan_tasks(same, source, folder / "out", BatchJob())
 
 
+def test_the_results_of_a_file_with_a_long_name_have_a_shorter_one(folder):
+    names = [letter * 251 + ".csv" for letter in "ab"] + ["ö" * 125 + ".csv"]
+    for name in names:
+        np.savetxt(folder / "in" / name, profiles(2)[1], delimiter=",")
+    status = run_batch(tasks_of(folder), folder / "out")
+    assert len(status.done) == 6
+    assert not status.failed
+    outputs = [task.output.name for task in tasks_of(folder) if task.name in names]
+    assert [name[0] for name in sorted(outputs)] == ["a", "b", "ö"]
+    assert all(len(name.encode()) <= 255 for name in outputs)
+    assert all(map(status.is_done, tasks_of(folder)))
+
+
 def test_files_of_one_name_in_two_folders_have_results_of_their_own(folder, monkeypatch):
     """Also if they are named relative to the current folder."""
     np.savetxt(folder / "in" / "sub" / "a.csv", profiles(2)[1], delimiter=",")
