@@ -1,6 +1,6 @@
 """Options of the commands that extract a laser line from images."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
@@ -10,6 +10,7 @@ from lsvision.cli.image_sources import ImagingOptions
 from lsvision.errors import UnreadableFile
 
 if TYPE_CHECKING:
+    from lsvision.io.profiles import ReadOptions
     from lsvision.laser_line.settings import LineSettings
 
 LightSectionFile = Annotated[
@@ -110,6 +111,14 @@ def parse_imaging(
     rig = LightSection.load(light_section)
     laser_off_image = read_laser_off(laser_off, rig.camera.size)
     return ImagingOptions(light_section=rig, line=line, laser_off=laser_off_image, **other_options)
+
+
+def reject_reading_of_images(reading: "ReadOptions", are_images: Sequence[bool]) -> None:
+    """Raise an error for options for reading profiles if there are files, and all are images."""
+    if reading and are_images and all(are_images):
+        raise typer.BadParameter(
+            "expected profiles with options for reading them, such as --units, got images only"
+        )
 
 
 def _reject_image_options(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lsvision.cli.image_options import parse_imaging
+from lsvision.cli.image_options import parse_imaging, reject_reading_of_images
 from lsvision.cli.image_sources import JOB, holds_images, read_image_source
 from lsvision.cli.messages import FAILED, print_error, print_lines
 from lsvision.cli.option_groups import expand_option_groups
@@ -99,18 +99,18 @@ def inspect(
     job = Job.load(job_file)
     has_rig = job.rig.light_section is not None
     suffixes = MEASURED_SUFFIXES if has_rig else suffixes_of_profiles(reading.dx)
-    groups, missing = _group_files(files, suffixes)
+    groups, missing = _group_files(files, suffixes, is_scan=job.scan is not None)
     inputs = [job_file, *_files_of_rig(job, job_file.parent)]
     inputs += [source for _, sources in groups for source in sources]
     check_outputs((parquet, report), inputs, streams=(json_file, csv_file))
     _print_notes_on_job(job, job_file)
     now = datetime.datetime.now(datetime.UTC)
     run = _Run(job, job_file, options)
+    run.require_profiles(groups)
     for failure in missing:
-        print_error(str(failure))
+        run.fail("", failure)
     if golden:
-        passed = _check_golden(run, groups, golden_path(job, job_file), now)
-        raise typer.Exit(FAILED if missing else EXIT_CODES["OK" if passed else "NG"])
+        raise typer.Exit(_check_golden(run, groups, golden_path(job, job_file), now))
     log = read_records(golden_path(job, job_file)) if job.golden is not None else []
     to_stderr = STDOUT in (json_file, csv_file)
     inspected = list(
@@ -119,7 +119,7 @@ def inspect(
     _write_results(inspected, (json_file, csv_file, parquet))
     if report is not None and inspected:
         _write_report(report, inspected, run, (log, now))
-    _print_counts_and_exit(inspected, run.failures + len(missing), to_stderr=to_stderr)
+    _print_counts_and_exit(inspected, run.failures, to_stderr=to_stderr)
 
 
 def _files_of_rig(job: "Job", folder: Path) -> list[Path]:
@@ -164,6 +164,18 @@ class _Run:
         self.failures = 0
         rig = None if job.rig.light_section is None else self.folder / job.rig.light_section
         self.imaging = parse_imaging(rig, job.rig.laser)
+
+    def require_profiles(self, groups: Sequence[tuple[str, list[Path]]]) -> None:
+        """Raise an error for options for reading profiles if all files are images."""
+        sources = [source for _, group in groups for source in group]
+        are_images = [holds_images(source, self.imaging, self.reading) for source in sources]
+        reject_reading_of_images(self.reading, are_images)
+
+    def fail(self, name: str, error: Exception) -> None:
+        """Print the error of a file or scan, and count it."""
+        self.failures += 1
+        text = str(error)
+        print_error(text if text.startswith(name) else f"{name}: {text}")
 
     def measure(
         self, name: str, sources: Sequence[Path]
@@ -236,11 +248,12 @@ def _replace_options_by_keys(message: str) -> str:
 
 
 def _group_files(
-    names: Sequence[str], suffixes: frozenset[str]
+    names: Sequence[str], suffixes: frozenset[str], *, is_scan: bool
 ) -> tuple[list[tuple[str, list[Path]]], list[LsvisionError]]:
     """Return groups of files, each with the first of its names, and the errors.
 
-    The files of each folder are a group, and those of all other names, files and patterns.
+    Each file is a group; with `is_scan` the files of each folder are, and those of all other names,
+    files and patterns.
     """
     others = [name for name in names if not is_directory(name)]
     names_of_groups = [[name] for name in names if is_directory(name)]
@@ -253,6 +266,8 @@ def _group_files(
         failures += missing
         if sources:
             groups.append((group[0], sources))
+    if not is_scan:
+        groups = [(str(source), [source]) for _, sources in groups for source in sources]
     return groups, failures
 
 
@@ -263,8 +278,6 @@ def _inspect_all(
 
     `blocked` is the reason why nothing can be decided, from `find_blocking_reason`; empty if none.
     """
-    if run.job.scan is None:
-        groups = [(str(source), [source]) for _, sources in groups for source in sources]
     for name, sources in groups:
         try:
             for source, index, measurement in run.measure(name, sources):
@@ -272,9 +285,7 @@ def _inspect_all(
                 print_lines(_verdict_lines(judged), err=to_stderr)
                 yield judged
         except (LsvisionError, ValueError) as error:
-            run.failures += 1
-            text = str(error)
-            print_error(text if text.startswith(name) else f"{name}: {text}")
+            run.fail(name, error)
 
 
 def _judge_measurement(
@@ -311,23 +322,30 @@ def _check_golden(
     groups: Sequence[tuple[str, list[Path]]],
     path: Path,
     now: datetime.datetime,
-) -> bool:
+) -> int:
     """Check the golden part in every file, and log the checks in the file `path`.
 
-    Return whether it passed in all of them.
+    Return the exit code; a file that cannot be measured does not stop the others.
     """
     from lsvision.inspection.append_only import append_record
     from lsvision.inspection.golden import check_golden
 
+    if run.job.golden is None:
+        raise LsvisionError(f"{run.path}: the job names no golden part: add a [golden] table to it")
     passed = True
     for name, sources in groups:
-        for source, _, measurement in run.measure(name, sources):
+        try:
+            measured = list(run.measure(name, sources))
+        except (LsvisionError, ValueError) as error:
+            run.fail(name, error)
+            continue
+        for source, _, measurement in measured:
             record = check_golden(measurement.cylinders, run.job, printable_name(source), now)
             append_record(path, record)
             word = "passed" if record["passed"] else "failed"
             print_lines([f"{source}: golden part {word}: {record['reason']}; logged in {path}"])
             passed &= record["passed"]
-    return passed
+    return FAILED if run.failures else EXIT_CODES["OK" if passed else "NG"]
 
 
 def _write_results(

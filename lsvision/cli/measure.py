@@ -15,6 +15,7 @@ from lsvision.cli.image_options import (
     LightSectionFile,
     Method,
     parse_imaging,
+    reject_reading_of_images,
 )
 from lsvision.cli.image_sources import LiveCamera, is_video
 from lsvision.cli.measure_files import RunOptions, measure_sources
@@ -174,10 +175,7 @@ def _reject_options_without_files(sources: Sequence[Path | LiveCamera], part: Pa
     are_images = [is_image_source(source, part) for source in sources]
     if not any(are_images):
         raise typer.BadParameter("expected images with --light-section, got profiles only")
-    if part.reading and all(are_images):
-        raise typer.BadParameter(
-            "expected profiles with options for reading them, such as --units, got images only"
-        )
+    reject_reading_of_images(part.reading, are_images)
     if part.imaging.frames is not None and not any(
         isinstance(source, LiveCamera) or is_video(source) for source in sources
     ):

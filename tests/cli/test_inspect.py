@@ -140,6 +140,18 @@ def test_a_golden_part_that_is_missing_has_not_passed(run, job, profile, tmp_pat
     assert "expected --golden without output files" in with_output.stderr
 
 
+def test_a_golden_file_that_cannot_be_read_costs_no_other_check(run, job, profile, tmp_path):
+    path = job(INSIDE, "[golden]\nradius_mm = 19\ntolerance_mm = 1\nevery_hours = 8\n")
+    done = run("inspect", path, tmp_path / "missing.csv", profile, "--golden")
+    assert done.exit_code == 1
+    assert f"{tmp_path / 'missing.csv'}: no such file" in done.stderr
+    assert "part_0.csv: golden part passed" in done.stdout
+    assert len((tmp_path / "job.toml.golden.jsonl").read_text().splitlines()) == 1
+    done = run("inspect", job(INSIDE), profile, "--golden")
+    assert done.exit_code == 1
+    assert "the job names no golden part: add a [golden] table" in done.stderr
+
+
 def test_a_limit_that_a_profile_does_not_have_is_reported_with_the_file(run, job, profile):
     path = job("max = 21 }\nbow_mm = { max = 1")
     done = run("inspect", path, profile)
@@ -166,6 +178,9 @@ def test_images_are_judged_through_the_rig_of_the_job(run, tmp_path):
     assert done.exit_code == 0, done.output
     (verdict,) = json.loads((tmp_path / "v.json").read_text())["verdicts"]
     assert len(verdict["calibration"]["light_section"]["sha256"]) == 64
+    done = run("inspect", path, FIXTURES / "images" / "single.png", "--units", "um")
+    assert done.exit_code == 2
+    assert "expected profiles with options for reading them, such as --units" in done.stderr
 
 
 def test_a_report_of_another_kind_is_a_usage_error(run, job, profile, tmp_path):
