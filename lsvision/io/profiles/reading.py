@@ -287,8 +287,9 @@ def convert_to_section_frame(
     Raises
     ------
     UnreadableFile
-        If a plane is to be fitted and the points do not determine one.
+        If a plane is to be fitted and the points do not determine one, or an option has no effect.
     """
+    _require_used_options(reader, raw, settings)
     x_unit, height_unit, assumed = _resolve_units(raw, settings)
     away = raw.away if settings.flip is None else settings.flip
     x_scale, height_scale = mm_per_unit(x_unit), mm_per_unit(height_unit)
@@ -322,6 +323,21 @@ def convert_to_section_frame(
         ignored=raw.ignored,
         file_from_section=fitted.file_from_section if fitted else None,
     )
+
+
+def _require_used_options(reader: str, raw: RawProfiles, settings: ReadSettings) -> None:
+    """Raise UnreadableFile for an option of another kind of file, which would have no effect."""
+    has_counts = settings.x_start is not None or settings.x_pitch is not None
+    unused = {
+        "--dx is for heights without x": settings.dx is not None and not raw.x_in_mm,
+        "--x-start and --x-pitch are for raw counts of Keyence": (
+            has_counts and reader != "keyence-raw"
+        ),
+        "--topic is for ROS bags": settings.topic is not None and reader != "rosbag",
+    }
+    for statement, is_unused in unused.items():
+        if is_unused:
+            raise UnreadableFile(f"{statement}, got {reader}: leave it out")
 
 
 def _scale(sections: Sequence[FloatArray], factors: tuple[float, ...]) -> list[FloatArray]:

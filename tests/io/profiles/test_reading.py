@@ -40,6 +40,29 @@ def test_the_summary_says_what_is_assumed(write):
     assert file.summary == "text, mm (assumed), 2 profiles, 1 of 4 points lost"
 
 
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("p.json", '{"x": [0, 1, 2], "z": [400, 399, 400]}'),
+        ("p.yaml", "x: [0, 1, 2]\nz: [400, 399, 400]\n"),
+        ("p.csv", "x,z\n0,400\n1,399\n"),
+        ("p.npy", None),
+    ],
+)
+def test_options_of_another_kind_of_file_are_rejected(write, name, content):
+    path = write(content or "", name)
+    if content is None:
+        np.save(path, np.column_stack([np.arange(9.0), np.full((9, 2), [1.0, 400.0])])[:, [0, 2]])
+    for options, words in [
+        ({"dx": 0.5}, "--dx is for heights without x"),
+        ({"x_pitch": 5.0}, "--x-start and --x-pitch are for raw counts of Keyence"),
+        ({"topic": "/scan"}, "--topic is for ROS bags"),
+    ]:
+        with pytest.raises(UnreadableFile, match=words):
+            read_profile(path, **options)
+    assert len(read_profile(path)) >= 2
+
+
 def test_names_that_say_nothing_are_noted(write):
     file = inspect_profiles(write("u,v\n0,400\n9,399\n"))
     assert file.notes == ("u and v read as x and height",)
