@@ -1,5 +1,6 @@
 """Units of x and height from all statements in a file."""
 
+import re
 from collections.abc import Iterable
 from dataclasses import replace
 
@@ -36,16 +37,33 @@ def resolve_units(
     Raises
     ------
     UnreadableFile
-        If a unit is stated and not understood, or two are stated that differ.
+        If a unit is stated and not understood, or two are stated that differ, or ``z_in`` beside
+        ``z_out`` may be no inches.
     """
     if settings.count_unit is not None:  # of the height, whatever the file states on it
         x_unit = settings.units or _stated_unit(table, x, "x")
         return x_unit or "mm", settings.count_unit
     if settings.units is not None:
         return None, None
+    for column in (x, height):
+        _reject_in_beside_out(table, column)
     units = _stated_unit(table, x, "x"), _stated_unit(table, height, "height")
     require_known_unit(units, table.mentions, settings)
     return units
+
+
+def _reject_in_beside_out(table: NumberTable, column: int) -> None:
+    """Raise UnreadableFile if the unit "in" of a column is a direction: a column "out" has it."""
+    stated = table.units[column] if table.units else None
+    if stated is None or stated.text != "in":
+        return
+    name = table.names[column]
+    pair = [other for other in table.names if re.fullmatch(rf"{re.escape(name)}[ _-]?out", other)]
+    if pair:
+        raise UnreadableFile(
+            f"{name}_in beside {pair[0]}: this may be a direction or inches: state the unit, as "
+            "--units mm or --units in"
+        )
 
 
 def require_known_unit(

@@ -43,6 +43,22 @@ def test_the_summary_says_what_is_assumed(write):
 @pytest.mark.parametrize(
     ("name", "content"),
     [
+        ("p.csv", "x;z_in;z_out\n0;400;390\n1;399;391\n"),
+        ("p.json", '{"x": [0, 1, 2], "z_in": [400, 399, 400], "z_out": [390, 391, 390]}'),
+    ],
+)
+def test_in_beside_out_is_not_read_as_inches(write, name, content):
+    path = write(content, name)
+    with pytest.raises(UnreadableFile, match=r"z_in beside z_out: .*--units mm or --units in"):
+        read_profile(path)
+    assert abs(read_profile(path, units="mm").points[0, 1]) == 400.0
+    inches = write(content.replace("z_out", "width_in"), name)
+    assert abs(read_profile(inches).points[0, 1]) == pytest.approx(400 * 25.4)
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
         ("p.json", '{"x": [0, 1, 2], "z": [400, 399, 400]}'),
         ("p.yaml", "x: [0, 1, 2]\nz: [400, 399, 400]\n"),
         ("p.csv", "x,z\n0,400\n1,399\n"),
