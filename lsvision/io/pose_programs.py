@@ -1,4 +1,4 @@
-"""Positions in programs of KUKA (``E6POS``, ``FRAME``), FANUC (``.ls``), ABB and Mitsubishi."""
+"""Positions in programs of KUKA (``E6POS``, ``FRAME``), FANUC, ABB, Mitsubishi, Yaskawa and UR."""
 
 import re
 from pathlib import Path
@@ -34,6 +34,16 @@ _ABB_WORK_OBJECT = re.compile(r"\\WObj\s*:=\s*(\w+)", re.IGNORECASE)
 _MITSUBISHI = re.compile(
     rf"\(\s*({_numbers(6)})\s*(?:,[-+\s0-9.,]*)?\)\s*\(\s*[0-9]*\s*,\s*[-+]?[0-9]*\s*\)"
 )
+# Positions of a Yaskawa job (JBI): joint pulses, or x, y, z, Rx, Ry, Rz in the frame of POSTYPE.
+_YASKAWA = re.compile(r"^//POS\b", re.MULTILINE)
+_YASKAWA_POSITION = re.compile(rf"^C[0-9]+\s*=\s*({_numbers(6)})\s*$", re.MULTILINE)
+_YASKAWA_START = re.compile(r"^C[0-9]+\s*=", re.MULTILINE)
+# Motions of a UR script, such as movel(p[x, y, z, rx, ry, rz], v=0.1).
+_UR = re.compile(r"\bmove[jlpc]\s*\(")
+_UR_POSITION = re.compile(rf"\bmove[jlp]\s*\(\s*(?:pose\s*=\s*)?p\[\s*({_numbers(6)})\s*\]\s*[,)]")
+_UR_TOOL = re.compile(r"\bset_tcp\s*\(\s*([^)]*?)\s*\)")
+# A section of a Kawasaki program (AS), whose positions are sorted by name and not by motion.
+_KAWASAKI = re.compile(r"^\.(?:PROGRAM|TRANS|JOINTS)\b", re.MULTILINE)
 # Starts of positions, which must be complete: P1=( of Mitsubishi, robtarget p1:= of ABB.
 _MITSUBISHI_START = re.compile(r"\bP\w*\s*=\s*\(", re.IGNORECASE)
 _ABB_START = re.compile(r"\brobtarget\s+\w+(?:\{[0-9]+\})?\s*:=", re.IGNORECASE)
@@ -70,6 +80,8 @@ def read_program_rows(
         (_FANUC, "fanuc", _fanuc_rows),
         (_ABB, "abb", _abb_rows),
         (_MITSUBISHI, "mitsubishi", _mitsubishi_rows),
+        (_YASKAWA, "yaskawa", _yaskawa_rows),
+        (_UR, "ur", _ur_rows),
     ):
         if pattern.search(text):
             if pose_convention.name != maker:
@@ -82,6 +94,11 @@ def read_program_rows(
         raise UnreadableFile(
             f"{path}: joint angles (E6AXIS) instead of positions: write E6POS or FRAME of the "
             "flange"
+        )
+    if _KAWASAKI.search(text):
+        raise UnreadableFile(
+            f"{path}: a Kawasaki program, which is not read: write X Y Z O A T of its positions as "
+            "text, one line per pose in the order of the motion"
         )
     return None
 
@@ -153,6 +170,39 @@ def _mitsubishi_rows(path: Path, text: str, _: PoseConvention) -> list[list[floa
     text = "\n".join(line for line in lines if not _MITSUBISHI_SETTING.match(line))
     rows = [_split_numbers(numbers) for numbers in _MITSUBISHI.findall(text)]
     _require_all(path, len(rows), _MITSUBISHI_START.findall(text))
+    return rows
+
+
+def _yaskawa_rows(path: Path, text: str, _: PoseConvention) -> list[list[float]]:
+    """Return the positions C00000, C00001, ... of a Yaskawa job in the order of the file."""
+    if re.search(r"^///PULSE\b", text, re.MULTILINE):
+        raise UnreadableFile(
+            f"{path}: pulses of the joints instead of positions: save it as a relative job, with "
+            "///RECTAN"
+        )
+    for name, kind in (
+        ("POSTYPE", "in several frames"),
+        ("USER", "in several user frames"),
+        ("TOOL", "of several tools"),
+    ):
+        numbers = re.findall(rf"^///{name}\s+(\S+)", text, re.MULTILINE)
+        _require_one(path, kind, name, list(dict.fromkeys(numbers)))
+    rows = [_split_numbers(numbers) for numbers in _YASKAWA_POSITION.findall(text)]
+    _require_all(path, len(rows), _YASKAWA_START.findall(text))
+    return rows
+
+
+def _ur_rows(path: Path, text: str, _: PoseConvention) -> list[list[float]]:
+    """Return the poses p[...] that a UR script moves to, without its comments (from # on)."""
+    text = "\n".join(line.partition("#")[0] for line in text.split("\n"))
+    _require_one(path, "of several tools", "TCP", list(dict.fromkeys(_UR_TOOL.findall(text))))
+    rows = [_split_numbers(numbers) for numbers in _UR_POSITION.findall(text)]
+    motions = len(_UR.findall(text))
+    if motions > len(rows):
+        raise UnreadableFile(
+            f"{path}: {motions} motions in it, and {len(rows)} of them to a pose: write each as "
+            "movel(p[x, y, z, rx, ry, rz]), without joint angles, variables and arcs"
+        )
     return rows
 
 

@@ -87,7 +87,7 @@ def read_pose_rows(path: Path, pose_convention: PoseConvention, skip_columns: in
     return (
         _text_rows(path, text, pose_convention, skip_columns)
         if program is None
-        else PoseRows(program, "mm", "deg")  # as these makers write all programs
+        else PoseRows(program, pose_convention.length_unit, pose_convention.angle_unit)
     )
 
 

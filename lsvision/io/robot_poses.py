@@ -59,8 +59,9 @@ def read_robot_poses(
     semicolons (then with a decimal comma if the file has one), brackets ignored, ``#`` begins a
     comment, one header line, and a row of units below it, allowed; with a header that names all
     fields, columns are taken by name and units as stated, also in comments (``# angles in rad``).
-    Positions of KUKA (``E6POS``, ``FRAME``), FANUC (``.ls``), ABB (``robtarget``) and Mitsubishi
-    programs are read from their text. A folder or a pattern denotes files of one pose each.
+    Positions of KUKA (``E6POS``, ``FRAME``), FANUC (``.ls``), ABB (``robtarget``), Mitsubishi,
+    Yaskawa (``.jbi`` with ``RECTAN``) and UR (``movel(p[...])``) programs are read from their text.
+    A folder or a pattern denotes files of one pose each.
 
     Parameters
     ----------

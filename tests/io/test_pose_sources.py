@@ -267,6 +267,67 @@ def test_positions_of_a_mitsubishi_program(write, expected, form):
     assert_same(read_robot_poses(path, "mitsubishi"), expected("mitsubishi"))
 
 
+YASKAWA = """/JOB
+//NAME SCAN
+//POS
+///NPOS 2,0,0,0,0,0
+///TOOL 0
+///POSTYPE BASE
+///RECTAN
+///RCONF 1,0,0,0,0,0,0,0
+C00000={0}
+C00001={1}
+//INST
+///DATE 2026/11/28 02:00
+NOP
+MOVL C00000 V=100.0
+MOVL C00001 V=100.0
+END
+"""
+
+
+def test_positions_of_a_yaskawa_job(write, expected):
+    first, second = (",".join(f"{cell:.3f}" for cell in row) for row in ROWS)
+    text = YASKAWA.format(first, second)
+    path = write(text, "scan.jbi")
+    assert_same(read_robot_poses(path, "yaskawa"), expected("yaskawa"))
+    for other, message in [
+        (text.replace("///RECTAN", "///PULSE"), "pulses of the joints .* with ///RECTAN"),
+        (text.replace("C00001=", "///TOOL 1\nC00001=", 1), r"of several tools \(TOOL 0, 1\)"),
+        (text.replace(",175.000", "", 1).replace(",170.500", "", 1), "2 positions begin in it"),
+    ]:
+        with pytest.raises(UnreadableFile, match=message):
+            read_robot_poses(write(other, "other.jbi"), "yaskawa")
+    with pytest.raises(UnreadableFile, match="YASKAWA program, got 'kuka': use --convention yaska"):
+        read_robot_poses(path, "kuka")
+
+
+def test_poses_of_a_ur_script(write):
+    rows = [[0.6, 0.01, 0.4, 0.1, -2.0, 1.1], [0.61, -0.03, 0.38, 0.2, -1.9, 1.0]]
+    plain = write("\n".join(", ".join(map(str, row)) for row in rows), "plain.txt")
+    moves = [f"  movel(p{row}, a=1.2, v=0.25)" for row in rows]
+    head = ["def scan():", "  set_tcp(p[0, 0, 0.1, 0, 0, 0])", "  # movel(p[9, 9, 9, 0, 0, 0])"]
+    path = write("\n".join([*head, *moves, "end"]), "scan.script")
+    assert_same(read_robot_poses(path, "ur"), read_robot_poses(plain, "ur"))
+    with pytest.raises(UnreadableFile, match="UR program, got 'ros': use --convention ur"):
+        read_robot_poses(path, "ros")
+    for more in (
+        "movej([0, 1.57, -1.57, 0, 0, 0])",
+        "movel(home)",
+        f"movec(p{rows[0]}, p{rows[1]})",
+    ):
+        with pytest.raises(UnreadableFile, match="3 motions in it, and 2 of them to a pose: write"):
+            read_robot_poses(write("\n".join([*moves, more])), "ur")
+    with pytest.raises(UnreadableFile, match=r"of several tools \(TCP p.*\)"):
+        read_robot_poses(write("\n".join([*head, "set_tcp(p[0, 0, 0, 0, 0, 0])", *moves])), "ur")
+
+
+def test_a_kawasaki_program_is_named_with_a_remedy(write):
+    text = ".PROGRAM scan()\n  LMOVE p1\n.END\n.TRANS\np1 600 10.5 400 10 20 30\n.END\n"
+    with pytest.raises(UnreadableFile, match=r"a Kawasaki program.*: write X Y Z O A T of its pos"):
+        read_robot_poses(write(text, "scan.as"), "kawasaki")
+
+
 UNITS_OF_ANGLES = [
     "# angles in rad",
     "# position in mm, orientation in radians",
