@@ -93,7 +93,7 @@ def check_job(
         record_revision,
     )
     from lsvision.inspection.job import Job
-    from lsvision.inspection.unused_keys import describe_unused_keys
+    from lsvision.inspection.unused_keys import describe_rejected_keys, describe_unused_keys
 
     try:
         checked = Job.load(path)
@@ -113,8 +113,8 @@ def check_job(
         lines.append(f"  revision {checked.revision} {state} {history_path(path).name}")
     elif note := describe_unrecorded_change(checked, path):
         lines.append(f"  note: {note}")
-    if unused := describe_unused_keys(checked):
-        lines.append(f"  note: {unused}")
+    notes = (describe_unused_keys(checked), describe_rejected_keys(checked))
+    lines += [f"  note: {text}" for text in notes if text]
     print_lines(lines)
 
 

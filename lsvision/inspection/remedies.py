@@ -118,6 +118,8 @@ def _plan_remedy(item: str, verdict: QuantityVerdict, section: CylinderSection, 
         f"{NUMBER_WORDS.get(sections, str(sections))} sections {SPACING_MM:g} mm apart would "
         f"decide: {name} ± {format_std(std)} {unit}"
     )
+    if key in ("theta_deg", "phi_deg"):  # no limits of a scan
+        text += " (direction_deg in a job with [scan])"
     return Remedy(item, key, sections, std, text)
 
 

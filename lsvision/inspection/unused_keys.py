@@ -1,8 +1,9 @@
-"""Tables and keys of a job that the commands of this version do not use."""
+"""Tables and keys of a job that no command of this version uses, or that ``inspect`` rejects."""
 
 from __future__ import annotations
 
 from lsvision.inspection.job import Job
+from lsvision.inspection.limits import SCAN_KEYS, SECTION_KEYS
 
 UNATTENDED_TABLES = ("source", "output")
 """Tables for unattended operation: where profiles come from, and where results go."""
@@ -55,6 +56,37 @@ def describe_unused_keys(job: Job) -> str | None:
     ]
     texts = [f"{', '.join(names)} ({reason})" for names, reason in unused if names]
     return f"not used: {'; '.join(texts)}" if texts else None
+
+
+def describe_rejected_keys(job: Job) -> str | None:
+    """Return a message on what a job states and ``lsvision inspect`` rejects; None if nothing.
+
+    Parameters
+    ----------
+    job : Job
+        Job, already validated.
+
+    Returns
+    -------
+    str or None
+        One line: the keys, each with the reason.
+    """
+    allowed = SCAN_KEYS if job.scan else SECTION_KEYS
+    other_kind = [
+        f"{key} of part {part.name!r}" for part in job.parts for key in part.limits
+        if key not in allowed
+    ]  # fmt: skip
+    key = "known_radius_mm" if job.scan else "z_mm"
+    other_kind += [
+        f"{key} of part {part.name!r}" for part in job.parts if getattr(part, key) is not None
+    ]
+    reason = "for profiles: leave it out, or remove [scan]" if job.scan else "for scans: add [scan]"
+    has_both = job.scan is not None and job.scan.feed is not None and job.rig.poses is not None
+    has_none = job.scan is not None and job.scan.feed is None and job.rig.poses is None
+    texts = [f"{', '.join(other_kind)} ({reason})"] if other_kind else []
+    texts += ["feed of [scan] beside poses of [rig] (leave one out)"] if has_both else []
+    texts += ["[scan] without feed and step_mm, or poses of [rig] (add them)"] if has_none else []
+    return f"rejected by inspect: {'; '.join(texts)}" if texts else None
 
 
 def _given_up(job: Job) -> list[str]:

@@ -279,6 +279,17 @@ def test_what_would_decide_is_what_a_scan_then_reaches(scan):
     assert reached.radius_std == pytest.approx(remedy.std, rel=0.5)
 
 
+def test_a_scan_for_phi_is_proposed_with_the_quantity_that_it_has(scan):
+    middle = measure_cylinders(scan[0][1])
+    (tube,) = middle.cylinders
+    limit = math.degrees(tube.phi + 1.2 * tube.phi_std)
+    text = f'name = "a"\n[[part]]\nname = "b"\norder = 1\nphi_deg = {{ max = {limit} }}\n'
+    planned = lsv.Job.from_text(text)
+    (remedy,) = plan_remedies(lsv.judge(middle, planned), middle, planned)
+    assert remedy.sections is not None
+    assert remedy.text.endswith("deg (direction_deg in a job with [scan])")
+
+
 @pytest.mark.parametrize(
     ("more", "words"),
     [

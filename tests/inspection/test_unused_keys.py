@@ -5,7 +5,7 @@ import pytest
 from lsvision.errors import InvalidJob
 from lsvision.inspection.job import Job
 from lsvision.inspection.job_tables import Measure, Rig
-from lsvision.inspection.unused_keys import describe_unused_keys
+from lsvision.inspection.unused_keys import describe_rejected_keys, describe_unused_keys
 
 PART = '[[part]]\nname = "tube"\norder = 1\nradius_mm = { max = 21 }\n'
 SCAN = "[scan]\nfeed = [0, 0, 1]\nstep_mm = 1\n"
@@ -48,6 +48,32 @@ def test_a_table_or_key_that_nothing_uses_is_named_with_the_reason(tables, words
 )
 def test_a_job_whose_keys_are_all_used_gives_no_note(tables):
     assert note_on(tables) is None
+
+
+@pytest.mark.parametrize(
+    ("tables", "part", "words"),
+    [
+        ("", "bow_mm = { max = 1 }", "bow_mm of part 'tube' (for scans: add [scan])"),
+        ("", "x_mm = [0, 1]\nz_mm = [0, 1]", "z_mm of part 'tube' (for scans: add [scan])"),
+        (SCAN, "phi_deg = { max = 1 }", "phi_deg of part 'tube' (for profiles: leave it out"),
+        (SCAN, "known_radius_mm = 19", "known_radius_mm of part 'tube' (for profiles"),
+        (f"{SCAN}[rig]\n{POSES}", "", "feed of [scan] beside poses of [rig] (leave one out)"),
+        ("[scan]\n", "", "[scan] without feed and step_mm, or poses of [rig] (add them)"),
+    ],
+)
+def test_what_a_run_rejects_is_named_before(tables, part, words):
+    text = f'name = "tube"\n{tables}{PART}{part}\n'
+    note = describe_rejected_keys(
+        Job.from_text(text.replace("order = 1\n", "") if "x_mm" in part else text)
+    )
+    assert note is not None
+    assert note.startswith("rejected by inspect: ")
+    assert words in note
+
+
+@pytest.mark.parametrize("tables", ["", SCAN, f"[scan]\n[rig]\n{POSES}"])
+def test_a_job_that_a_run_takes_gives_no_note_on_rejections(tables):
+    assert describe_rejected_keys(Job.from_text(f'name = "tube"\n{tables}{PART}')) is None
 
 
 def test_a_direction_for_flush_is_of_a_scan():
