@@ -2,6 +2,9 @@
 
 import json
 import math
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -42,6 +45,17 @@ def test_the_recipe_makes_every_file_bit_for_bit(rebuilt):
     assert len(made) == 7 * 2 + 3 * 21
     for name, content in made.items():
         assert (FIXTURES / name).read_bytes() == content, name
+
+
+@pytest.mark.parametrize("script", ["fixtures", "fixtures/images", "calibration/example"])
+def test_the_help_of_a_recipe_makes_no_folder(script, tmp_path):
+    done = subprocess.run(
+        [sys.executable, FIXTURES.parent / script / "make.py", "--help"],
+        cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(FIXTURES.parent)}, capture_output=True,
+        check=True, text=True,
+    )  # fmt: skip
+    assert "usage: make.py" in done.stdout
+    assert not [*tmp_path.iterdir()]
 
 
 def test_there_are_seven_sections_and_three_scans():

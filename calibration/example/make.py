@@ -11,9 +11,9 @@ The images are rendered here pixel by pixel, with OpenCV's picture of the board 
 simulator's camera; no code of the calibration is used.
 """
 
+import argparse
 import json
 import math
-import sys
 from functools import cache
 from pathlib import Path
 
@@ -221,4 +221,6 @@ def main(folder: Path = HERE) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else HERE)
+    parser = argparse.ArgumentParser(description="Make every file of this folder again.")
+    parser.add_argument("folder", nargs="?", type=Path, default=HERE)
+    main(parser.parse_args().folder)
