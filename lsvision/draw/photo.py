@@ -21,10 +21,11 @@ def show_photo(axes: "Axes", image: npt.ArrayLike) -> None:
         Axes to draw into; x and y get the same scale. Units: px.
     image : (height, width) or (height, width, 3) array_like
         Image, channels in the order blue, green, red. 8 bit is shown as it is; deeper images are
-        scaled, because cameras of 10 and 12 bit use the lower bits.
+        scaled, because cameras of 10 and 12 bit use the lower bits; NaN is shown black.
     """
     array = np.asarray(image)
     if array.dtype != np.uint8:
+        array = np.nan_to_num(array.astype(np.float64), posinf=0.0, neginf=0.0)
         white = float(np.percentile(array, WHITE_PERCENTILE))
         white = white if white > 0 else 1.0  # a black image
         array = (np.clip(array / white, 0, 1) * 255).astype(np.uint8)

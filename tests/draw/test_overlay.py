@@ -6,8 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.colors import same_color
+from matplotlib.figure import Figure
 
 from lsvision.draw import draw_laser_line, draw_overlay, figure_bytes
+from lsvision.draw.photo import show_photo
 from lsvision.io.images import read_image
 from lsvision.laser_line.extraction import LineSettings, extract_laser_line
 from lsvision.measure import Measurement, measure_cylinders
@@ -26,6 +28,19 @@ def pair():
     image, rig = read_image(IMAGES / "pair.png"), LightSection.load(IMAGES / "rig.json")
     profile = rig.profile(image)
     return image, rig, profile, measure_cylinders(profile)
+
+
+@pytest.mark.filterwarnings("error")
+def test_images_of_true_and_false_and_with_lost_pixels_are_shown():
+    mask = np.zeros((4, 6), bool)
+    mask[1] = True
+    lost = np.where(mask, np.nan, 7.0)
+    lost[0, 0] = np.inf
+    for image, bright in ((mask, mask), (lost, np.isfinite(lost)), (np.full((4, 6), np.nan), None)):
+        ax = Figure().add_subplot()
+        show_photo(ax, image)
+        shown = np.asarray(ax.images[0].get_array())
+        np.testing.assert_array_equal(shown, 0 if bright is None else np.where(bright, 255, 0))
 
 
 @pytest.fixture(scope="module")
