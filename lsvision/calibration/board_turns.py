@@ -133,7 +133,13 @@ def turn_boards(
     ------
     CalibrationFailed
         If the poses do not determine the numbering of a view.
+    ValueError
+        If there are not as many boards as flanges.
     """
+    if len(camera_from_boards) != len(flanges):
+        raise ValueError(
+            f"expected as many boards as flanges, got {len(camera_from_boards)} and {len(flanges)}"
+        )
     if len(flanges) < 2:
         return TurnedBoards(tuple(camera_from_boards), np.tile(np.eye(6), (len(flanges), 1, 1)), ())
     group = [Pose(), *turns]

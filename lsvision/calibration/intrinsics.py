@@ -81,8 +81,9 @@ class CameraSettings:
     bent_board: bool = True
 
     def __post_init__(self) -> None:
-        if self.radial_terms not in (0, 1, 2, 3):
-            raise ValueError(f"expected 0 to 3 radial_terms, got {self.radial_terms}")
+        terms = self.radial_terms
+        if not (isinstance(terms, int | np.integer) and 0 <= terms <= 3):
+            raise ValueError(f"expected 0 to 3 radial_terms, a whole number, got {terms}")
 
     @property
     def flags(self) -> int:

@@ -85,8 +85,12 @@ class LineOnBoardSettings:
     min_points: int = 15
 
     def __post_init__(self) -> None:
-        if not min(self.min_points, self.max_points) >= MIN_POINTS:
-            raise ValueError(f"expected min_points and max_points from {MIN_POINTS}, got {self}")
+        counts = (self.min_points, self.max_points)
+        if not all(isinstance(n, int | np.integer) and n >= MIN_POINTS for n in counts):
+            raise ValueError(f"expected whole min_points, max_points from {MIN_POINTS}, got {self}")
+        for name, value in vars(self).items():
+            if name != "extraction" and not 0 <= value < math.inf:
+                raise ValueError(f"expected a finite {name} >= 0, got {value}")
 
 
 def find_laser_views(

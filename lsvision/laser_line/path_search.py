@@ -47,8 +47,8 @@ class PathSettings:
     Raises
     ------
     ValueError
-        If a number is negative or not finite, or `candidates`, `max_score_ratio` or
-        `empty_column_cost` is zero.
+        If a number is negative or not finite, that of an int is not whole, or `candidates`,
+        `max_score_ratio` or `empty_column_cost` is zero.
     """
 
     candidates: int = 12
@@ -64,6 +64,9 @@ class PathSettings:
             value = getattr(self, field.name)
             if not 0 <= value < math.inf:
                 raise ValueError(f"expected {field.name} >= 0, got {value}")
+        for name in ("candidates", "max_row_step", "max_missing_columns"):
+            if not isinstance(getattr(self, name), int | np.integer):
+                raise ValueError(f"expected a whole number of {name}, got {getattr(self, name)}")
         for name in ("candidates", "max_score_ratio", "empty_column_cost"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"expected a positive {name}, got {getattr(self, name)}")

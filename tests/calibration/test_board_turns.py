@@ -74,6 +74,12 @@ def test_the_calibration_is_that_of_boards_numbered_from_one_end():
     assert "all views are numbered from the same end" in numbered.warning
 
 
+def test_each_board_has_a_flange():
+    boards, flanges = board_scene(50, 4)
+    with pytest.raises(ValueError, match="as many boards as flanges, got 3 and 4"):
+        turn_boards(boards[:3], flanges, pattern_turns(AMBIGUOUS))
+
+
 def test_a_board_on_the_flange_is_turned_too():
     boards, flanges = board_scene(51, 10)
     views, _ = turned(boards, AMBIGUOUS, np.random.default_rng(2))

@@ -289,6 +289,10 @@ def test_a_stated_robot_must_be_positive_and_finite(robot_std):
         lambda: OutlierSettings(max_outlier_fraction=1.5),
         lambda: SphereArcSettings(min_points=3),
         lambda: LineOnBoardSettings(max_points=0),
+        lambda: LineOnBoardSettings(min_points=15.5),
+        lambda: LineOnBoardSettings(margin=np.nan),
+        lambda: LineOnBoardSettings(edge_clearance=-1.0),
+        lambda: LineOnBoardSettings(max_line_deviation_px=np.inf),
         lambda: CaptureSettings(still_px=np.nan),
     ],
 )

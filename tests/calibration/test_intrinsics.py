@@ -144,8 +144,9 @@ def test_disabled_parameters_stay_fixed():
     assert held.camera.distortion[1:].tolist() == [0, 0, 0, 0]
     assert held.camera.matrix[0, 0] == held.camera.matrix[1, 1]
     assert held.std["fx"] == held.std["fy"] > 0
-    with pytest.raises(ValueError, match="0 to 3 radial_terms, got 4"):
-        CameraSettings(radial_terms=4)
+    for terms in (4, 2.0):
+        with pytest.raises(ValueError, match=f"0 to 3 radial_terms, a whole number, got {terms}"):
+            CameraSettings(radial_terms=terms)
 
 
 def test_good_set_gives_no_warning():

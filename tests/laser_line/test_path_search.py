@@ -97,6 +97,12 @@ INVALID = {
 }
 
 
+@pytest.mark.parametrize("name", ["candidates", "max_row_step", "max_missing_columns"])
+def test_a_number_of_columns_is_whole(name):
+    with pytest.raises(ValueError, match=f"expected a whole number of {name}, got 1.5"):
+        PathSettings(**{name: 1.5})
+
+
 @pytest.mark.parametrize("arguments", INVALID.values(), ids=INVALID)
 def test_costs_out_of_range_are_rejected(arguments):
     """A negative cost makes the path arbitrary."""
