@@ -26,9 +26,9 @@ def axis_cells(fit: "CylinderFit") -> tuple[str, ...]:
     point_decimals = decimals_for(fit.position_std)
     return (
         format_value(fit.radius, fit.radius_std),
-        " ".join(f"{component:+.{direction_decimals}f}" for component in fit.direction),
+        " ".join(f"{component:+z.{direction_decimals}f}" for component in fit.direction),
         format_std(math.degrees(fit.direction_std)),
-        " ".join(f"{coordinate:.{point_decimals}f}" for coordinate in fit.point),
+        " ".join(f"{coordinate:z.{point_decimals}f}" for coordinate in fit.point),
         format_std(fit.position_std),
     )
 

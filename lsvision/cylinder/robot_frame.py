@@ -178,11 +178,11 @@ def placed_cells(cylinder: PlacedCylinder) -> tuple[str, ...]:
     direction_decimals = decimals_for(cylinder.direction_std)
     return (
         " ".join(
-            f"{coordinate:.{decimals_for(std)}f}"
+            f"{coordinate:z.{decimals_for(std)}f}"
             for coordinate, std in zip(cylinder.point, stds, strict=True)
         ),
         " ".join(format_std(std) for std in stds),
-        " ".join(f"{component:+.{direction_decimals}f}" for component in cylinder.direction),
+        " ".join(f"{component:+z.{direction_decimals}f}" for component in cylinder.direction),
         format_std(math.degrees(cylinder.direction_std)),
     )
 

@@ -90,7 +90,7 @@ def _value_lines(cylinder: CylinderSection) -> list[str]:
         f"r = {radius.text} mm",
         f"θ = {theta.text}°" if theta.determined else f"θ {theta.text}",
         f"φ = {phi.text}°",
-        f"centre ({x:.2f}, {y:.2f}) mm, {len(cylinder.indices)} points",
+        f"centre ({x:z.2f}, {y:z.2f}) mm, {len(cylinder.indices)} points",
     ]
 
 

@@ -199,8 +199,8 @@ def _draw_panel(figure: "Figure", scan: ScanMeasurement) -> None:
 
 def _value_lines(tube: ScannedCylinder) -> list[str]:
     """Return the values of a cylinder as lines of text, the most important first."""
-    direction = ", ".join(f"{value:+.4f}" for value in tube.direction)
-    point = ", ".join(f"{value:.2f}" for value in tube.point)
+    direction = ", ".join(f"{value:+z.4f}" for value in tube.direction)
+    point = ", ".join(f"{value:z.2f}" for value in tube.point)
     sections = counted(len(tube.sections), "section")
     lines = [
         f"radius {format_value(tube.radius, tube.radius_std)} mm",

@@ -237,8 +237,8 @@ class Relation(Result):
         x, y, z = seam.direction
         where = "nearest approach" if seam.crossing else "middle of the common length"
         return [
-            f"seam ({point}) ± {format_std(seam.point_std)} mm, direction ({x:+.4f} {y:+.4f} "
-            f"{z:+.4f}) ± {format_std(math.degrees(seam.direction_std))} deg, at the {where}"
+            f"seam ({point}) ± {format_std(seam.point_std)} mm, direction ({x:+z.4f} {y:+z.4f} "
+            f"{z:+z.4f}) ± {format_std(math.degrees(seam.direction_std))} deg, at the {where}"
         ]
 
 
@@ -251,4 +251,4 @@ def format_point(point: FloatArray) -> str:
     >>> format_point(np.array([1.0, 2.5, -3.0]))
     '1.000 2.500 -3.000'
     """
-    return " ".join(f"{coordinate:.3f}" for coordinate in point)
+    return " ".join(f"{coordinate:z.3f}" for coordinate in point)

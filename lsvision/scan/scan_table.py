@@ -32,7 +32,7 @@ def twin_note(twin: Cylinder) -> str:
     """Return a line with the other possible direction of a cylinder of one section only."""
     x, y, z = twin.direction
     return (
-        f"one section alone: its twin ({x:+.4f} {y:+.4f} {z:+.4f}) fits equally well; a second "
+        f"one section alone: its twin ({x:+z.4f} {y:+z.4f} {z:+z.4f}) fits equally well; a second "
         "section decides"
     )
 

@@ -2,10 +2,12 @@
 
 import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from lsvision.cylinder.axis_table import axis_cells
 from lsvision.cylinder.fit import CylinderFittingSettings, fit_cylinder
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import DegenerateGeometry, FitFailed, TooFewPoints
@@ -306,3 +308,13 @@ def test_a_known_radius_weighs_as_its_std_says_also_without_covariances(rng, std
     given, estimated = (fit_cylinder(points, c, known_radius=known) for c in (covariances, None))
     assert estimated.radius == pytest.approx(given.radius, abs=0.3 * given.radius_std)
     assert estimated.radius_std == pytest.approx(given.radius_std, rel=0.3)
+
+
+def test_a_coordinate_that_is_rounded_to_zero_has_no_minus() -> None:
+    fit = SimpleNamespace(
+        radius=19.0, radius_std=0.1, direction=(-1e-9, 0.0, 1.0), direction_std=0.01,
+        point=(-0.01, -400.0, -0.2), position_std=12.0,
+    )  # fmt: skip
+    cells = axis_cells(fit)
+    assert cells[1] == "+0.000 +0.000 +1.000"
+    assert cells[3] == "0 -400 0"
