@@ -20,6 +20,8 @@ MAX_RANGE_MM = 1e12
 RANGE_STDS_MM, REFERENCE_RANGES_MM = (1e-9, 1e3), (1e-3, 1e6)
 """Accepted noise and reference range, far beyond those of any sensor: with them no covariance is
 zero or overflows. Units: mm."""
+MAX_STD_MM = 1e8
+"""Largest standard deviation of a point, far beyond any distance. Units: mm."""
 LATERAL_STD_RATIO = 0.05
 """Standard deviation perpendicular to the ray over that along it. The beam has a width, and without
 a perpendicular error the weight of a point at a grazing flank would be infinite."""
@@ -111,7 +113,7 @@ class ProfileSensor:
         ranges = np.maximum(
             np.hypot(rays[:, 0], rays[:, 1]), MIN_RANGE_FRACTION * self.reference_range
         )
-        std = self.range_std * (ranges / self.reference_range) ** 2
+        std = np.minimum(self.range_std * (ranges / self.reference_range) ** 2, MAX_STD_MM)
         axial_std = rays * (std / ranges)[:, None]
         lateral_variance = (LATERAL_STD_RATIO * std) ** 2 + self.quantum**2 / 12
         covariances: FloatArray = axial_std[:, :, None] * axial_std[:, None, :]

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from lsvision import LPS36, LPS36HI, ProfileSensor
+from lsvision.profile import PointNoise
 from lsvision.sensors.profile_sensor import LATERAL_STD_RATIO
 from tests.tolerances import ROUNDING
 
@@ -61,6 +62,11 @@ def test_lost_points_have_no_covariance_and_the_origin_a_finite_one():
     covariances = SENSOR.covariances(np.array([[math.nan, math.nan], [0.0, 0.0]]))
     assert np.isnan(covariances[0]).all()
     assert np.isfinite(covariances[1]).all()
+
+
+def test_covariances_of_the_farthest_points_are_those_that_a_fit_takes():
+    for sensor in (SENSOR, ProfileSensor(range_std=1000.0, reference_range=1e-3)):
+        PointNoise(sensor.covariances(np.array([[1e9, -1e9], [0.0, -400.0]])))
 
 
 def test_no_points_have_no_covariances():
