@@ -18,6 +18,7 @@ from lsvision.cli.sources import (
     MEASURED_SUFFIXES,
     find_sources,
     read_sources,
+    require_points_of_scan,
     suffixes_of_profiles,
 )
 from lsvision.errors import LsvisionError
@@ -167,15 +168,14 @@ class _Run:
 
     def require_profiles(self, groups: Sequence[tuple[str, list[Path]]]) -> None:
         """Raise an error for options for reading profiles if all files are images."""
-        sources = [source for _, group in groups for source in group]
+        sources = (source for _, group in groups for source in group)
         are_images = [holds_images(source, self.imaging, self.reading) for source in sources]
         reject_reading_of_images(self.reading, are_images)
 
     def fail(self, name: str, error: Exception) -> None:
         """Print the error of a file or scan, and count it."""
         self.failures += 1
-        text = str(error)
-        print_error(text if text.startswith(name) else f"{name}: {text}")
+        print_error(str(error) if str(error).startswith(name) else f"{name}: {error}")
 
     def measure(
         self, name: str, sources: Sequence[Path]
@@ -189,7 +189,7 @@ class _Run:
         files = [
             read_image_source(source, self.imaging, JOB)
             if holds_images(source, self.imaging, self.reading)
-            else read_sources([source], self.reading)[0]
+            else read_sources([source], self.reading, may_be_lost=self.job.scan is not None)[0]
             for source in sources
         ]
         if self.job.scan is None:
@@ -199,6 +199,7 @@ class _Run:
                     yield str(file.path), index, measurement
             return
         profiles = [profile for file in files for profile in file.profiles]
+        require_points_of_scan(profiles, sources)
         poses, calibration = self._poses(len(profiles))
         yield name, 0, measure_scan_of_job(profiles, poses, self.job, calibration)
 

@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,7 @@ from lsvision.io.file_names import PROFILE_SUFFIXES, find_files
 if TYPE_CHECKING:
     from lsvision.io.profiles import ProfileFile, ReadOptions
     from lsvision.io.profiles.streaming import ProfilePart
+    from lsvision.profile import Profile
 
 IMAGE_SUFFIXES = frozenset((".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".webp"))
 """Suffixes of images in a folder."""
@@ -110,11 +111,11 @@ def iterate_source(source: Path, options: "ReadOptions") -> "Iterator[ProfilePar
 
 
 def read_sources(
-    sources: Sequence[Path],
-    options: "ReadOptions",
-    read: "Callable[[Path, ReadOptions], ProfileFile]" = read_source,
+    sources: Sequence[Path], options: "ReadOptions", *, may_be_lost: bool = False
 ) -> "list[ProfileFile]":
     """Return the profiles of each file; the assumptions made are printed on stderr, each once.
+
+    With `may_be_lost` a file whose points are all lost has profiles without points, and a note.
 
     Raises
     ------
@@ -123,6 +124,7 @@ def read_sources(
     """
     from lsvision.batch.measure_file import list_notes
 
+    read = _read_file_of_scan if may_be_lost else read_source
     files = [read(source, options) for source in sources]
     paths_by_note: dict[str, list[Path]] = {}
     for file in files:
@@ -142,17 +144,21 @@ def read_sections(sources: Sequence[Path], options: "ReadOptions") -> "list[Prof
     UnreadableFile
         If a file cannot be read, or all points of all files are lost.
     """
-    files = read_sources(sources, options, _read_sections)
-    if all(profile.lost == len(profile) for file in files for profile in file.profiles):
-        count = sum(len(file.profiles) for file in files)
-        raise UnreadableFile(
-            f"{sources[0]}: all points of all sections ({count}) are lost: check exposure and "
-            "range, or --columns"
-        )
+    files = read_sources(sources, options, may_be_lost=True)
+    require_points_of_scan([profile for file in files for profile in file.profiles], sources)
     return files
 
 
-def _read_sections(source: Path, options: "ReadOptions") -> "ProfileFile":
+def require_points_of_scan(profiles: "Sequence[Profile]", sources: Sequence[Path]) -> None:
+    """Raise UnreadableFile if all points of all sections of a scan are lost."""
+    if all(profile.lost == len(profile) for profile in profiles):
+        raise UnreadableFile(
+            f"{sources[0]}: all points of all sections ({len(profiles)}) are lost: check exposure "
+            "and range, or --columns"
+        )
+
+
+def _read_file_of_scan(source: Path, options: "ReadOptions") -> "ProfileFile":
     """Return the profiles of a file, without points if they are all lost; see `read_source`."""
     from lsvision.io.profiles.lost_points import AllPointsLost
     from lsvision.io.profiles.reading import ProfileFile

@@ -140,6 +140,21 @@ def test_a_golden_part_that_is_missing_has_not_passed(run, job, profile, tmp_pat
     assert "expected --golden without output files" in with_output.stderr
 
 
+def test_a_lost_section_of_a_scan_does_not_cost_the_scan(run, tmp_path):
+    folder, lost = tmp_path / "scan", tmp_path / "lost"
+    shutil.copytree(FIXTURES / "scan_welded_pair", folder)
+    lost.mkdir()
+    for path in (folder / "section_07.csv", lost / "section_00.csv"):
+        path.write_text("x,z\n1,nan\n2,nan\n3,nan\n")
+    job = FIXTURES / "jobs" / "scan_welded_pair.toml"
+    done = run("inspect", job, folder)
+    assert done.exit_code == 3, done.output  # as with all sections
+    assert "section_07.csv: note: all points are lost: a section without points" in done.stderr
+    none = run("inspect", job, lost)
+    assert none.exit_code == 1
+    assert "all points of all sections (1) are lost" in none.stderr
+
+
 def test_a_golden_file_that_cannot_be_read_costs_no_other_check(run, job, profile, tmp_path):
     path = job(INSIDE, "[golden]\nradius_mm = 19\ntolerance_mm = 1\nevery_hours = 8\n")
     done = run("inspect", path, tmp_path / "missing.csv", profile, "--golden")
