@@ -205,9 +205,10 @@ def _parse_robot_std(text: str | None) -> tuple[float, float] | None:
         position, rotation = (float(part) for part in text.split(":"))
     except ValueError:
         position = rotation = 0.0
-    if not (0 < position < math.inf and 0 < rotation < math.inf):
+    if not (1e-9 <= position <= 1000 and 1e-7 <= rotation <= 57):
         raise typer.BadParameter(
-            f"expected --robot-std MM:DEG above 0, such as 0.05:0.01, got {text!r}"
+            "expected --robot-std MM:DEG above 0, such as 0.05:0.01, from 1e-9 to 1000 mm and 1e-7 "
+            f"to 57 deg, got {text!r}"
         )
     return position, math.radians(rotation)
 

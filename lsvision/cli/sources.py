@@ -169,7 +169,7 @@ def _read_file_of_scan(source: Path, options: "ReadOptions") -> "ProfileFile":
     except AllPointsLost as error:
         return ProfileFile(
             path=source, profiles=(Profile([[math.nan, math.nan]]),) * error.sections,
-            reader=options.get("format") or "text", units="mm", units_assumed=True, flipped=False,
+            reader=options.get("format") or "text", units="mm", units_assumed=False, flipped=False,
             positions=None, notes=("all points are lost: a section without points",),
         )  # fmt: skip
 

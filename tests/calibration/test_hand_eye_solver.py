@@ -274,7 +274,9 @@ def test_a_limit_must_be_positive(limit):
         HandEyeSettings(max_residual_rms=limit)
 
 
-@pytest.mark.parametrize("robot_std", [(0.05, 0.0), (-0.05, 1e-4), (np.nan, 1e-4), (np.inf, 1e-4)])
+@pytest.mark.parametrize(
+    "robot_std", [(0.05, 0.0), (-0.05, 1e-4), (np.nan, 1e-4), (1e200, 1e-4), (0.1, 2.0)]
+)
 def test_a_stated_robot_must_be_positive_and_finite(robot_std):
     with pytest.raises(ValueError, match=r"robot_std .* above 0 and finite"):
         HandEyeSettings(robot_std=robot_std)
