@@ -64,9 +64,9 @@ class HandEyeSettings(ShowsChanges):
     def __post_init__(self) -> None:
         if self.robot_std is not None:
             position, rotation = self.robot_std
-            if not (1e-9 <= position <= 1e3 and 1e-9 <= rotation <= 1):
+            if not (1e-6 <= position <= 1e3 and 1e-9 <= rotation <= 1):
                 raise ValueError(
-                    "expected a robot_std (mm, rad) above 0 and finite, from 1e-9 to 1000 mm and "
+                    "expected a robot_std (mm, rad) above 0 and finite, from 1e-6 to 1000 mm and "
                     f"1e-9 to 1 rad, got {self.robot_std}"
                 )
         if self.max_residual_rms is not None and not self.max_residual_rms > 0:

@@ -205,9 +205,9 @@ def _parse_robot_std(text: str | None) -> tuple[float, float] | None:
         position, rotation = (float(part) for part in text.split(":"))
     except ValueError:
         position = rotation = 0.0
-    if not (1e-9 <= position <= 1000 and 1e-7 <= rotation <= 57):
+    if not (1e-6 <= position <= 1000 and 1e-7 <= rotation <= 57):
         raise typer.BadParameter(
-            "expected --robot-std MM:DEG above 0, such as 0.05:0.01, from 1e-9 to 1000 mm and 1e-7 "
+            "expected --robot-std MM:DEG above 0, such as 0.05:0.01, from 1e-6 to 1000 mm and 1e-7 "
             f"to 57 deg, got {text!r}"
         )
     return position, math.radians(rotation)

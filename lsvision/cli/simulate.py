@@ -77,9 +77,9 @@ def simulate(
 
     if kind not in SCENE_KINDS:
         raise typer.BadParameter(f"expected one of {', '.join(SCENE_KINDS)}, got {kind!r}")
-    if noise_mm is not None and not 1e-9 <= noise_mm <= 1000:
+    if noise_mm is not None and not 1e-6 <= noise_mm <= 1000:
         raise typer.BadParameter(
-            f"expected --noise-mm above 0, from 1e-9 to 1000, got {noise_mm:g}"
+            f"expected --noise-mm above 0, from 1e-6 to 1000, got {noise_mm:g}"
         )
     tubes = _tube_ranges(radius, theta_deg, phi_deg)
     settings = SectionSettings(lost_fraction=lost, jump_fraction=jumps)

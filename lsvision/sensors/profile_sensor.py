@@ -17,11 +17,11 @@ MIN_RANGE_FRACTION = 1e-3
 no covariance is zero."""
 MAX_RANGE_MM = 1e12
 """Largest coordinate relative to the origin, against overflow at invalid points. Units: mm."""
-RANGE_STDS_MM, REFERENCE_RANGES_MM = (1e-9, 1e3), (1e-3, 1e6)
-"""Accepted noise and reference range, far beyond those of any sensor: with them no covariance is
-zero or overflows. Units: mm."""
-MAX_STD_MM = 1e8
-"""Largest standard deviation of a point, far beyond any distance. Units: mm."""
+RANGE_STDS_MM, REFERENCE_RANGES_MM = (1e-6, 1e3), (1e-3, 1e6)
+"""Accepted noise and reference range, with room beyond those of all sensors. Units: mm."""
+MAX_STD_MM, MIN_VARIANCE_MM2 = 1e8, 1e-17
+"""Largest standard deviation along a ray (mm), and smallest variance perpendicular to it (mm^2),
+far from those that occur: with them every fit takes the covariances."""
 LATERAL_STD_RATIO = 0.05
 """Standard deviation perpendicular to the ray over that along it. The beam has a width, and without
 a perpendicular error the weight of a point at a grazing flank would be infinite."""
@@ -36,7 +36,7 @@ class ProfileSensor:
     name : str
         Name of the sensor for messages.
     range_std : float
-        Standard deviation along the ray at `reference_range`, from 1e-9 to 1000. Units: mm.
+        Standard deviation along the ray at `reference_range`, from 1e-6 to 1000. Units: mm.
     reference_range : float
         Distance from the origin at which `range_std` is valid, from 0.001 to 1e6. Units: mm.
     origin : tuple of float
@@ -116,6 +116,7 @@ class ProfileSensor:
         std = np.minimum(self.range_std * (ranges / self.reference_range) ** 2, MAX_STD_MM)
         axial_std = rays * (std / ranges)[:, None]
         lateral_variance = (LATERAL_STD_RATIO * std) ** 2 + self.quantum**2 / 12
+        lateral_variance = np.maximum(lateral_variance, MIN_VARIANCE_MM2)
         covariances: FloatArray = axial_std[:, :, None] * axial_std[:, None, :]
         covariances[:, 0, 0] += lateral_variance
         covariances[:, 1, 1] += lateral_variance

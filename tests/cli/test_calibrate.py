@@ -341,7 +341,7 @@ def test_one_wrong_pose_is_left_out_by_the_name_of_its_profile(run, out, tmp_pat
     [
         (("--mounting", "on-the-wall"), "expected --mounting eye-in-hand or eye-to-hand"),
         (("--robot-std", "0.05"), "expected --robot-std MM:DEG above 0"),
-        (("--robot-std", "1e200:1"), "from 1e-9 to 1000 mm and 1e-7 to 57 deg, got '1e200:1'"),
+        (("--robot-std", "1e200:1"), "from 1e-6 to 1000 mm and 1e-7 to 57 deg, got '1e200:1'"),
         (("--radius", "-3"), "expected --radius above 0 mm"),
         (("--frames", "tool0"), "expected --frames ROBOT:SENSOR"),
         (("--frames", "flange:laser"), "expected --easy-handeye F.yaml with --frames, got none"),

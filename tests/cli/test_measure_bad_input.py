@@ -168,7 +168,7 @@ def test_a_million_points_are_measured(run, tmp_path):
         (["--sensor", "lps99"], "expected a sensor among lps36hi, lps36, got 'lps99'"),
         (["--sensor", "lps36", "--range-std", "0.1"], "expected --sensor or --range-std, got both"),
         (["--range-std", "0"], "expected a positive range_std in mm"),
-        (["--range-std", "1e-300"], "expected range_std from 1e-09 to 1000 mm, got 1e-300"),
+        (["--range-std", "1e-300"], "expected range_std from 1e-06 to 1000 mm, got 1e-300"),
         (["--surface-std", "1e200"], "expected at most 1000, got '1e200'"),
         (["--reference-range", "300"], "expected --range-std with --reference-range"),
         (

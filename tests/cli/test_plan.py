@@ -69,7 +69,7 @@ def test_theta_of_an_upright_pipe_is_not_determinable():
         (["--radius", "19", "--sections", "2049"], "equal to 2048"),
         (["--radius", "19", "--spacing", "2"], "2 or more, or a target, with --spacing, got"),
         (["--radius", "19", "--pose-std", "1", "--sections", "1"], "with --pose-std, got neither"),
-        (["--radius", "19", "--range-std", "1e200"], "range_std from 1e-09 to 1000 mm"),
+        (["--radius", "19", "--range-std", "1e200"], "range_std from 1e-06 to 1000 mm"),
         (
             ["--radius", "19", "--pose-std", "1e200", "--sections", "2", "--spacing", "1"],
             "expected pose_std >= 0 and at most 1000, got 1e+200",

@@ -107,7 +107,7 @@ def test_the_hash_is_that_of_the_content_not_of_the_layout():
         ('sensor = "lps36hi"', 'sensor = "lps36hi"\nrange_std_mm = 0.05',
          "line 4: measure: expected sensor or range_std_mm, got both: leave one out"),
         ('sensor = "lps36hi"', "range_std_mm = 1e-300",
-         "line 4: measure: expected range_std from 1e-09 to 1000 mm, got 1e-300"),
+         "line 4: measure: expected range_std from 1e-06 to 1000 mm, got 1e-300"),
         ("[10, 40]", "[40, 10]",
          "line 4: measure: radius_mm reversed: expected [min, max], got [40.0, 10.0]"),
         ("revision = 3", "revision = 3\nschema = 2",

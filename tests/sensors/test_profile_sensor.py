@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lsvision import LPS36, LPS36HI, ProfileSensor
-from lsvision.profile import PointNoise
+from lsvision.geometry.arrays import require_covariances
 from lsvision.sensors.profile_sensor import LATERAL_STD_RATIO
 from tests.tolerances import ROUNDING
 
@@ -65,8 +65,11 @@ def test_lost_points_have_no_covariance_and_the_origin_a_finite_one():
 
 
 def test_covariances_of_the_farthest_points_are_those_that_a_fit_takes():
-    for sensor in (SENSOR, ProfileSensor(range_std=1000.0, reference_range=1e-3)):
-        PointNoise(sensor.covariances(np.array([[1e9, -1e9], [0.0, -400.0]])))
+    loud = ProfileSensor(range_std=1000.0, reference_range=1e-3)
+    quiet = ProfileSensor(range_std=1e-6, reference_range=1e6)
+    for sensor in (SENSOR, loud, quiet):
+        covariances = sensor.covariances(np.array([[1e9, -1e9], [0.0, -400.0], [0.0, 0.0]]))
+        require_covariances(covariances)
 
 
 def test_no_points_have_no_covariances():
@@ -101,8 +104,8 @@ def test_presets_have_the_pitch_and_ranges_of_the_data_sheet():
     [
         ({"range_std": 0.0}, "expected a positive range_std in mm, got 0"),
         ({"range_std": math.nan}, "got nan"),
-        ({"range_std": 1e-300}, "expected range_std from 1e-09 to 1000 mm, got 1e-300"),
-        ({"range_std": 1e200}, "expected range_std from 1e-09 to 1000 mm, got 1e.200"),
+        ({"range_std": 1e-300}, "expected range_std from 1e-06 to 1000 mm, got 1e-300"),
+        ({"range_std": 1e200}, "expected range_std from 1e-06 to 1000 mm, got 1e.200"),
         ({"reference_range": 1e-20}, "expected reference_range from 0.001 to 1e.06 mm, got 1e-20"),
         ({"reference_range": -400.0}, "positive reference_range in mm, got -400"),
         ({"min_range": 0.0}, "positive min_range"),
