@@ -87,7 +87,7 @@ def test_a_file_whose_points_are_all_lost_is_an_error(tmp_path, at_once):
 
 
 @pytest.mark.parametrize("columns", [1, 2, 3])
-def test_an_array_of_few_columns_is_one_part_even_with_a_spacing(tmp_path, columns):
+def test_an_array_of_few_columns_is_one_part(tmp_path, columns):
     path = tmp_path / "a.npy"
     np.save(
         path,
@@ -95,14 +95,20 @@ def test_an_array_of_few_columns_is_one_part_even_with_a_spacing(tmp_path, colum
             :, 3 - columns :
         ],
     )
-    (part,) = iterate_profiles(path, at_once=2, dx=0.5)
-    assert part.file.profiles == inspect_profiles(path, dx=0.5).profiles
+    spacing = {"dx": 0.5} if columns == 1 else {}
+    (part,) = iterate_profiles(path, at_once=2, **spacing)
+    assert part.file.profiles == inspect_profiles(path, **spacing).profiles
+    if not spacing:  # the array has x
+        with pytest.raises(UnreadableFile, match="--dx is for heights without x"):
+            list(iterate_profiles(path, at_once=2, dx=0.5))
 
 
 def test_columns_that_the_user_names_make_an_array_one_part(tmp_path):
     np.save(tmp_path / "a.npy", np.random.default_rng(1).normal(size=(9, 30)))
-    (part,) = iterate_profiles(tmp_path / "a.npy", at_once=2, dx=0.5, columns=(0, 2))
+    (part,) = iterate_profiles(tmp_path / "a.npy", at_once=2, columns=(0, 2))
     assert [len(profile) for profile in part.file.profiles] == [9]
+    with pytest.raises(UnreadableFile, match="--dx is for heights without x"):
+        list(iterate_profiles(tmp_path / "a.npy", at_once=2, dx=0.5, columns=(0, 2)))
 
 
 def test_a_file_without_profiles_is_reported_as_when_read_whole(tmp_path):
