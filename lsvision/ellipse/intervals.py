@@ -140,11 +140,6 @@ def intervals(fit: EllipseFit, level: float = 0.95) -> Intervals:
     ValueError
         If the level is not between 0 and 1.
 
-    Notes
-    -----
-    An exception is the centre of an untilted cylinder with an exactly known radius: any apparent
-    tilt moves it away from the sensor, so that 85 % of the 95 % intervals of centre_y contain it.
-
     References
     ----------
     Chuang and Lai, Hybrid resampling methods for confidence intervals, Statistica Sinica 10,
