@@ -190,7 +190,10 @@ def _read_crossed(path: Path, value: str, part: str, operator: str) -> "FloatArr
     """
     import numpy as np
 
-    trials = _read_trials(path, value, part, operator)
+    try:
+        trials = _read_trials(path, value, part, operator)
+    except csv.Error as error:  # a cell of more than 128 KiB
+        raise UnreadableFile(f"{path}: {error}: close each quote") from None
     parts = list(dict.fromkeys(part_name for part_name, _ in trials))
     operators = list(dict.fromkeys(operator_name for _, operator_name in trials))
     counts = {len(values) for values in trials.values()}
@@ -209,9 +212,10 @@ def _read_trials(
     """Return the values of each pair of part and operator, in the order of the file."""
     from lsvision.files.limited_reading import read_text
 
-    text = read_text(path)
-    separator = max(",;\t", key=text.partition("\n")[0].count)
-    rows = csv.DictReader(io.StringIO(text), delimiter=separator)
+    stream = io.StringIO(read_text(path), newline=None)  # lines may end in a carriage return
+    separator = max(",;\t", key=stream.readline().count)
+    stream.seek(0)
+    rows = csv.DictReader(stream, delimiter=separator)
     names = [name.strip() for name in rows.fieldnames or ()]
     for column in (value, part, operator):
         if names.count(column) > 1:
@@ -224,7 +228,12 @@ def _read_trials(
     trials: dict[tuple[str, str], list[float]] = {}
     for row in rows:
         place = f"{path}, line {rows.line_num}"
-        # A short row has None in place of a cell, a long one has a list of further cells.
+        # A short row has None in place of a cell, a long one has a list of further cells at None.
+        if any(cell.strip() for cell in row.get(None, ())):
+            raise UnreadableFile(
+                f"{place}: expected {len(names)} cells, got more: separate columns by ; if numbers "
+                "have a decimal comma"
+            )
         cells = {str(name).strip(): str(cell or "").strip() for name, cell in row.items()}
         number, names_of_pair = cells[value], (cells[part], cells[operator])
         try:

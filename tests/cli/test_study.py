@@ -99,6 +99,8 @@ def test_a_number_without_meaning_is_a_usage_error(run, written, pipe, command, 
         ("part,operator,value\n1,a\n", "line 2: expected a number in 'value', got ''"),
         ("part,operator,value,value\n1,a,1,2\n", "expected one column 'value', got several"),
         ("value,part,operator\n1,a\n", "line 2: expected a name in 'part' and in 'operator'"),
+        ("part,operator,value\n1,a,2\n1,a,2,5\n", "line 3: expected 3 cells, got more"),
+        ('part,operator,value\n1,a,"2\n' + 200_000 * "x", "close each quote"),
     ],
 )
 def test_a_wrong_row_is_reported_with_its_line(run, tmp_path, text, message):
@@ -106,6 +108,16 @@ def test_a_wrong_row_is_reported_with_its_line(run, tmp_path, text, message):
     table.write_text(text)
     result = run("study", "grr", table)
     assert (result.exit_code, message in result.stderr) == (1, True), result.output
+
+
+def test_lines_may_end_in_any_way_and_in_an_empty_cell(run, tmp_path):
+    table = tmp_path / "table.csv"
+    rows = [f"{p},{o},{p + n / 10}" for p in (1, 2) for o in "ab" for n in (0, 1)]
+    table.write_text("\n".join(["part,operator,value", *rows]))
+    expected = run("study", "grr", table).stdout
+    for end in ("\r", "\r\n", ",\n"):
+        table.write_bytes(end.join(["part,operator,value", *rows]).encode())
+        assert run("study", "grr", table).stdout == expected != ""
 
 
 def test_blanks_beside_a_separator_are_not_part_of_a_name(run, tmp_path):
