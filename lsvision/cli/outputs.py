@@ -1,6 +1,7 @@
 """Output files of a command: checks before the work, and a name for each picture."""
 
 import os
+import stat
 from collections.abc import Hashable, Sequence
 from pathlib import Path
 
@@ -181,6 +182,14 @@ def _find_write_problem(path: Path) -> str | None:
         return "a directory: name a file in it"
     if not is_directory(path.parent):
         return "its folder does not exist: create it first, or name another"
+    try:
+        is_link = stat.S_ISLNK(path.lstat().st_mode)  # the true path is a link only in a loop
+    except FileNotFoundError:
+        is_link = False
+    except (OSError, ValueError) as error:  # too long, or with a null character
+        return f"{getattr(error, 'strerror', error)}: name another file"
+    if is_link:
+        return "a loop of symbolic links: name another file"
     if not os.access(path.parent, os.W_OK | os.X_OK):
         return "no permission to write there: name another folder"
     return None

@@ -292,6 +292,18 @@ def test_outputs_of_odd_names_are_rejected_in_one_line(run, written, pipe, tmp_p
         assert "\x1b" not in line
 
 
+def test_an_output_that_cannot_be_made_is_reported_before_the_work(run, written, pipe, tmp_path):
+    loop = tmp_path / "loop.json"
+    loop.symlink_to(loop)
+    for output, message in (
+        (loop, "a loop of symbolic links: name another file"),
+        (tmp_path / ("j" * 300), "name too long: name another file"),
+    ):
+        result = run("measure", written(pipe), "--json", output)
+        assert (result.exit_code, result.stdout) == (FAILED, ""), result.output
+        assert message in result.stderr
+
+
 def test_the_line_of_an_image_from_standard_input(tmp_path):
     content = (REPOSITORY / "fixtures/images/pair.png").read_bytes()
     code = "from lsvision.cli import main; main()"
