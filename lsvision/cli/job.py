@@ -65,9 +65,9 @@ def new_job(
     needed = find_needed_tolerance(Job.from_text(text), measurement.cylinders)
     if needed is not None:
         print_error(
-            f"{profile}: note: undecided by this job: its tolerance of {tolerance:g} mm is less "
-            f"than the intervals of the radii, which --tolerance {needed:g} contains; a "
-            "stated noise or several sections make them narrower"
+            f"{profile}: note: undecided by this job: its tolerance of {tolerance:g} mm does "
+            f"not contain the intervals of radii and gaps, --tolerance {needed:g} does; a stated "
+            "noise or several sections make them narrower"
         )
 
 

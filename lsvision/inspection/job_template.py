@@ -12,6 +12,7 @@ from lsvision.inspection.job import Job
 from lsvision.inspection.job_tables import MAX_NAME_LENGTH
 from lsvision.inspection.limits import LIMIT_DECIMALS
 from lsvision.inspection.relate import relate
+from lsvision.inspection.relation import Relation
 from lsvision.results.number_format import format_value
 
 MAX_GAP_STEP = 1e-3
@@ -131,17 +132,22 @@ def _relation_text(
 ) -> str:
     """Return the table of the relation between part `number` and the next one."""
     relation = relate(first, second)
-    step = min(_nominal_step(tolerance), MAX_GAP_STEP)
     return RELATION.format(
         first=number,
         second=number + 1,
-        gap=round(round((max(relation.gap, 0.0) + tolerance) / step) * step, 9),
+        gap=_max_gap(relation, tolerance),
         text=format_value(relation.gap, relation.gap_std),
     )
 
 
+def _max_gap(relation: Relation, tolerance: float) -> float:
+    """Return the largest gap that a job with a tolerance permits. Units: mm."""
+    step = min(_nominal_step(tolerance), MAX_GAP_STEP)
+    return round(round((max(relation.gap, 0.0) + tolerance) / step) * step, 9)
+
+
 def find_needed_tolerance(job: Job, cylinders: Sequence[CylinderSection]) -> float | None:
-    """Return the smallest tolerance with which all radii of a job are OK; None if they are OK.
+    """Return the smallest tolerance with which radii and gaps of a job are OK; None if they are.
 
     Parameters
     ----------
@@ -159,9 +165,14 @@ def find_needed_tolerance(job: Job, cylinders: Sequence[CylinderSection]) -> flo
     # Rounded, since with 0.09999999999999964 for 0.1 the nominal would have another step.
     tolerance, level = round((upper - lower) / 2, LIMIT_DECIMALS), job.decision.level
 
+    relations = [relate(first, second) for first, second in itertools.pairwise(cylinders)]
+
     def largest_deviation(tolerance: float) -> float:
-        """Return the largest distance of an interval's end from the nominal. Units: mm."""
-        deviations = []
+        """Return the tolerance at which the last interval ends at a limit. Units: mm."""
+        deviations = [
+            tolerance + relation.interval("gap", level)[1] - _max_gap(relation, tolerance)
+            for relation in relations
+        ]
         for cylinder in cylinders:
             low, high = cylinder.interval("radius", level)
             nominal = _nominal_radius(cylinder, tolerance)
