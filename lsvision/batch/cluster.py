@@ -24,6 +24,14 @@ POLL_S = 1.0
 """Interval between checks of the connection while all workers are busy. Units: s."""
 
 
+class _TaskError(Exception):
+    """An error of a task that is of the type of a lost connection."""
+
+    def __init__(self, error: OSError) -> None:
+        super().__init__(error)
+        self.error = error
+
+
 def run_on_cluster(
     function: Callable[[Task], Value], tasks: Iterable[Task], address: str
 ) -> Iterator[Finished[Task, Value]]:
@@ -48,10 +56,14 @@ def run_on_cluster(
     ------
     LsvisionError
         If dask is not installed, no scheduler answers, or the connection to it is lost.
+    Exception
+        As `function`.
     """
     client = _connect(address)
     try:
         yield from _run_tasks(client, function, iter(tasks))
+    except _TaskError as failure:
+        raise failure.error from None
     except (OSError, TimeoutError) as error:
         raise _scheduler_lost_error(address, error) from None
     finally:
@@ -135,11 +147,13 @@ def _result_of_future(client: Any, future: Any) -> Any:
             return EndedProcess()
         except distributed.CancelledError as error:
             raise _scheduler_lost_error(client.scheduler.address, error) from None
-        except TimeoutError:
+        except OSError as error:
             if future.status == "error":  # raised by the task itself
+                raise _TaskError(error) from None
+            if not isinstance(error, TimeoutError):
                 raise
-            # The worker that held the result has ended, and the task runs again; check that the
-            # scheduler still answers.
+            # Timed out: the worker that held the result has ended, and the task runs again; check
+            # that the scheduler still answers.
             _count_threads(client)
 
 

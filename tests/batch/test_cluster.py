@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lsvision.batch.cluster import run_on_cluster
 from lsvision.batch.job import BatchJob
 from lsvision.batch.run import plan_tasks, run_batch
 from lsvision.errors import LsvisionError
@@ -52,6 +53,15 @@ def test_a_killed_worker_costs_nothing_and_the_bytes_are_those_of_this_machine(t
     assert len(status.done) == len(sources)
     for path in here.rglob("*.parquet"):
         assert (there / path.relative_to(here)).read_bytes() == path.read_bytes()
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
+def test_an_error_of_a_task_is_not_taken_for_a_lost_connection():
+    in_threads = distributed.LocalCluster(
+        n_workers=1, processes=False, protocol="tcp", host="127.0.0.1", dashboard_address=None
+    )
+    with in_threads as local, pytest.raises(FileNotFoundError):
+        list(run_on_cluster(os.stat, ["/nowhere/a"], local.scheduler_address))
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
