@@ -19,7 +19,7 @@ from lsvision.geometry.arrays import TINY
 from lsvision.geometry.cylinder import WithCylinder
 from lsvision.geometry.pose import as_pose
 from lsvision.results.number_format import decimals_for, format_std, format_value
-from lsvision.results.quantities import Record, flat_row, json_numbers
+from lsvision.results.quantities import Record, finite_or_none, flat_row, json_numbers
 from lsvision.results.result import Result
 
 Frame = Literal["base", "flange"]
@@ -127,7 +127,7 @@ class PlacedCylinder(WithCylinder, Result):
             "frame": self.frame,
             "includes_calibration": self.includes_calibration,
             "radius_mm": self.radius,
-            "radius_std_mm": self.radius_std,
+            "radius_std_mm": finite_or_none(self.radius_std),
             "point_mm": json_numbers(self.point),
             "point_std_mm": json_numbers(self.point_std),
             "covariance_order": PLACED_COVARIANCE_ORDER,
@@ -142,7 +142,7 @@ class PlacedCylinder(WithCylinder, Result):
         """
         return {
             "direction": json_numbers(self.direction),
-            "direction_std_deg": math.degrees(self.direction_std),
+            "direction_std_deg": finite_or_none(math.degrees(self.direction_std)),
             "e_phi": json_numbers(self.tangent_basis[0]),
             "e_theta": json_numbers(self.tangent_basis[1]),
             "covariance": [json_numbers(row) for row in self.covariance],

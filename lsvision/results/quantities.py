@@ -168,13 +168,18 @@ def flat_row(record: Record, quantities: Sequence[Quantity] = ()) -> Record:
     for key, value in record.items():
         if key in interval_columns:
             row |= dict(zip(interval_columns[key], value, strict=True))
-        elif isinstance(value, list) and len(value) == 3 and isinstance(value[0], float):
+        elif isinstance(value, list) and len(value) == 3 and all(map(_is_float_or_none, value)):
             unit = next((unit for unit in ("_mm", "_deg") if key.endswith(unit)), "")
             stem = key.removesuffix(unit)
             row |= coordinate_columns(stem, value, unit)
         elif not isinstance(value, list | dict):
             row[key] = value
     return row
+
+
+def _is_float_or_none(value: Any) -> bool:
+    """Return whether a value is what `finite_or_none` returns."""
+    return value is None or isinstance(value, float)
 
 
 def coordinate_columns(stem: str, coordinates: Sequence[float], unit: str = "") -> Record:

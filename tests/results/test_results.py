@@ -5,6 +5,7 @@ import inspect
 import json
 import math
 import sys
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -196,6 +197,18 @@ def test_the_frame_of_a_relation_has_the_ends_of_its_intervals():
     relation = RESULTS["Relation"]
     (row,) = relation.to_dataframe().to_dict("records")
     assert (row["gap_low_95_mm"], row["gap_high_95_mm"]) == relation.interval("gap")
+
+
+@pytest.mark.parametrize("unknown", [slice(1), slice(6)])
+def test_coordinates_that_are_not_finite_keep_their_columns(unknown):
+    placed = RESULTS["PlacedCylinder"]
+    variances = placed.covariance.diagonal().copy()
+    variances[unknown] = math.inf
+    uncertain = replace(placed, covariance=np.diag(variances))
+    (row,) = uncertain._rows()
+    assert list(row) == list(placed._rows()[0])
+    assert row["point_std_x_mm"] is None
+    assert json.loads(uncertain.to_json())["point_std_mm"][0] is None
 
 
 def test_the_table_of_a_measurement_is_that_of_the_command():
