@@ -64,7 +64,7 @@ def run_on_cluster(
         yield from _run_tasks(client, function, iter(tasks))
     except _TaskError as failure:
         raise failure.error from None
-    except (OSError, TimeoutError) as error:
+    except OSError as error:  # also TimeoutError
         raise _scheduler_lost_error(address, error) from None
     finally:
         client.close(timeout=CLOSE_TIMEOUT_S)
@@ -91,7 +91,7 @@ def _connect(address: str) -> Any:
     try:
         open_client: Any = distributed.Client  # without annotations
         return open_client(address, timeout=CONNECT_TIMEOUT_S, set_as_default=False)
-    except (OSError, TimeoutError) as error:
+    except OSError as error:  # also TimeoutError
         reason = " ".join(str(error).split())[:100]
         raise LsvisionError(
             f"{address}: no scheduler answers ({reason}): start `dask scheduler` there"
@@ -118,7 +118,7 @@ def _count_threads(client: Any) -> int:
 
     Raises
     ------
-    OSError, TimeoutError
+    OSError
         If the scheduler does not answer; the client itself would wait without a time limit.
     """
     answer = client.sync(client.scheduler.ncores, callback_timeout=ANSWER_TIMEOUT_S)
@@ -131,6 +131,7 @@ def _wait_for_any(client: Any, futures: list[Any]) -> list[Any]:
 
     wait: Any = distributed.wait  # without annotations
     while True:
+        # `wait` takes the current client; this one is not the default.
         with contextlib.suppress(TimeoutError), client.as_current():
             return list(wait(futures, timeout=POLL_S, return_when="FIRST_COMPLETED").done)
         _count_threads(client)

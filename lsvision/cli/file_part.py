@@ -49,7 +49,7 @@ class PartOptions:
     debug : bool
         Whether to print the tracebacks of exceptions.
     max_size : int
-        Largest size of a file that is read in another process. Units: bytes.
+        Largest size of a file, for another process, which does not inherit it. Units: bytes.
     """
 
     measuring: "MeasureFunction"
@@ -122,6 +122,7 @@ def read_parts(source: Path | LiveCamera, options: PartOptions) -> Iterator[File
     if is_image_source(source, options):
         yield _read_images(source, options)
         return
+    # `str` and `Path` change nothing: only the type says that it may be a camera.
     for part in iterate_source(Path(str(source)), options.reading):
         several = part.first > 0 or len(part.file.profiles) > 1
         header = _header(options, part.file, part.first)

@@ -89,7 +89,7 @@ def parse_imaging(
     light_section : Path, optional
         Rig file.
     laser, method, bayer : str
-        Colour of the laser, sub-pixel method and pattern of a raw image; see `LineSettings`.
+        Colour of the laser, sub-pixel method and pattern of a colour camera; see `LineSettings`.
     laser_off : Path, optional
         File of the frame without the laser.
     **other_options

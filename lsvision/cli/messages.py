@@ -1,6 +1,5 @@
 """Messages on the terminal: an error is one line on stderr."""
 
-import os
 import re
 import shlex
 import sys
@@ -8,6 +7,7 @@ import traceback
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from lsvision.files.file_kinds import exists
 from lsvision.files.printable import printable
 
 FAILED = 1
@@ -83,6 +83,6 @@ def plain_usage_message(error: Any) -> str:
 def _measure_hint(message: str) -> str:
     """Return a sentence with the command that measures a file, if it was given as a command."""
     match = re.search(r"^No such command '(.+)'\.$", message)
-    if match is None or not os.path.exists(match[1]):  # noqa: PTH110 - a name with a null is none
+    if match is None or not exists(match[1]):
         return ""
     return f" To measure it: lsvision measure {shlex.quote(match[1])}"

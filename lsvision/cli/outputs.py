@@ -171,7 +171,7 @@ def _identities(path: Path) -> list[Hashable]:
     """Return keys that are equal for two names of one file: real path, device and inode."""
     keys: list[Hashable] = [true_path(path)]
     status = read_file_status(path)
-    if status is not None and status.st_ino:
+    if status is not None and status.st_ino:  # 0 on file systems without inodes
         keys.append((status.st_dev, status.st_ino))
     return keys
 

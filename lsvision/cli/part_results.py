@@ -197,9 +197,10 @@ def _section_lines(options: PartOptions, part: FilePart, section: _Section) -> l
             text_lines = [f"{head} {text_lines[0]}", *text_lines[1:]]
     lines = [f"  {line}" for line in (*text_lines, *robot_frame_table(section.placed or ()))]
     if section.upside_down:
-        remedy = "towards it, use --no-flip" if part.file.flipped else "away from it, use --flip"
+        way, option = ("towards", "--no-flip") if part.file.flipped else ("away from", "--flip")
         lines.append(
-            f"  cylinders are found with the sensor on the other side: if heights grow {remedy}"
+            "  cylinders are found with the sensor on the other side: if heights grow "
+            f"{way} the sensor, use {option}"
         )
     return lines
 

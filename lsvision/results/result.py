@@ -122,7 +122,7 @@ class Result(ComparedByValue, ABC):
 
     @abstractmethod
     def _cells(self) -> Cells:
-        """Return the rows of the table; the first is its header, alone if there is no table."""
+        """Return the rows of the table, the first its header; empty or only that if it has none."""
 
     def _notes(self) -> list[str]:
         """Return the lines below the table."""
