@@ -36,6 +36,7 @@ from lsvision.cli.sources import (
     read_sections,
     suffixes_of_profiles,
 )
+from lsvision.errors import DegenerateGeometry
 from lsvision.files.printable import printable, printable_name
 
 if TYPE_CHECKING:
@@ -217,14 +218,16 @@ def _measure_all(
 
 
 def _measure_shapes(scan_result: "ScanMeasurement") -> "list[TubeShape | None]":
-    """Return bow, taper and ovality of each cylinder; None where it has too few sections."""
+    """Return the shape of each cylinder; None where its sections are too few or too close."""
     from lsvision.scan import measure_shape
-    from lsvision.scan.shape import MIN_POSITIONS, count_positions
 
-    return [
-        measure_shape(tube) if count_positions(tube) >= MIN_POSITIONS else None
-        for tube in scan_result.cylinders
-    ]
+    shapes: list[TubeShape | None] = []
+    for tube in scan_result.cylinders:
+        try:
+            shapes.append(measure_shape(tube))
+        except DegenerateGeometry:
+            shapes.append(None)
+    return shapes
 
 
 def _points_in_base(

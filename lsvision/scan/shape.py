@@ -31,7 +31,7 @@ MIN_SPACING = 0.05
 """Distance along the axis below which two sections count as one position, as a fraction of the
 distance between the first and the last: at 0.02 some fits of the bow do not converge."""
 MAX_LINEAR_STD = 0.02
-"""Largest standard deviation of a deviation with which the fit continues at the bent shape, over
+"""Largest standard deviation of a parameter with which the fit continues at the bent shape, over
 the smaller of radius and half of the measured length. Of scans of straight tubes shorter than half
 a radius, 11 % would have a bow with a p-value below 0.001 without this limit, 1 % with 0.03."""
 GAUSS_NEWTON_ITERATIONS = 6
@@ -56,7 +56,8 @@ def measure_shape(tube: ScannedCylinder) -> TubeShape:
     Raises
     ------
     DegenerateGeometry
-        If the tube was measured at fewer than three positions; see `count_positions`.
+        If the tube was measured at fewer than three positions, see `count_positions`, or all points
+        are as near to one plane as their noise.
 
     Notes
     -----
@@ -82,6 +83,7 @@ def measure_shape(tube: ScannedCylinder) -> TubeShape:
             f"the shape of a tube needs sections at {MIN_POSITIONS} different positions along it, "
             f"got {positions}: scan more of it"
         )
+    _require_noncoplanar_points(tube)
     axis_points = _transform_to_axis_frame(tube)
     estimate, information, residuals = _fit_deviations(axis_points)
     noise_known = math.isinf(tube.fit.degrees_of_freedom)
@@ -122,6 +124,23 @@ def count_positions(tube: ScannedCylinder) -> int:
         if mean - last > spacing:
             count, last = count + 1, mean
     return count
+
+
+def _require_noncoplanar_points(tube: ScannedCylinder) -> None:
+    """Raise DegenerateGeometry unless the points are farther from a common plane than their noise.
+
+    Some deviations combined have no effect in one plane. Their derivatives at noisy points there
+    are proportional to the noise: fitted to it, they would be large and significant.
+    """
+    centred = tube.points - tube.points.mean(axis=0)
+    distance_rms = float(np.linalg.svd(centred, compute_uv=False)[-1]) / math.sqrt(len(centred))
+    noise = float(np.median(tube.fit.stds))
+    if distance_rms <= noise:
+        raise DegenerateGeometry(
+            "the shape of a tube needs sections apart from each other, got points "
+            f"{distance_rms:.2g} mm rms from one plane, with a noise of {noise:.2g} mm: scan more "
+            "of it"
+        )
 
 
 @dataclass(frozen=True, eq=False, slots=True)

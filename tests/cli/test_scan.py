@@ -74,6 +74,12 @@ def test_one_section_tells_of_its_twin(run) -> None:
     assert result.stdout.count("one section alone: its twin") == 2
 
 
+def test_sections_closer_than_the_noise_have_no_shape(run) -> None:
+    result = run(PAIR, "--feed", "0,0,1", "--step", 0.0001)
+    assert result.exit_code == 0, result.output
+    assert "ovality" not in result.stdout
+
+
 def test_a_scan_without_cylinders_says_so(run) -> None:
     result = run(FIXTURES / "empty.csv", *MOTION)
     assert result.exit_code == 0

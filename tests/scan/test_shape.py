@@ -106,6 +106,12 @@ def test_two_sections_at_one_position_count_once() -> None:
         measure_shape(found)
 
 
+def test_sections_that_differ_by_less_than_the_noise_raise_an_error(pipe: Tube) -> None:
+    """The ovality of a round tube would be significant, and its mean radius negative."""
+    with pytest.raises(DegenerateGeometry, match="sections apart from each other, got points"):
+        shape_of(Scene((pipe,)), 3, 0.001)
+
+
 def test_the_bend_of_the_fixture_is_measured(fixture_scan) -> None:
     profiles, poses, truth = fixture_scan("scan_bent_pipe")
     (found,) = measure_scan(profiles, poses, sensor=SCENE_SENSOR).cylinders
