@@ -25,7 +25,7 @@ from lsvision.inspection.relate import MeasuredCylinder, relate
 from lsvision.inspection.verdict import ItemVerdict, Provenance, Verdict
 from lsvision.measure import Measurement
 from lsvision.results.quantities import Estimate
-from lsvision.scan.scan_result import ScanMeasurement, ScannedCylinder, ScanRejection
+from lsvision.scan.scan_result import ScanMeasurement, ScannedCylinder
 
 HALF_TURN_DEG = 180.0
 """Period of theta: opposite directions are the same axis. Units: deg."""
@@ -274,14 +274,10 @@ def _rejection_reasons_at(part: Part, measurement: Measurement | ScanMeasurement
     """Return the reasons of the arcs rejected where the part should be, the longest arc first.
 
     If the part has no window in x, or the profile is not known, or in a scan, all rejected arcs
-    count.
+    count. See `_rejection_reasons_of_scan`.
     """
     if isinstance(measurement, ScanMeasurement):
-        scanned: Sequence[ScanRejection] = measurement.rejections
-        return [
-            rejection.reason
-            for rejection in sorted(scanned, key=lambda rejection: -len(rejection.sections))
-        ]
+        return _rejection_reasons_of_scan(measurement)
 
     def in_window(rejection: Rejection) -> bool:
         if measurement.profile is None or "x" not in part.windows:
@@ -297,6 +293,22 @@ def _rejection_reasons_at(part: Part, measurement: Measurement | ScanMeasurement
         measurement.rejections, key=lambda rejection: rejection.arc.start - rejection.arc.stop
     )
     return [rejection.reason for rejection in arcs if in_window(rejection)]
+
+
+def _rejection_reasons_of_scan(scan: ScanMeasurement) -> list[str]:
+    """Return the reasons of the joint fit, then those of arcs whose radius is not determinable.
+
+    The latter count if more than half of the profiles have such an arc.
+    """
+    tracks = sorted(scan.rejections, key=lambda rejection: -len(rejection.sections))
+    # Clutter looks like such an arc in some profiles, a cylinder in nearly all.
+    in_profiles = [
+        next((r.reason for r in profile.rejections if r.reason.startswith(UNDETERMINABLE)), "")
+        for profile in scan.measurements
+    ]
+    undeterminable = list(filter(None, in_profiles))
+    reasons = undeterminable if 2 * len(undeterminable) > len(in_profiles) else []
+    return [*(track.reason for track in tracks), *reasons]
 
 
 def _describe_additional(matching: Matching, cylinders: Sequence[MeasuredCylinder]) -> list[str]:

@@ -16,6 +16,7 @@ import numpy as np
 from lsvision.cylinder.fit import CylinderFittingSettings, fit_cylinder
 from lsvision.cylinder.fit_result import CylinderFit
 from lsvision.cylinder.robot_frame import twin_jacobian
+from lsvision.detection.acceptance import UNDETERMINABLE
 from lsvision.ellipse.prior_check import CONTRADICTION_FRACTION, CONTRADICTION_SIGMAS
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.ellipse.section import CylinderSection
@@ -262,10 +263,7 @@ def _mean_square_residual(fit: CylinderFit) -> float:
 
 
 def _initial_guesses(track: Track) -> list[Cylinder]:
-    """Return the cylinder through the arcs' centres, if they differ, and two more.
-
-    These are the twins of the arc whose axis has the smallest standard uncertainty.
-    """
+    """Return the line through the arcs' centres, if they differ, and both twins of the best arc."""
     best = min(track, key=lambda observation: observation.twins_std)
     radius = median(np.array([observation.radius for observation in track]))
     centres = np.array([observation.centre for observation in track])
@@ -333,8 +331,8 @@ def _rejection_reason(joint_fit: JointFit, settings: JointFitSettings) -> str | 
     max_std = settings.max_relative_radius_std * fit.radius
     if fit.radius_std > max_std:
         return (
-            f"radius {fit.radius:.3g} mm with a standard uncertainty of {fit.radius_std:.2g} mm, "
-            f"limit {max_std:.2g} mm"
+            f"{UNDETERMINABLE}: {fit.radius:.3g} mm with a standard uncertainty of "
+            f"{fit.radius_std:.2g} mm, limit {max_std:.2g} mm"
         )
     return _contradicted_radius_reason(joint_fit, settings)
 

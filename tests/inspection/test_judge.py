@@ -16,6 +16,7 @@ from lsvision.inspection.quantity_verdict import judge_quantity
 from lsvision.measure import Measurement, measure_cylinders
 from lsvision.profile import Arc
 from lsvision.results.quantities import Estimate
+from lsvision.scan.joint_fit import JointFitSettings
 from lsvision.simulate import SCENE_SENSOR, Scene, SectionSettings, Tube, simulate_section
 
 SETTINGS = SectionSettings(jump_fraction=0.0, lost_fraction=0.0)
@@ -352,6 +353,40 @@ def test_a_nominal_direction_has_any_length(scan, scale):
 def test_what_a_scan_does_not_have_is_rejected(scan, lines, message):
     with pytest.raises(ValueError, match=message):
         lsv.judge(scan, job(("thick", f"order = 1\n{lines}")))
+
+
+def scan_of_short_arcs(undeterminable: int, others: int) -> lsv.ScanMeasurement:
+    """Scan of a tube of 19 mm: short arcs in the first profiles, straight lines in the others."""
+    angles = np.pi / 2 + np.linspace(0.6, -0.6, 60)
+    arc = np.column_stack([19 * np.cos(angles), 19 * np.sin(angles) - 400])
+    line = np.column_stack([arc[:, 0], np.full(60, -381.0)])
+    rng = np.random.default_rng(1)
+    noise = 0.1 * rng.standard_normal((undeterminable + others, 60))
+    profiles = [arc] * undeterminable + [line] * others
+    profiles = [
+        points + np.outer(errors, [0, 1]) for points, errors in zip(profiles, noise, strict=False)
+    ]
+    poses = [lsv.Pose.along((0, 0, 1), 5.0 * k) for k in range(len(profiles))]
+    return lsv.measure_scan(profiles, poses)
+
+
+@pytest.mark.parametrize(("others", "decision"), [(0, "undecided"), (4, "NG")])
+def test_a_tube_of_a_scan_whose_radius_is_not_determinable_is_undecided(others, decision):
+    measured = scan_of_short_arcs(3, others)
+    assert not measured.cylinders
+    (part,) = lsv.judge(measured, job(("tube", f"order = 1\n{limits(19)}"))).parts
+    assert part.decision == decision
+    assert ("radius not determinable" in part.reason) == (decision == "undecided")
+
+
+def test_a_joint_radius_that_is_too_uncertain_is_undecided():
+    profiles = lsv.read_profiles(FIXTURES / "scan_welded_pair")[::10]
+    strict = lsv.ScanSettings(joint_fit=JointFitSettings(max_relative_radius_std=1e-6))
+    poses = [lsv.Pose.along((0, 0, 1), 10.0 * k) for k in range(2)]
+    measured = lsv.measure_scan(profiles, poses, settings=strict)
+    (part,) = lsv.judge(measured, job(("thick", limits(19)))).parts
+    assert part.decision == "undecided"
+    assert "with a standard uncertainty of" in part.reason
 
 
 def test_flush_of_a_scan_needs_a_direction(scan):
