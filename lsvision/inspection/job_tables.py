@@ -8,6 +8,7 @@ from typing import Annotated, Literal, TypeVar
 
 from pydantic import Field, model_validator
 
+from lsvision.geometry.arrays import MAX_COORDINATE_MM
 from lsvision.inspection.limits import (
     RELATION_KEYS,
     SCAN_KEYS,
@@ -28,6 +29,8 @@ NonNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0)]
 KnownRadius = Positive | tuple[Positive, NonNegative]
 """A known radius, or (radius, standard uncertainty). Units: mm."""
 Vector = tuple[Number, Number, Number]
+Coordinate = Annotated[Number, Field(ge=-MAX_COORDINATE_MM, le=MAX_COORDINATE_MM)]
+Point = tuple[Coordinate, Coordinate, Coordinate]
 PartOrVerdict = TypeVar("PartOrVerdict")
 
 
@@ -88,6 +91,12 @@ class Scan(JobTable):
             raise ValueError("expected a non-zero feed, got 0, 0, 0")
         if self.step_mm == 0:
             raise ValueError("expected step_mm other than 0, got 0")
+        from lsvision.scan.pose_errors import MAX_FEED_STD, MAX_POSE_STD_MM
+
+        limits = {"pose_std_mm": MAX_POSE_STD_MM, "feed_std_deg": math.degrees(MAX_FEED_STD)}
+        for key, largest in limits.items():
+            if (std := getattr(self, key)) > largest:
+                raise ValueError(f"expected {key} up to {largest:.4g}, got {std:g}")
         return self
 
 
@@ -117,9 +126,9 @@ class Measure(JobTable):
         if isinstance(self.radius_mm, tuple) and self.radius_mm[0] >= self.radius_mm[1]:
             raise ValueError(f"radius_mm reversed: expected [min, max], got {list(self.radius_mm)}")
         known = self.known_phi_deg
-        phi = known[0] if isinstance(known, tuple) else known
-        if phi is not None and phi >= 90:
-            raise ValueError(f"expected known_phi_deg below 90, got {phi:g}")
+        for angle in known if isinstance(known, tuple) else (known or 0.0,):  # phi, std
+            if angle >= 90:
+                raise ValueError(f"expected known_phi_deg below 90, got {angle:g}")
         return self
 
 
@@ -141,7 +150,7 @@ class Part(JobTable):
     order: Count | None = None
     known_radius_mm: KnownRadius | None = None
     nominal_direction: Vector | None = None
-    nominal_point_mm: Vector | None = None
+    nominal_point_mm: Point | None = None
     radius_mm: Limits | None = None
     diameter_mm: Limits | None = None
     theta_deg: Limits | None = None
