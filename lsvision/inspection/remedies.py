@@ -25,6 +25,8 @@ SPACING_MM = 10.0
 """Distance of neighbouring sections of a planned scan. Units: mm."""
 PLANNED_KEYS = ("radius_mm", "diameter_mm", "theta_deg", "phi_deg")
 """Keys of the quantities whose uncertainty the planner predicts."""
+MIN_STANDOFF_RADII = 3.0
+"""Smallest distance from the sensor to the centre of a part that is planned with. Units: radii."""
 NUMBER_WORDS = {2: "two", 3: "three", 5: "five"}
 
 
@@ -165,16 +167,18 @@ def _measured_view(section: CylinderSection) -> SensorView:
     problem = section.fit.problem
     noise = float(np.median(problem.stds)) * math.sqrt(section.fit.variance_factor)
     x, y = section.centre
+    # In some profiles y is measured from a reference plane near the part instead of the sensor.
+    standoff = max(abs(y), MIN_STANDOFF_RADII * section.radius)
     # The limits of the sensor's field are not known: they are chosen such that it contains all of
     # the part, also where a tilted part moves through the field along a scan.
-    farthest = abs(y) + 3 * section.radius
+    farthest = standoff + 3 * section.radius
     sensor = ProfileSensor(
         name="as measured",
         range_std=max(noise, 1e-6),
-        reference_range=abs(y),
+        reference_range=standoff,
         min_range=1e-3 * farthest,
         max_range=2 * farthest,
         width_at_max_range=8 * (abs(x) + 3 * section.radius),
     )
     pitch = float(np.median(np.abs(np.diff(problem.points[:, 0]))))
-    return SensorView(sensor=sensor, standoff=abs(y), offset=x, pitch=pitch)
+    return SensorView(sensor=sensor, standoff=standoff, offset=x, pitch=pitch)

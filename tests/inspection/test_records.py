@@ -311,3 +311,17 @@ def test_what_no_scan_decides_is_reported(scan, more, words):
     (remedy,) = plan_remedies(lsv.judge(middle, planned), middle, planned)
     assert remedy.text.startswith(words)
     assert remedy.sections is None
+
+
+def test_a_remedy_does_not_depend_on_the_origin_of_y(scan):
+    """Of a profile in heights above a plane the tube's centre is nearly at y = 0."""
+    remedies = []
+    for offset in (0.0, 395.0):
+        found = measure_cylinders(scan[0][1].points + [0.0, offset])
+        limit = found.cylinders[0].radius + found.cylinders[0].radius_std
+        text = f'name = "a"\n[[part]]\nname = "b"\norder = 1\nradius_mm = {{ max = {limit} }}\n'
+        planned = lsv.Job.from_text(text)
+        remedies += plan_remedies(lsv.judge(found, planned), found, planned)
+    at_sensor, at_plane = remedies
+    assert at_plane.sections == at_sensor.sections
+    assert at_plane.std == pytest.approx(at_sensor.std, rel=0.5)
