@@ -80,17 +80,18 @@ class CylinderFit(WithCylinder, Result):
     @property
     def radius_std(self) -> float:
         """Standard uncertainty of the radius. Units: mm."""
-        return math.sqrt(self.covariance[4, 4])
+        return math.sqrt(max(self.covariance[4, 4], 0.0))
 
     @property
     def direction_std(self) -> float:
         """Root mean square angle to the true direction. Units: rad."""
-        return math.sqrt(self.covariance[2, 2] + self.covariance[3, 3])
+        return math.sqrt(max(self.covariance[2, 2] + self.covariance[3, 3], 0.0))
 
     @property
     def position_std(self) -> float:
         """Root mean square distance of `point` from the true axis. Units: mm."""
-        return math.sqrt(self.covariance[0, 0] + self.covariance[1, 1])
+        # Of exact points the variances may be negative by rounding.
+        return math.sqrt(max(self.covariance[0, 0] + self.covariance[1, 1], 0.0))
 
     @property
     def rms(self) -> float:

@@ -258,3 +258,12 @@ def test_a_known_radius_keeps_its_std_beside_errors_of_the_poses() -> None:
         assert found.radius_std < 1.5 * prior_std  # 3 if the poses made it less certain
         normalised.append((found.radius - radius) / found.radius_std)
     assert np.mean(np.square(normalised)) < 1 + 4 * math.sqrt(2 / RUNS)
+
+
+def test_an_uncertain_feed_of_exact_points_is_printed() -> None:
+    """The position at the first section does not depend on the feed: rounding made it negative."""
+    angles = np.linspace(-1.2, 1.2, 100)
+    circle = np.column_stack([19 * np.sin(angles), 19 * np.cos(angles) - 400])
+    scan = measure_scan([circle] * 5, feed(5, 10.0), feed_std=0.01)
+    assert scan.cylinders[0].position_std < 1e-6
+    assert "19.0" in str(scan)
