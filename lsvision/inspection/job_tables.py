@@ -139,8 +139,8 @@ class Part(JobTable):
     are given; `z_mm` is for scans only), by `order` (from the left, or in the order of the scan),
     or else by radius. `direction_deg` and `position_mm` are the angle to `nominal_direction` and
     the distance of the axis from `nominal_point_mm`; `point_x_mm`, `point_y_mm` and `point_z_mm`
-    are the axis point nearest to it; `length_seen_mm` is the length along the axis between the
-    first and the last measured point.
+    are the axis point nearest to it (without it, to the first section's origin); `length_seen_mm`
+    is the length along the axis between the first and the last measured point.
     """
 
     name: Name

@@ -43,7 +43,7 @@ def judge(
     """Judge a measurement by a job: OK, NG or undecided, each with its reason.
 
     A quantity is OK where its interval at the job's level lies inside the limits, NG where it lies
-    completely outside, else undecided (the guard band of ISO 14253-1): with level 0.95 a part
+    completely outside, else undecided (the guard band of ISO 14253-1): with level 0.95 a quantity
     outside its limits is judged OK, and one inside its limits NG, with a probability of at most
     2.5 % each. The job's ``extra_std`` is added to both half widths in quadrature. The decision on
     a part or a relation is the worst of its quantities, that on the whole the worst of all, NG >
@@ -284,8 +284,8 @@ def _rejection_reasons_at(part: Part, measurement: Measurement | ScanMeasurement
             return True
         points = measurement.profile.points[rejection.arc.start : rejection.arc.stop]
         points = points[np.isfinite(points[:, 0])]
-        # Of a rejected arc no centre is known: that differs from the mean mostly in y, since the
-        # arc is on the side towards the sensor.
+        # The centre of a rejected arc is not known; its x is about the mean x of the points, which
+        # are on the side towards the sensor.
         low, high = part.windows["x"]
         return bool(len(points)) and low <= float(points[:, 0].mean()) <= high
 

@@ -53,8 +53,8 @@ class Seam(ComparedByValue):
         perpendicular. Units: rad.
     crossing : bool
         Whether `points` are the ends of the common perpendicular of the axes, because it lies
-        within the observed length of both cylinders or the axes are nearly perpendicular; otherwise
-        they are in the middle of the length along which both were observed.
+        within the observed length of both cylinders or the angle of the axes exceeds 70 deg;
+        otherwise they are in the middle of the length along which both were observed.
     """
 
     points: FloatArray

@@ -4,7 +4,8 @@ The intervals are those of the modified large sample method: Ting, Burdick, Gray
 Lu, Confidence intervals on linear combinations of variance components that are unrestricted in
 sign, J. Statistical Computation and Simulation 35, 1990; for gauge studies Burdick, Borror and
 Montgomery, A review of methods for measurement systems capability analysis, J. Quality Technology
-35, 2003. The terms of Ting et al. for pairs of mean squares with the same sign are left out.
+35, 2003. The terms of Ting et al. for pairs of mean squares with the same sign are left out: the
+interval of a sum is then that of Graybill and Wang (1980).
 """
 
 from __future__ import annotations

@@ -29,8 +29,8 @@ class ItemVerdict(Result):
     cylinder : int, optional
         Index of the measured cylinder; None for a relation and for a missing part.
     decided : Decision, optional
-        Decision that replaces that by the quantities: on an item without any, such as NG for a
-        missing part, or undecided if nothing can be decided now.
+        Decision instead of the worst one on the quantities: NG or undecided for an item without
+        quantities, such as a missing part; undecided if nothing can be decided now.
     reason : str
         Reason of `decided`; empty if that is None.
     """
@@ -84,7 +84,7 @@ class Provenance:
     version : str
         Version of lsvision.
     calibration : mapping
-        Date and hash of each calibration file, by the job's key.
+        Name, date and hash of each calibration file, by the job's key.
     """
 
     job: str

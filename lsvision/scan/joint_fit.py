@@ -340,7 +340,8 @@ def _rejection_reason(joint_fit: JointFit, settings: JointFitSettings) -> str | 
 def _contradicted_radius_reason(joint_fit: JointFit, settings: JointFitSettings) -> str | None:
     """Return the reason why the points contradict a known radius; None if they do not.
 
-    The limits are those of a single section, which often determines the radius too poorly.
+    The limits are those of a single section, whose points often determine no radius that could
+    contradict it.
     """
     known, cloud = joint_fit.known_radius, joint_fit.cloud
     if known is None:

@@ -122,14 +122,15 @@ def measure_scan(  # noqa: PLR0913 - the options of `measure_cylinders`, the pos
     Returns
     -------
     ScanMeasurement
-        A scan of one profile yields cylinders with a `twin`: either of the two may be the axis.
+        If only one profile has points, the cylinders have a `twin`: either of the two may be the
+        axis.
 
     Raises
     ------
     ValueError
         If the numbers of poses and profiles differ, or are zero, a matrix is not a rigid motion, a
         pose is farther than 1e9 mm, a standard uncertainty is out of its range, or `feed_std` is
-        given and the last section has the origin of the first.
+        given and the last of several sections has the origin of the first.
     TypeError
         If an element of `profiles` is not a profile, one of `base_from_sections` not a pose, a
         standard uncertainty not a number, or `settings` or `calibration` something else.

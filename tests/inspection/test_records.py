@@ -317,7 +317,7 @@ def test_a_remedy_does_not_depend_on_the_origin_of_y(scan):
     """Of a profile in heights above a plane the tube's centre is nearly at y = 0."""
     remedies = []
     for offset in (0.0, 395.0):
-        found = measure_cylinders(scan[0][1].points + [0.0, offset])
+        found = measure_cylinders(scan[0][1].points + np.array([0.0, offset]))
         limit = found.cylinders[0].radius + found.cylinders[0].radius_std
         text = f'name = "a"\n[[part]]\nname = "b"\norder = 1\nradius_mm = {{ max = {limit} }}\n'
         planned = lsv.Job.from_text(text)
