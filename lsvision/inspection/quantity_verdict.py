@@ -57,8 +57,8 @@ class QuantityVerdict(Result):
         """Limits as text, such as ``18.9 .. 19.1`` or ``<= 2``."""
         lower, upper = self.limits
         if lower == -math.inf:
-            return f"<= {upper:g}"
-        return f">= {lower:g}" if upper == math.inf else f"{lower:g} .. {upper:g}"
+            return f"<= {upper:.9g}"
+        return f">= {lower:.9g}" if upper == math.inf else f"{lower:.9g} .. {upper:.9g}"
 
     def to_dict(self) -> Record:
         """Return value, interval, limits, margin, decision and reason, ready for JSON.
@@ -139,10 +139,10 @@ def _reason(estimate: Estimate, limits: tuple[float, float], decision: Decision)
     if decision == Decision.OK:
         return f"interval {interval} {unit} lies inside the limits"
     if decision == Decision.NG:
-        side = f"below {lower:g}" if high < lower else f"above {upper:g}"
+        side = f"below {lower:.9g}" if high < lower else f"above {upper:.9g}"
         return f"interval {interval} {unit} lies wholly {side}"
     crossed = [
-        f"{limit:g}"
+        f"{limit:.9g}"
         for limit, is_crossed in ((lower, low < lower <= high), (upper, low <= upper < high))
         if is_crossed
     ]

@@ -3,6 +3,9 @@ import math
 import pytest
 
 from lsvision.inspection.decision import Decision, decide, widen_interval, worst
+from lsvision.inspection.limits import quantity_from_key
+from lsvision.inspection.quantity_verdict import judge_quantity
+from lsvision.results.quantities import Estimate
 
 OPEN = -math.inf
 
@@ -39,3 +42,10 @@ def test_an_extra_uncertainty_is_added_in_quadrature_to_each_half_width():
     low, high = widen_interval(10.0, (9.97, 10.04), 0.04 / 1.959964, 0.95)
     assert (10 - low, high - 10) == pytest.approx((0.05, math.hypot(0.04, 0.04)), abs=1e-7)
     assert widen_interval(10.0, (9.97, 10.04), 0.0, 0.95) == pytest.approx((9.97, 10.04), abs=1e-12)
+
+
+def test_limits_far_from_the_origin_are_written_with_their_decimals():
+    estimate = Estimate(quantity_from_key("point_x_mm"), 10000.05, 0.01, (10000.03, 10000.07))
+    verdict = judge_quantity(estimate, (10000.06, 10000.16), 0.95)
+    assert verdict.limits_text == "10000.06 .. 10000.16"
+    assert verdict.reason.endswith("contains the limit 10000.06")

@@ -62,7 +62,7 @@ def test_a_limit_at_the_value_is_undecided_and_says_which(pair):
     value = pair.cylinders[0].radius
     verdict = lsv.judge(pair, job(("left", f"order = 1\nradius_mm = {{ max = {value} }}")))
     assert verdict.decision == "undecided"
-    assert f"contains the limit {value:g}" in verdict.parts[0].quantities[0].reason
+    assert f"contains the limit {value:.9g}" in verdict.parts[0].quantities[0].reason
     assert not verdict.passed
     passing = job(
         ("left", f"order = 1\nradius_mm = {{ max = {value} }}"), more='[decision]\nundecided = "ok"'
