@@ -87,15 +87,15 @@ class Limits(JobTable):
         lower, upper = self.ends
         if lower >= upper:
             raise ValueError(
-                f"limits reversed: from {lower:g} to {upper:g}; exchange them"
+                f"limits reversed: from {lower:.9g} to {upper:.9g}; exchange them"
                 if lower > upper
-                else f"expected different limits, got {lower:g} twice"
+                else f"expected different limits, got {lower:.9g} twice"
             )
         # With two deviations the nominal may lie outside, as for a shaft with -0.02 and -0.05.
         two_deviations = self.upper is not None and self.lower is not None
         if self.nominal is not None and not two_deviations and not lower <= self.nominal <= upper:
             raise ValueError(
-                f"nominal {self.nominal:g} lies outside its limits {lower:g} to {upper:g}"
+                f"nominal {self.nominal:.9g} lies outside its limits {lower:.9g} to {upper:.9g}"
             )
         return self
 
