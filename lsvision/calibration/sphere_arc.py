@@ -38,6 +38,12 @@ class SphereArcSettings:
         Number of random triples of points.
     seed : int
         Seed of the random triples.
+
+    Raises
+    ------
+    ValueError
+        If `tolerance`, `max_incidence` or `trials` is not positive, another number negative, or
+        `min_points` not above 3.
     """
 
     tolerance: float = 0.3
@@ -51,6 +57,12 @@ class SphereArcSettings:
     def __post_init__(self) -> None:
         if not self.min_points > 3:
             raise ValueError(f"expected min_points above 3, got {self.min_points}")
+        if not (self.tolerance > 0 and self.max_incidence > 0 and self.trials >= 1):
+            raise ValueError(f"expected positive tolerance, max_incidence and trials, got {self}")
+        if not (self.min_coverage >= 0 and self.min_radius >= 0 and self.seed >= 0):
+            raise ValueError(
+                f"expected min_coverage, min_radius and seed of at least 0, got {self}"
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,6 +181,7 @@ def _best_hypothesis(
     """
     rng = np.random.default_rng(settings.seed)
     circles = _circles_through_triples(points[_near_triples(len(points), settings.trials, rng)])
+    # Circles through three noisy points of the largest section are up to a few per cent larger.
     limit = np.inf if max_radius is None else 1.02 * max_radius + settings.tolerance
     allowed = np.isfinite(circles).all(axis=1)
     allowed &= (circles[:, 2] >= settings.min_radius) & (circles[:, 2] <= limit)

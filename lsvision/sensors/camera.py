@@ -61,13 +61,13 @@ class Camera(ComparedByValue):
                 f"expected {', '.join(map(str, DISTORTION_COUNTS))} finite distortion "
                 f"coefficients in OpenCV's order, got {len(distortion)}: {distortion}"
             )
-        width, height = (int(length) for length in self.size)
-        if not (width > 0 and height > 0) or (width, height) != tuple(self.size):
+        size = tuple(self.size)
+        if len(size) != 2 or not all(_is_length(length) for length in size):
             raise ValueError(f"expected a size (width, height) in px, got {self.size}")
         padded = np.pad(distortion, (0, COEFFICIENTS - len(distortion)))
         object.__setattr__(self, "matrix", matrix)
         object.__setattr__(self, "distortion", as_readonly_array(distortion, ("k",)))
-        object.__setattr__(self, "size", (width, height))
+        object.__setattr__(self, "size", (int(size[0]), int(size[1])))
         object.__setattr__(self, "_coefficients", as_readonly_array(padded, (COEFFICIENTS,)))
 
     @property
@@ -86,8 +86,9 @@ class Camera(ComparedByValue):
         Returns
         -------
         (n, 3) ndarray
-            Rays in the camera frame, scaled to z = 1. NaN for lost points, and for pixels for which
-            the distortion model has no inverse within its first fold.
+            Rays in the camera frame, scaled to z = 1. NaN for lost points, and for pixels that no
+            ray reaches up to the first fold of the distortion model (the angle from the axis beyond
+            which pixels move back towards the middle).
         """
         return self.rays_with_jacobian(pixels)[0]
 
@@ -133,13 +134,21 @@ class Camera(ComparedByValue):
         -------
         (n, 2) ndarray
             Pixels u, v, also outside of the image; NaN for points that are not in front of the
-            camera. Units: px.
+            camera. Beyond the first fold of the distortion model they are wrong, and may lie inside
+            the image. Units: px.
         """
         array = as_readonly_array(points, ("n", 3), "points")
         depth = np.where(array[:, 2] > 0, array[:, 2], np.nan)
         distorted, _ = distort(array[:, :2] / depth[:, None], self._coefficients)
         pixels: Points = distorted @ self.matrix[:2, :2].T + self.matrix[:2, 2]
         return pixels
+
+
+def _is_length(value: object) -> bool:
+    """Return whether a value is a positive whole number."""
+    if not isinstance(value, int | float | np.integer | np.floating):
+        return False
+    return bool(value > 0 and float(value).is_integer())
 
 
 def _check_matrix(matrix: FloatArray) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lsvision.calibration.sphere_arc import find_sphere_arc
+from lsvision.calibration.sphere_arc import SphereArcSettings, find_sphere_arc
 from lsvision.errors import CalibrationFailed, LsvisionError
 from lsvision.profile import Profile
 from lsvision.sensors.profile_sensor import ProfileSensor
@@ -78,3 +78,20 @@ def test_an_arc_that_is_too_short_is_rejected_with_its_angle():
     points = np.column_stack([15 * np.cos(angle), 15 * np.sin(angle) - 300])
     with pytest.raises(CalibrationFailed, match="covers 24 deg and 30 deg are needed"):
         find_sphere_arc(Profile(points))
+
+
+@pytest.mark.parametrize(
+    "numbers",
+    [
+        {"tolerance": 0.0},
+        {"tolerance": np.nan},
+        {"max_incidence": -1.0},
+        {"trials": 0},
+        {"min_coverage": np.nan},
+        {"min_radius": -1.0},
+        {"seed": -1},
+    ],
+)
+def test_settings_that_find_no_arc_are_rejected(numbers):
+    with pytest.raises(ValueError, match=f"expected .*{next(iter(numbers))}.*, got Sphere"):
+        SphereArcSettings(**numbers)

@@ -93,6 +93,9 @@ def test_points_behind_the_camera_have_no_pixel():
         ((MATRIX, [np.nan] * 4, SIZE), "finite distortion coefficients"),
         ((MATRIX, [], (0, 5)), "expected a size"),
         ((MATRIX, [], (640.9, 480)), r"expected a size .*, got \(640.9, 480\)"),
+        ((MATRIX, [], (np.inf, 480)), r"expected a size .*, got \(inf, 480\)"),
+        ((MATRIX, [], ("640", 480)), r"expected a size .*, got \('640', 480\)"),
+        ((MATRIX, [], (640, 480, 3)), r"expected a size .*, got \(640, 480, 3\)"),
     ],
 )
 def test_invalid_arguments_are_rejected(arguments, match):
