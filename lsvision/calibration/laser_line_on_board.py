@@ -8,6 +8,12 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from lsvision.calibration.board_outline import (
+    board_outline,
+    inside_outline,
+    target_bounds,
+    target_pitch,
+)
 from lsvision.calibration.bundle_adjustment_problem import MIN_POINTS, LaserView
 from lsvision.calibration.grey_image import grey_image
 from lsvision.calibration.target import (
@@ -74,6 +80,12 @@ class LineOnBoardSettings:
         Largest number of line points on each board; evenly thinned.
     min_points : int
         Smallest number of line points on a board.
+
+    Raises
+    ------
+    ValueError
+        If `max_line_deviation_px` is not positive, `margin` not finite, a number negative, or
+        `min_points` or `max_points` too small.
     """
 
     extraction: LineSettings | None = None
@@ -162,12 +174,12 @@ def find_laser_view(
     TargetNotFound
         If the board is not found.
     LsvisionError
-        If no laser line lies on it.
+        If no laser line lies on it, or `margin` reaches beyond the horizon of its plane.
     """
     bayer = _extraction_settings(settings).bayer
     board_grey = grey_image(interpolate_grey(as_image(board_image), bayer))
     view = find_target(board_grey, target)
-    outline = _outline(view, target, settings.margin)
+    outline = board_outline(view, target, settings.margin)
     outside = _find_line_outside(camera, target, view, line_image, settings)
     try:
         low = np.maximum(np.floor(outline.min(axis=0)), 0).astype(int)
@@ -193,6 +205,7 @@ def _extract(window: npt.ArrayLike, settings: LineOnBoardSettings) -> LaserLine:
     try:
         return extract_laser_line(window, _extraction_settings(settings))
     except NoLaserLine as error:
+        # Without a remedy of its own, the finding contains the remedy.
         raise NoLaserLine(error.finding, error.remedy and LINE_REMEDY) from error
 
 
@@ -244,9 +257,9 @@ def _find_line_outside(
 def _distances_outside(pixels: Points, view: TargetView, target: Target) -> FloatArray:
     """Return the distances of points outside the outermost corners, in squares; negative inside."""
     on_board = _map_to_board(pixels, view)
-    low, high = _bounds(target)
+    low, high = target_bounds(target)
     distance: FloatArray = np.maximum(low - on_board, on_board - high).max(axis=1)
-    return distance / _pitch(target)
+    return distance / target_pitch(target)
 
 
 def _find_indices_on_board(
@@ -263,9 +276,9 @@ def _find_indices_on_board(
     are the line in a window of the image, and the window's first pixel (u, v).
     """
     line, low = line_and_corner
-    pixels, outline = line.pixels + low, _outline(board_view, target, settings.margin)
+    pixels, outline = line.pixels + low, board_outline(board_view, target, settings.margin)
     usable: BoolArray = np.asarray(np.isfinite(pixels).all(axis=1))
-    usable[usable] &= _inside(pixels[usable], outline)
+    usable[usable] &= inside_outline(pixels[usable], outline)
     usable[usable] &= _is_clear_of_edges(
         pixels[usable], board_view, target, settings.edge_clearance
     )
@@ -286,56 +299,24 @@ def _find_indices_on_board(
     return indices
 
 
-def _pitch(target: Target) -> float:
-    """Return the distance of neighbouring points of the target. Units: mm."""
-    points = target.points[:, :2]
-    return float(np.sort(np.hypot(*(points - points[0]).T))[1])
-
-
 def _map_to_board(pixels: Points, view: TargetView) -> Points:
     """Return the points (n, 2) of the board plane that pixels show. Units: mm."""
     inverse: FloatArray = np.linalg.inv(board_homography(view)).astype(np.float64)
     return apply_homography(inverse, pixels)
 
 
-def _bounds(target: Target) -> tuple[FloatArray, FloatArray]:
-    """Return the smallest and the largest x and y of the target's points. Units: mm."""
-    points = target.points[:, :2]
-    return points.min(axis=0), points.max(axis=0)
-
-
-def _outline(view: TargetView, target: Target, margin: float) -> Points:
-    """Return the corners (4, 2) of the board's flat part in the image. Units: px."""
-    border = margin * _pitch(target)
-    low, high = _bounds(target)
-    low, high = low - border, high + border
-    corners = [low, (high[0], low[1]), high, (low[0], high[1])]
-    return apply_homography(board_homography(view), np.array(corners))
-
-
-def _inside(pixels: Points, outline: Points) -> BoolArray:
-    """Return the mask of pixels inside a convex quadrilateral."""
-    edges = np.roll(outline, -1, axis=0) - outline
-    cross_products = [
-        edge[0] * (pixels - corner)[:, 1] - edge[1] * (pixels - corner)[:, 0]
-        for edge, corner in zip(edges, outline, strict=True)
-    ]
-    same_side: BoolArray = np.ptp(np.sign(cross_products), axis=0) == 0
-    return same_side
-
-
 def _is_clear_of_edges(
     pixels: Points, view: TargetView, target: Target, clearance: float
 ) -> BoolArray:
     """Return the mask of points far from the edges of squares or discs, or outside the pattern."""
-    pitch = _pitch(target)
+    pitch = target_pitch(target)
     on_board = _map_to_board(pixels, view)
     if isinstance(target, CircleGrid):
         offset = on_board[:, None] - target.points[:, :2]
         distance = np.linalg.norm(offset, axis=2).min(axis=1, initial=np.inf)
         far: BoolArray = np.abs(distance - target.diameter / 2) >= clearance * pitch
         return far
-    low, high = _bounds(target)
+    low, high = target_bounds(target)
     # The outermost squares end one pitch beyond the corners.
     reach = (1 + OUTER_EDGE_CLEARANCE) * pitch
     outside = ((on_board < low - reach) | (on_board > high + reach)).any(axis=1)

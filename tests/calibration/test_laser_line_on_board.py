@@ -299,3 +299,18 @@ def test_a_line_where_the_distortion_cannot_be_inverted_is_no_line():
     boards[: board.shape[0], : board.shape[1]] = 20 + 200 * board
     with pytest.raises(LsvisionError):
         find_laser_view(camera, target, boards, image, LineOnBoardSettings())
+
+
+@pytest.mark.parametrize("margin", [60.0, 1e3])
+def test_a_margin_beyond_the_horizon_of_the_board_rejects_the_pair(images, margin):
+    settings = LineOnBoardSettings(margin=margin)
+    _, sources = find_laser_views(CAMERA, TARGET, images[0][4:5], images[1][4:5], settings)
+    assert f"margin of {margin:g} squares (--margin) reaches beyond" in sources.rejected[0].reason
+
+
+@pytest.mark.parametrize(
+    "numbers", [{"margin": -1.0}, {"margin": np.nan}, {"max_line_deviation_px": np.nan}]
+)
+def test_invalid_settings_of_the_line_are_rejected(numbers):
+    with pytest.raises(ValueError, match=f"expected .*{next(iter(numbers))}.*, got Line"):
+        LineOnBoardSettings(**numbers)
