@@ -17,13 +17,14 @@ BEZIER_CIRCLE_FACTOR = 0.5522847498
 quarter circle to 0.03 % of the radius."""
 
 MARGIN = 10.0
-"""White border, which the detection needs and printers cannot print on. Units: mm."""
+"""White border around the pattern, which the detection needs. Units: mm."""
 
 RULER_LENGTH = 100.0
 """Length of the bar for checking the printer's scale. Units: mm."""
 
 FOOTER_HEIGHT = 14.0
-"""Height of the strip below the pattern for bar and text. Units: mm."""
+"""Additional height of the border below the pattern, in which bar and text are. The text keeps 5 mm
+from the edge of the sheet, on which most printers cannot print. Units: mm."""
 
 PAPERS = ((210.0, 297.0), (297.0, 420.0), (420.0, 594.0), (594.0, 841.0), (841.0, 1189.0))
 """A4 to A0; printers scale a page that is not of a paper size. Units: mm."""
@@ -243,7 +244,7 @@ def _layout_page(
         Rectangle(MARGIN + RULER_LENGTH - 0.2, bar_top, 0.2, 4.4),
     ]
     text = f"{text}. Print at 100 %; the bar is 100 mm."
-    return PageLayout(width, height, (*centred, *ruler), text, (MARGIN, bar_top + 9))
+    return PageLayout(width, height, (*centred, *ruler), text, (MARGIN, bar_top + 8))
 
 
 def _smallest_paper(width: float, height: float) -> tuple[float, float]:

@@ -185,6 +185,13 @@ def test_page_fits_its_sheet_with_a_ruler_of_100_mm(target):
         assert bottom <= max(bar.y + 5, page.height - 5)
 
 
+def test_the_text_of_a_full_page_is_printable():
+    """Letters reach 0.22 of their size, 3.5 mm, below the base line."""
+    page = layout_target(Chessboard(6, 9, 26.3))
+    assert page.height == 297
+    assert page.text_position[1] + 0.22 * 3.5 <= page.height - 5
+
+
 def test_svg_is_sized_in_mm_and_draws_every_shape():
     target = TARGETS["chessboard"]
     svg = target_svg(target)
