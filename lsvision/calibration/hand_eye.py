@@ -112,8 +112,8 @@ def calibrate_hand_eye_sphere(
     ((), True)
     """
     require_several(profiles)
-    _require_pairs(len(profiles), len(base_from_flanges), "profiles")
     flanges = as_poses(base_from_flanges)
+    _require_pairs(len(profiles), len(flanges), "profiles")
     if radius is not None and not 0 < radius < np.inf:
         raise ValueError(f"expected a positive, finite radius in mm, got {radius}")
     arcs, observed, unobserved = _observe(
@@ -191,8 +191,8 @@ def calibrate_hand_eye_plane(
     array([  0.,  80., 120.])
     """
     require_several(profiles)
-    _require_pairs(len(profiles), len(base_from_flanges), "profiles")
     flanges = as_poses(base_from_flanges)
+    _require_pairs(len(profiles), len(flanges), "profiles")
     lines, observed, unobserved = _observe(profiles, flanges, find_plane_line, "line")
     _require_count(len(observed), MIN_PLANE_POSES, "a straight line in the profile", unobserved)
     poses = [flanges[index] for index in observed]
@@ -263,9 +263,9 @@ def calibrate_hand_eye_board(
     >>> calibration.flange_from_camera.translation.round(3) + 0.0
     array([  0.,  80., 120.])
     """
-    count = len(camera_from_boards)
-    _require_pairs(count, len(base_from_flanges), "boards")
     boards, flanges = as_poses(camera_from_boards), as_poses(base_from_flanges)
+    count = len(boards)
+    _require_pairs(count, len(flanges), "boards")
     repeated = _find_repeated_pairs([pose.matrix for pose in boards], flanges)
     observed = [index for index in range(count) if index not in repeated]
     unobserved = [_reject_repeated_pose(*pair, "board") for pair in repeated.items()]

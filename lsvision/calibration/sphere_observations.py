@@ -37,6 +37,9 @@ MIN_OFFSET = 0.15
 MAX_RADIUS_RATIO = 1.1
 """Ratio of the largest cut to the given radius, above which the radius is wrong: sensors whose
 heights are scaled wrong by several per cent occur."""
+MIN_RADIUS_RATIO = 0.3
+"""Ratio of the largest cut to the given radius, below which the radius is wrong: the cuts would all
+be farther from the centre than `MAX_CUT_OFFSET`."""
 MIN_SPREAD = 0.05
 """Smallest range of the sphere's positions in the view, in radii."""
 HEIGHT_SCALE_PRIOR_STD = 0.1
@@ -198,17 +201,20 @@ def require_distinct_cuts(circles: FloatArray, radius: float | None) -> None:
     Raises
     ------
     CalibrationFailed
-        If the given radius is so small that the cuts seem to pass the centre.
+        If the given radius is so small that the cuts seem to pass the centre, or far larger than
+        all cuts.
     DegenerateGeometry
         If all cuts pass near the centre, or the sphere is at one position in all profiles.
     """
     measured = float(circles[:, 2].max())
     largest = measured if radius is None else radius
     offset = float(np.sqrt(np.mean(np.clip(1 - (circles[:, 2] / largest) ** 2, 0, None))))
-    if offset < MIN_OFFSET and measured > MAX_RADIUS_RATIO * largest:
+    too_small = offset < MIN_OFFSET and measured > MAX_RADIUS_RATIO * largest
+    if too_small or measured < MIN_RADIUS_RATIO * largest:
         raise CalibrationFailed(
-            f"cuts of the sphere have radii of up to {measured:.4g} mm, more than the given radius "
-            f"of {largest:g} mm: check it, or leave it out to have it estimated"
+            f"cuts of the sphere have radii of up to {measured:.4g} mm, "
+            f"{'more' if too_small else 'far less'} than the given radius of {largest:g} mm: check "
+            "it, or leave it out to have it estimated"
         )
     if offset < MIN_OFFSET:
         raise DegenerateGeometry(
@@ -239,7 +245,8 @@ class SpherePlanningTarget:
         Standard deviation of a circle's centre along X; along Y and in radius three times that.
         Units: mm.
     max_cut_offset : float
-        Largest useful distance of the cut from the centre, in radii.
+        Largest distance of a proposed cut from the centre, in radii; given poses may cut up to
+        `MAX_CUT_OFFSET`.
     """
 
     centre: FloatArray
@@ -254,7 +261,7 @@ class SpherePlanningTarget:
 
     @property
     def viewing_rotation(self) -> FloatArray:
-        """Identity: a sphere looks the same from everywhere and is measured from above."""
+        """Rotation from the base's Z to the direction towards the sensor: identity, from above."""
         return np.eye(3)
 
     @property
@@ -283,6 +290,7 @@ class SpherePlanningTarget:
     ) -> SphereObservations:
         """Return the circles of the cuts without noise."""
         count = len(sections)
+        # Positive also where the laser plane misses the sphere; such poses are not used.
         min_squared_radius = (0.1 * self.radius) ** 2
         circle_radii = np.sqrt(
             np.maximum(self.radius**2 - positions[:, 2] ** 2, min_squared_radius)

@@ -235,6 +235,21 @@ def test_a_wrong_given_radius_is_named_beside_the_heights():
     assert "check the given radius (calibrate without it" in found.warnings[0]
 
 
+@pytest.mark.parametrize("factor", [5, 1000])
+def test_a_given_radius_that_is_far_too_large_is_named_as_the_cause(factor):
+    message = f"far less than the given radius of {factor * RADIUS:g} mm"
+    with pytest.raises(CalibrationFailed, match=message):
+        calibrate_hand_eye_sphere(*sphere_scene(3), factor * RADIUS, settings=FEW_TRIALS)
+
+
+@pytest.mark.parametrize(
+    "calibrate", [calibrate_hand_eye_sphere, calibrate_hand_eye_plane, calibrate_hand_eye_board]
+)
+def test_one_pose_instead_of_a_sequence_is_rejected_with_the_remedy(calibrate):
+    with pytest.raises(TypeError, match="got one Pose: put it into a list"):
+        calibrate([], Pose())
+
+
 def test_a_given_radius_that_is_far_too_small_is_named_as_the_cause():
     with pytest.raises(
         CalibrationFailed, match=r"radii of up to 20 mm, more than the given radius of 10 mm"
