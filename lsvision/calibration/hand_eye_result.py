@@ -124,9 +124,9 @@ class HandEye(Result):
     target_scale : tuple of float, optional
         Factor by which the size of a board must be multiplied, and its standard deviation; a check
         of the stated size. The factor is not applied; if it differs significantly from 1, the
-        covariance includes the change that it would make. An error below 0.3 % is not reported, and
-        shifts the camera along its axis by as much of its distance from the board. None for other
-        targets, and where the robot's motion does not determine it.
+        covariance includes the change that it would make. An error below 0.3 % never counts as
+        significant, and shifts the camera along its axis by that fraction of its distance from the
+        board. None for other targets, and where the robot's motion does not determine it.
 
     Examples
     --------

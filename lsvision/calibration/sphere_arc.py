@@ -205,7 +205,7 @@ def _best_hypothesis(
 
 
 def _near_triples(count: int, trials: int, rng: np.random.Generator) -> IntArray:
-    """Return random triples (k, 3) from windows of many lengths.
+    """Return random triples (k, 3) from windows of 15 points up to the whole profile.
 
     The points of an arc are neighbours in the profile, those of clutter are not.
     """
