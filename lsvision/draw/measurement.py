@@ -108,7 +108,7 @@ def draw_on_axes(axes: Axes, profile: Profile, measurement: Measurement) -> None
         _draw_cylinder(axes, points, cylinder, number)
     axes.margins(MARGIN)
     axes.set_aspect("equal", adjustable="datalim")
-    _label_rejected(axes, points, rejected)
+    label_rejected(axes, points, rejected)
     axes.set_xlabel("X / mm (along the laser line)")
     axes.set_ylabel("Y / mm (up: towards the sensor)")
     axes.grid(visible=True, lw=0.4, alpha=0.5)
@@ -132,8 +132,11 @@ def _draw_cylinder(axes: Axes, points: Points, cylinder: CylinderSection, number
               va="center", zorder=6, clip_on=True, bbox=label_box)  # fmt: skip
 
 
-def _label_rejected(axes: Axes, points: Points, rejected: Sequence[RejectedArc]) -> None:
-    """Draw each letter above its arc, moved up until it overlaps none of the letters before it."""
+def label_rejected(axes: Axes, points: Points, rejected: Sequence[RejectedArc]) -> None:
+    """Draw each letter above its arc, moved up until it overlaps none of the letters before it.
+
+    Points may be in px of a photo; letters of arcs outside of the axes are left out.
+    """
     # The limits and the equal scale must be final before positions are converted to pixels.
     axes.autoscale_view()
     axes.apply_aspect()
@@ -141,6 +144,8 @@ def _label_rejected(axes: Axes, points: Points, rejected: Sequence[RejectedArc])
     up, label_pixels = np.array([0.0, LABEL_GAP_PX]), list[FloatArray]()
     for arc in rejected:
         anchor = points[arc.indices[len(arc.indices) // 2]]
+        if not axes.viewLim.contains(*anchor):
+            continue
         pixel = axes.transData.transform(anchor) + up
         while any(math.hypot(*(pixel - other)) < LABEL_GAP_PX for other in label_pixels):
             pixel = pixel + up / 2

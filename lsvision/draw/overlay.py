@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.draw.figure_files import new_figure
-from lsvision.draw.measurement import draw_on_axes
+from lsvision.draw.measurement import draw_on_axes, label_rejected
 from lsvision.draw.panel import draw_panel
 from lsvision.draw.photo import show_photo
 from lsvision.draw.rejected import rejected_arcs
@@ -117,18 +117,14 @@ def draw_on_photo(
     limits = axes.axis()
     pixels = light_section.project(profile.points)
     axes.plot(*pixels.T, ".", color=POINTS, ms=2.5, zorder=2, label="measured points")
-    for arc in rejected_arcs(profile.points, measurement):
+    rejected = rejected_arcs(profile.points, measurement)
+    for arc in rejected:
         axes.plot(*pixels[arc.indices].T, "x", color=arc.colour, ms=3, mew=0.8, zorder=3,
                   label=label_once(axes, "rejected arc"))  # fmt: skip
-        u, v = pixels[arc.indices[len(arc.indices) // 2]]
-        axes.annotate(arc.letter, (u, v), xytext=(0, 14), textcoords="offset points",
-                      color="white", fontsize=8, weight="bold", ha="center", annotation_clip=True,
-                      zorder=6,  # above the ellipses
-                      bbox={"boxstyle": "round,pad=0.15", "fc": arc.colour, "ec": "none"},
-                      arrowprops={"arrowstyle": "-", "color": arc.colour, "lw": 0.8})  # fmt: skip
     for number, cylinder in enumerate(measurement.cylinders, 1):
         _draw_cylinder(axes, light_section, pixels, cylinder, number)
     axes.axis(limits)
+    label_rejected(axes, pixels, rejected)
     draw_legend(axes)
 
 

@@ -1,6 +1,6 @@
 """What was found in an image, drawn into it where it lies."""
 
-from itertools import pairwise
+from itertools import combinations, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -8,11 +8,13 @@ import pytest
 from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 
-from lsvision.draw import draw_laser_line, draw_overlay, figure_bytes
+from lsvision.detection.arcs import Rejection
+from lsvision.draw import draw_laser_line, draw_on_photo, draw_overlay, figure_bytes
 from lsvision.draw.photo import show_photo
 from lsvision.io.images import read_image
 from lsvision.laser_line.extraction import LineSettings, extract_laser_line
 from lsvision.measure import Measurement, measure_cylinders
+from lsvision.profile import Arc
 from lsvision.results.palette import cylinder_colour
 from lsvision.sensors.light_section import LightSection
 from tests.draw.borders import has_white_border
@@ -70,6 +72,24 @@ def test_the_photo_is_whole_and_in_pixels(pair, figure):
     assert figure.axes[0].axis() == (-0.5, width - 0.5, height - 0.5, -0.5)
     assert figure.axes[0].get_xlabel() == "u / px"
     assert "mm" in figure.axes[1].get_xlabel()
+
+
+def test_letters_of_arcs_with_one_middle_do_not_cover_each_other(pair):
+    image, rig, profile, _ = pair
+    arcs = tuple(Rejection(Arc(300 - width, 300 + width), "short") for width in (10, 20, 30))
+    photo = draw_overlay(image, rig, profile, Measurement((), arcs)).axes[0]
+    letters = [text for text in photo.texts if text.get_text() in {"A", "B", "C"}]
+    assert len(letters) == 3
+    boxes = [text.get_window_extent() for text in letters]
+    assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
+
+
+def test_letters_of_arcs_beside_a_magnified_part_of_the_photo_are_left_out(pair):
+    _, rig, profile, _ = pair
+    axes = Figure().add_subplot()
+    axes.axis((500.0, 600.0, 300.0, 200.0))
+    draw_on_photo(axes, rig, profile, Measurement((), (Rejection(Arc(280, 320), "short"),)))
+    assert not axes.texts
 
 
 def test_nothing_is_cut_at_the_edge(figure):
