@@ -49,9 +49,9 @@ class LineShape:
 
     def far_from_edges(self, distance: int) -> BoolArray:
         """Return whether neither an edge nor an end is within a distance in columns (n,)."""
-        near = np.convolve(self.edge, np.ones(2 * distance + 1), mode="same")
+        near = np.convolve(self.edge, np.ones(2 * distance + 1))[distance:][: len(self.edge)]
         far: BoolArray = near < 0.5
-        far[:distance] = far[len(far) - distance :] = False
+        far[:distance] = far[max(len(far) - distance, 0) :] = False
         return far
 
 
@@ -73,9 +73,10 @@ def compute_line_shape(rows: FloatArray, light: FloatArray, relative_std: FloatA
     local_fade = (before + after) / 2
     factor = mad_std(np.diff(steps) / relative_std[1:-1])
     noise = factor / np.sqrt(6) * relative_std  # 6: the variance of a second difference
-    abrupt = np.abs(local_fade) > np.maximum(EDGE_FADE, EDGE_SIGMAS * noise / np.sqrt(2))
-    slope, curvature, fade = np.full((3, len(rows)), np.nan)
     fade_std = noise / np.sqrt(2)
+    fade_std[[0, -1]] *= 2  # an end has one step, not the mean of two
+    abrupt = np.abs(local_fade) > np.maximum(EDGE_FADE, EDGE_SIGMAS * fade_std)
+    slope, curvature, fade = np.full((3, len(rows)), np.nan)
     for piece in _smooth_runs(~abrupt):
         slope[piece] = _derivative(rows[piece], DEGREE, 1)[0]
         curvature[piece] = _derivative(rows[piece], DEGREE, 2)[0]
