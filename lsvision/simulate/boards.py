@@ -19,7 +19,7 @@ MAX_DRAWS = 1000
 to eight."""
 MAX_OFFSET_FRACTION = 0.24
 """Largest distance of a board's centre from the principal point, as a fraction of the image's width
-and height: then some corners reach the borders."""
+and height: in two of five images some corners lie outside, by up to a fifth of the image."""
 LINE_ITERATIONS = 50
 """Fixed-point iterations of the laser line on a bent board."""
 
@@ -41,7 +41,7 @@ class BoardScene:
     distance : float
         Mean depth of the boards. Units: mm.
     columns, rows : int
-        Number of inner corners.
+        Number of inner corners, at least two each.
     square : float
         Size of a square. Units: mm.
     tilt : float
@@ -57,7 +57,7 @@ class BoardScene:
         Standard deviation of a corner coordinate, and of a line point along the normal of the
         line. Units: px.
     line_points : int
-        Number of points of the line on each board.
+        Number of points of the line on each board, at least two.
     """
 
     matrix: FloatArray = field(

@@ -1,12 +1,12 @@
 """Outlines of objects around tubes (bars, boxes, angle irons, sheets), and random clutter.
 
-Every outline function returns a `Prism` placed by the middle of its side towards the sensor and
-rotated by `tilt` from X towards Y. Frame: section frame. Units: mm and rad. Curves are polylines
-with segments of about 0.3 mm, whose sagitta is below 1 um for radii above 12 mm and at most 17 um,
-at the sharpest crests of a sine.
+Every outline function returns a `Prism` placed by the middle of its side towards the sensor (a
+spline by the origin of its knots) and rotated by `tilt` from X towards Y. Frame: section frame.
+Units: mm and rad. Curves are polylines with segments of about 0.3 mm along X, whose sagitta is
+about 1 um for radii above 12 mm, 4 um on steep flanks, and 17 um at the sharpest crests of a sine.
 
 No outline contains an arc that resembles a tube's: rounded corners have a radius of at most 5 mm.
-The slope of a sheet stays below 24 deg, so that a crest turns by less than 48 deg; what turns
+The slope of a sheet stays below about 25 deg, so that a crest turns by less than 50 deg; what turns
 further has a smaller radius than any tube (below 6 mm), a larger one (above 60 mm), or is concave.
 """
 
@@ -26,7 +26,7 @@ MAX_CORNER_RADIUS = 5.0
 """Largest radius of a rounded corner, half that of the smallest tube. Units: mm."""
 
 MAX_SLOPE = math.tan(math.radians(24.0))
-"""Largest slope of a wavy sheet."""
+"""Largest slope of a sine, of a spline, or of a bump alone: beside others about 25 deg."""
 HALF_FIELD_PER_RANGE = 0.27
 """Half width of the field of view divided by the range, slightly less than the sensor's."""
 MIN_RANGE_MM, MAX_RANGE_MM = 330.0, 560.0
@@ -82,7 +82,7 @@ def rounded_box(
     Raises
     ------
     ValueError
-        If the corner radius exceeds 5 mm, half the width or the height.
+        If the corner radius is not positive, or exceeds 5 mm, half the width or the height.
     """
     largest = min(MAX_CORNER_RADIUS, width / 2, height)
     if not 0 < corner <= largest:
@@ -150,7 +150,8 @@ def spline_sheet(knots: npt.ArrayLike, centre: Centre, tilt: float = 0.0) -> Pri
     Parameters
     ----------
     knots : (k, 2) array_like
-        Points (x, y) of the spline, x ascending. Units: mm.
+        Points (x, y) of the spline, x ascending; the outline ends within 0.15 mm of the last one.
+        Units: mm.
     centre, tilt
         As for `place_outline`.
     """

@@ -11,7 +11,7 @@ from lsvision.geometry import FloatArray, Plane, Points, Pose, as_readonly_array
 from lsvision.simulate.solids import Rays
 
 UNDISTORT_ITERATIONS = 60
-"""Fixed-point iterations; a lens with k1 = -0.35 converges to 1e-12 after 40."""
+"""Fixed-point iterations; k1 = -0.35 converges to 1e-12 after 40 at 37 deg from the axis."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -105,7 +105,10 @@ class ImagingRig:
         return Plane(np.array([0.0, 0.0, 1.0]), 0.0).transformed(self.camera_from_section)
 
     def rays(self, pixels: Points) -> Rays:
-        """Return the rays through (n, 2) pixels, section frame; distances are depths in mm."""
+        """Return the rays through (n, 2) pixels, section frame; distances are depths in mm.
+
+        Wrong beyond the largest distorted radius of the lens, where no ray has such a pixel.
+        """
         normalised = (pixels - self.matrix[:2, 2]) @ np.linalg.inv(self.matrix[:2, :2]).T
         directions = np.column_stack([self._undistort(normalised), np.ones(len(pixels))])
         camera_rays = Rays(np.zeros_like(directions), directions)

@@ -1,6 +1,7 @@
 """The report as JSON: all numbers of the page, in keys that end in their unit.
 
-Numbers of `Achievability` are in the unit in which its quantity ends.
+Numbers of `Achievability` without a unit in their key are in that of its quantity.
+The keys "ways", "places_mm", "reach" and "traps" are those of the first version of the file.
 """
 
 import dataclasses

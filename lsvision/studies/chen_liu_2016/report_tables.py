@@ -1,4 +1,4 @@
-"""Tables of the report's page, and the accuracy table of the README."""
+"""Tables of the report's page, and the table of ``.github/ACCURACY.md``."""
 
 import math
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from lsvision.studies.chen_liu_2016.scenes import SceneFigure, Timing
 from lsvision.studies.chen_liu_2016.tables import TableRow, pool_errors
 
 README_HEAD = ("Paper's Table", "", "Radius, mm", "θ, °", "φ, °")
-"""Names of the columns of the README's table; the second one is the method."""
+"""Names of the columns of `readme_table`; the second column names the method."""
 ERROR_NAMES = {
     "radius_mm": "Radius error, mm",
     "theta_deg": "θ error, degrees",
@@ -103,13 +103,13 @@ def format_significant(value: float, digits: int = 2) -> str:
 
 
 def readme_table(rows: Sequence[TableRow]) -> str:
-    """Return the typical (root mean square) errors of Tables 1-4 as a Markdown table.
+    """Return the rms errors of Tables 1-4, as in ``.github/ACCURACY.md``, as a Markdown table.
 
     Parameters
     ----------
     rows : sequence of TableRow
         Result of `measure_tables`. The numbers in brackets are the Cramer-Rao bound, which
-        depends on geometry and noise only: a test compares them with the README without
+        depends on geometry and noise only: a test compares them with that file without
         measuring.
 
     Returns
