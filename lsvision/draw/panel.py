@@ -72,7 +72,7 @@ def _cylinder_lines(cylinders: Sequence[CylinderSection]) -> list[tuple[str, str
         texts = _value_lines(cylinder)
         if shortened:
             radius, theta, phi, _ = texts
-            texts = [f"{radius}, {phi}", theta]
+            texts = [radius, f"{theta}, {phi}"]
         lines += [
             (f"{number if row == 0 else '':<3} {text}", cylinder_colour(number))
             for row, text in enumerate(texts)

@@ -92,6 +92,17 @@ def test_letters_of_arcs_beside_a_magnified_part_of_the_photo_are_left_out(pair)
     assert not axes.texts
 
 
+def test_many_cylinders_of_known_radius_stay_within_the_figure(pair):
+    rig, image = pair[1], read_image(IMAGES / "single.png")
+    profile = rig.profile(image)
+    cylinders = measure_cylinders(profile, known_radius=25.0).cylinders
+    assert "± 0.000025" in cylinders[0].estimates[0].text
+    panel = draw_overlay(image, rig, profile, Measurement(cylinders * 5, ())).subfigs[1]
+    panel.figure.canvas.draw()
+    extents = [text.get_window_extent() for text in panel.texts if text.get_text()]
+    assert max(extent.x1 for extent in extents) < panel.bbox.x1
+
+
 def test_nothing_is_cut_at_the_edge(figure):
     assert has_white_border(figure)
 
