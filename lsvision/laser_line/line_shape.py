@@ -20,8 +20,8 @@ shadow. The light of a matt pipe fades by less except beside its end. Units: 1 /
 EDGE_SIGMAS = 4.0
 """Smallest change of light at an edge in its standard deviations."""
 EDGE_STD_FRACTION = 0.5
-"""Standard deviation of the change of light at an edge, as a fraction of the larger one of the
-changes to both neighbours, which differ by as much as their own size."""
+"""Standard deviation of `LineShape.fade` at an edge, relative to the larger of the changes of light
+from the column before and to the column after: these differ by about their own size."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -45,7 +45,8 @@ class Achievability:
         Sum of the squared printed errors over their bounds.
     sections_needed : int or None
         Number of sections 1 mm apart for which 95 % of the errors are below `largest_printed`,
-        for the table's worst pipe; None if `MAX_SECTIONS` (2048) are not enough.
+        for the table's worst pipe; None if `MAX_SECTIONS` (2048) are not enough. Predicted for
+        pipes that stand alone: the neighbour in Table 4, which hides a few points, is left out.
     noise_needed_mm : float
         Noise along the ray at which one section has 95 % of the errors below `largest_printed`, for
         the table's worst pipe. Units: mm.

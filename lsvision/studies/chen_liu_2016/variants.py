@@ -97,7 +97,7 @@ class AblationArc:
 
     @cached_property
     def with_jumps(self) -> "AblationArc":
-        """The arc with all points of its span, including jumps."""
+        """The arc with all points of its span, including jumps beyond the sensor error."""
         valid = self.profile.valid_indices
         in_span = (valid >= self.arc.arc.start) & (valid < self.arc.arc.stop)
         arc_with_jumps = IdentifiedArc(valid[in_span], self.arc.ellipse)
