@@ -40,7 +40,7 @@ class FittedSections:
     note: str
 
 
-def fit_section_plane(clouds: Sequence[FloatArray]) -> FittedSections:
+def fit_section_plane(clouds: Sequence[FloatArray], *, flip: bool = False) -> FittedSections:
     """Fit one plane to the points of all profiles; return the points in its section frame.
 
     The frame is that of `section_pose`: Y points against the z axis of the points' frame, as for a
@@ -51,6 +51,8 @@ def fit_section_plane(clouds: Sequence[FloatArray]) -> FittedSections:
     ----------
     clouds : sequence of (n, 3) ndarray
         Points in the frame of the sensor, NaN where lost. Units: mm.
+    flip : bool
+        Whether to reverse Y and Z once more.
 
     Returns
     -------
@@ -69,7 +71,7 @@ def fit_section_plane(clouds: Sequence[FloatArray]) -> FittedSections:
     _check_flatness(singular_values / np.sqrt(len(points)))
     plane = Plane(axes[2], float(axes[2] @ centre))
     pose = section_pose(plane)
-    if centre[2] < 0:
+    if (centre[2] < 0) != flip:
         pose = Pose(pose.rotation * (1.0, -1.0, -1.0), pose.translation)
     to_section = pose.inverse()
     distances = plane.signed_distances(points)

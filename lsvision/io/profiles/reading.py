@@ -296,8 +296,8 @@ def convert_to_section_frame(
     sections, markers = remove_lost(raw, settings)
     fitted = None
     if settings.plane is not None:  # x, y and z have one unit
-        fitted = fit_section_plane(_scale(sections, (x_scale, x_scale, x_scale)))
-        sections = _scale(fitted.sections, (1.0, -1.0 if away else 1.0))
+        fitted = fit_section_plane(_scale(sections, (x_scale, x_scale, x_scale)), flip=away)
+        sections = list(fitted.sections)
     else:
         sections = _scale(sections, (x_scale, -height_scale if away else height_scale))
     profiles = tuple(Profile(section, lost=()) for section in sections)  # markers are removed

@@ -215,3 +215,11 @@ def test_coordinates_that_overflow_in_mm_are_rejected(write):
     content = "x,y,z\n" + "".join(f"{k}e306,{k * k},1\n" for k in range(9))
     with pytest.raises(UnreadableFile, match="coordinates reach inf mm"):
         inspect_profiles(write(content), plane="fit", units="m", lost="none")
+
+
+@pytest.mark.parametrize("flip", [True, False])
+def test_points_of_flipped_heights_come_back_to_the_frame_of_the_file(write, flip):
+    points, *_ = seen(RIGS[0])
+    file = inspect_profiles(write(table(points)), plane="fit", flip=flip)
+    npt.assert_allclose(file.file_from_section.apply(file.profiles[0].points), points, atol=2e-6)
+    assert file.flipped is flip
