@@ -143,6 +143,11 @@ def _from_rows(
         raise UnreadableFile("--columns is for files with one point per row: leave it out")
     rows = [np.asarray(row) for row in columns[height]]
     row_positions = _resolve_row_positions(rows, None if x is None else columns[x], settings)
+    # A profile without heights, such as null in Parquet, has lost all points.
+    rows = [
+        row if len(row) else np.full(len(x_row), np.nan)
+        for row, x_row in zip(rows, row_positions, strict=True)
+    ]
     if any(a.shape != b.shape for a, b in zip(row_positions, rows, strict=True)):
         raise UnreadableFile(f"{x} and {height} differ in length: expected an x for each height")
     units: tuple[str | None, str | None] = (None, None)

@@ -80,7 +80,7 @@ def read_npz(content: bytes, settings: ReadSettings) -> RawProfiles:
     """
     loaded = _load(content)
     scalars = {
-        name: str(array.item())
+        name: _scalar_text(array)
         for name, array in loaded.items()
         if _is_text(array) or (_is_number(array) and not has_known_role(name))
     }
@@ -127,6 +127,11 @@ def _unreadable(error: BaseException) -> UnreadableFile:
 
 def _is_text(array: npt.NDArray[np.generic]) -> bool:
     return array.dtype.kind in "US" and array.size == 1
+
+
+def _scalar_text(array: npt.NDArray[np.generic]) -> str:
+    value = array.item()
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
 
 
 def _is_number(array: npt.NDArray[np.generic]) -> bool:
@@ -215,7 +220,7 @@ def profiles_from_array(
             statements,
         )
     values = _as_floats(array)
-    if values.ndim == 3 and values.shape[2] in (2, 3) and len(values):
+    if values.ndim == 3 and values.shape[2] in (2, 3) and values.size:
         if values.shape[2] == 2 and settings.columns is None:
             return add_units(RawProfiles(sections=list(values)), statements, settings)
         points = NumberTable.of_points(values.reshape(-1, values.shape[2]), statements)

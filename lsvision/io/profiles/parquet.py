@@ -102,11 +102,15 @@ def _iterate_tables(file: BinaryIO, rows: int | None) -> "Iterator[pa.Table]":
 
 def _texts(column: Any) -> list[str] | None:
     """Return the cells of a column of text, dates or booleans; None for nested columns."""
-    from pyarrow import types
+    from pyarrow import string, types
 
     if types.is_nested(column.type):
         return None
-    return ["" if value is None else str(value) for value in column.to_pylist()]
+    try:
+        cells = column.to_pylist()
+    except OverflowError:  # a time that Python cannot represent, such as one in the year 10000
+        cells = column.cast(string()).to_pylist()
+    return ["" if cell is None else str(cell) for cell in cells]
 
 
 def _unit_statements(metadata: Any, axis: str = "") -> tuple[UnitStatement, ...]:
@@ -179,7 +183,7 @@ def _is_list(kind: Any) -> bool:
 def _is_number(kind: Any) -> bool:
     from pyarrow import types
 
-    return bool(types.is_integer(kind) or types.is_floating(kind))
+    return bool(types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind))
 
 
 def _floats(array: Any) -> FloatArray:

@@ -1,5 +1,6 @@
 """Arrays, point clouds, OpenCV storage and Parquet: written by other code, read back the same."""
 
+import decimal
 import io
 
 import cv2
@@ -256,3 +257,38 @@ def test_lists_and_units_of_opencv_xml_count(write, tmp_path):
     )
     text = f"<?xml version='1.0'?><opencv_storage><unit>0.1 mm</unit>{matrix}</opencv_storage>"
     npt.assert_allclose(read_profile(write(text, "b.xml")).points, expected)
+
+
+def test_decimal_columns_of_parquet_are_numbers(write, arc):
+    columns = {
+        name: pa.array([decimal.Decimal(f"{value:.3f}") for value in values])
+        for name, values in zip("xz", arc.T.tolist(), strict=True)
+    }
+    npt.assert_allclose(read_profile(write(parquet(**columns), "p.parquet")).points, arc, atol=6e-4)
+
+
+@pytest.mark.parametrize("kind", [pa.timestamp("us"), pa.duration("s")])
+def test_times_of_parquet_that_python_cannot_represent_are_attributes(write, arc, kind):
+    times = pa.array([9 * 10**18] * len(arc), kind)
+    file = inspect_profiles(write(parquet(x=arc[:, 0], z=arc[:, 1], t=times), "p.parquet"))
+    npt.assert_array_equal(file.profiles[0].points, arc)
+    assert str(9 * 10**18) in file.attributes[0]["t"]
+
+
+def test_a_null_beside_x_in_parquet_is_a_profile_without_a_valid_point(write, arc):
+    x, z = arc.T.tolist()
+    file = inspect_profiles(write(parquet(x=[x, x], z=[None, z]), "p.parquet"))
+    assert [profile.lost for profile in file.profiles] == [len(x), 0]
+    npt.assert_array_equal(file.profiles[1].points, arc)
+
+
+@pytest.mark.parametrize("width", [2, 3])
+def test_profiles_without_points_in_an_array_are_rejected_with_its_shape(write, width):
+    content = saved(np.save, np.empty((3, 0, width)))
+    with pytest.raises(UnreadableFile, match=rf"shape \(3, 0, {width}\)"):
+        read_profile(write(content, "p.npy"))
+
+
+def test_a_unit_in_bytes_in_an_npz_counts(write, arc):
+    content = saved(np.savez, x=arc[:, 0] * 1e3, z=arc[:, 1] * 1e3, unit=np.array(b"um"))
+    npt.assert_allclose(read_profile(write(content, "p.npz")).points, arc)
