@@ -53,13 +53,17 @@ def read_gocator_points(content: bytes, _: ReadSettings) -> RawProfiles:
     Raises
     ------
     UnreadableFile
-        If the first line does not name x0, no row follows it, or a cell holds text.
+        If the first line does not name x0, or other columns behind it; if no row follows it, or a
+        cell holds text.
     """
     lines = [line for line in decode_text(content).splitlines() if line.strip()]
     names = [name.strip().lower() for name in lines[0].split(",")] if lines else []
     if "x0" not in names:
         raise UnreadableFile("no column x0 in its first line: name another --format")
     first_column = names.index("x0")
+    for number, name in enumerate(names[first_column:]):
+        if name and name != (expected := f"{'xz'[number % 2]}{number // 2}"):
+            raise UnreadableFile(f"expected column {expected}, got {name}: export x and z alone")
     rows = [numbers_from_cells(line.split(",")[first_column:]) for line in lines[1:]]
     if not rows:
         raise UnreadableFile("a header without a profile: export the recording again")

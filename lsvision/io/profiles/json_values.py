@@ -53,11 +53,13 @@ def to_floats(value: Any) -> FloatArray:
 
 
 def _with_nan(value: Any) -> Any:
-    """Return nested lists with NaN in place of null and of words for lost points."""
+    """Return nested lists with NaN for null and for words for lost points, and texts as numbers."""
     if isinstance(value, list):
         return [_with_nan(item) for item in value]
     if value is None or (isinstance(value, str) and is_missing(value)):
         return float("nan")
+    if isinstance(value, str) and POINT_NUMBER.fullmatch(value.strip()):
+        return float(value.lower().replace("d", "e"))  # 1d3 is 1000 in Fortran
     return value
 
 

@@ -331,3 +331,9 @@ def test_points_under_further_keys_are_noted(write, arc):
 def test_a_list_of_encoder_positions_of_another_length_is_no_column(write, arc):
     columns = {"x": arc[:, 0].tolist(), "z": arc[:, 1].tolist(), "encoder_counts": [1, 2, 3]}
     npt.assert_array_equal(read_profile(write(json.dumps(columns))).points, arc)
+
+
+def test_numbers_with_an_exponent_of_fortran_are_read_from_json(write):
+    text = '{"x": ["1d0", "2D0", 3], "z": ["-4.0d+2", "-399", "-"]}'
+    points = read_profile(write(text, "p.json")).points
+    npt.assert_array_equal(points, [[1, -400], [2, -399], [np.nan, np.nan]])

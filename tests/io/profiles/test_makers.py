@@ -114,3 +114,10 @@ def test_a_unit_for_raw_keyence_counts_is_rejected(write):
     scales = {"x_start": 0, "x_pitch": 10, "z_unit": 50}
     with pytest.raises(UnreadableFile, match="leave --units out"):
         inspect_profiles(write(text), units="um", **scales)
+
+
+@pytest.mark.parametrize("names", ["x0,z0,i0,x1,z1,i1", "x0,y0,z0,x1,y1,z1", "x0,z0,t"])
+def test_other_columns_among_gocator_points_are_rejected(write, names):
+    cells = ",".join(map(str, range(names.count(",") + 1)))
+    with pytest.raises(UnreadableFile, match=r"expected column [xz][01], got (i0|y0|t)"):
+        read_profiles(write(f"{names}\n{cells}\n{cells}\n"), format="gocator-points")
