@@ -25,6 +25,8 @@ _BRACKETS = re.compile(r"\[[^\]]{0,80}\]|\([^)]{0,80}\)")
 _INNER_BLANK = "\x00"
 """Replaces a blank inside brackets while labels are split."""
 _COMMENT = re.compile(r"^[\s#%/!]+")
+# A line of dashes below the names, such as |:---|---:| of Markdown.
+_RULE = re.compile(r"[-:=|+\s]+")
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,12 @@ def read_header(preamble: Sequence[str], separator: str | None, width: int) -> H
     units: list[StatedUnit | None] = []
     label_units: list[StatedUnit | None] = []
     name_count = 0
-    lines = [(line, text) for line in preamble if (text := _COMMENT.sub("", line).strip(" \r\n"))]
+    texts = [_COMMENT.sub("", line).strip(" \r\n") for line in preamble]
+    lines = [
+        (line, text)
+        for line, text in zip(preamble, texts, strict=True)
+        if text and _RULE.fullmatch(text) is None
+    ]
     for position, (line, text) in enumerate(reversed(lines)):  # 0 is directly above the numbers
         labels = _split_labels(text, separator, width)
         unit_row = None if labels is None else _unit_row(labels)

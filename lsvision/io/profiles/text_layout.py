@@ -29,7 +29,7 @@ MIN_TEXT_TABLE_FRACTION = 0.5
 
 _ANY_NUMBER = re.compile(f"{POINT_NUMBER.pattern}|{COMMA_NUMBER.pattern}|{THOUSANDS.pattern}")
 _RULE = re.compile(r"[-=_*~]{3,}")
-"""Line of dashes below a table."""
+"""Line of dashes below a table or its header."""
 _QUOTED = re.compile(r'"[^"]*"')
 # A quoted part, or a word between blanks.
 _WORDS = re.compile(r'"[^"]*"|[^\s"]+')
@@ -239,6 +239,11 @@ def _include_lost_rows(lines: Sequence[str], index: int, separator: str | None) 
         cells = split_cells(lines[index - 1], separator)
         if len(cells) != width or not all(map(is_missing, cells)):
             break
+        dashes = [cell.strip() for cell in cells if cell.strip()]
+        if dashes and all(map(_RULE.fullmatch, dashes)) and index > 1:
+            names = split_cells(lines[index - 2], separator)
+            if len(names) == width and not all(map(is_number_or_lost, names)):
+                break  # a rule below the names, as in Markdown
         index -= 1
     return index
 

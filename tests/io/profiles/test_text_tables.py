@@ -407,3 +407,21 @@ def test_a_name_that_holds_the_word_of_a_range_is_one(write, arc, name):
     lines = [f"{x};{-z}" for x, z in arc.tolist()]
     assert_reads(write, [f"Pos. X;{name}", *lines], arc)
     assert inspect_profiles(write("\n".join(["x;distance_travelled", *lines]))).flipped is False
+
+
+@pytest.mark.parametrize(
+    ("head", "form"),
+    [
+        (["| x | z |", "|---|---|"], "| {x:.3f} | {z:.3f} |"),
+        (["| x | z |", "|:---|---:|"], "| {x:.3f} | {z:.3f} |"),
+        (["  x       z", "------  ------"], "{x:.3f} {z:.3f}"),
+        (["x,z", "---,---"], "{x:.3f},{z:.3f}"),
+    ],
+)
+def test_a_rule_below_the_names_is_no_lost_point(write, arc, head, form):
+    assert_reads(write, [*head, *lines_of(arc, form)], arc)
+
+
+def test_a_row_of_dashes_that_is_not_below_the_names_is_a_lost_point(write, arc):
+    file = inspect_profiles(write("\n".join(["---,---", "---,---", *lines_of(arc)]), "p.csv"))
+    assert file.lost == 2
