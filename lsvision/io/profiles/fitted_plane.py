@@ -10,15 +10,18 @@ from lsvision.geometry import FloatArray, Plane, Pose
 from lsvision.sensors.section_frame import section_pose
 
 MAX_THICKNESS = 0.1
-"""Largest rms distance from the plane, relative to the rms extent of the points normal to their
-line: at 0.1, the plane of 100 points is determined to about 0.01 rad."""
+"""Largest rms distance from the plane, relative to the rms extent of the points in it normal to the
+line that fits them best: at 0.1, the plane of 100 points is determined to about 0.01 rad."""
 MIN_EXTENT = 0.01
 """Smallest rms extent normal to the line relative to that along it, below which the points are on a
 line."""
 MIN_POINTS = 5
 """Fewest valid points to which a plane is fitted."""
 MAX_COORDINATE_MM = 1e9
-"""Larger coordinates are markers of lost points; their squares could overflow. Units: mm."""
+"""Largest coordinate, far above the range of any sensor: larger ones are markers of lost points,
+and the squares of some of them overflow. Units: mm."""
+MAX_ZERO_DEPTH = 1e-3
+"""Largest mean z, relative to the rms extent along the line, that may be noise about 0."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -44,8 +47,9 @@ def fit_section_plane(clouds: Sequence[FloatArray], *, flip: bool = False) -> Fi
     """Fit one plane to the points of all profiles; return the points in its section frame.
 
     The frame is that of `section_pose`: Y points against the z axis of the points' frame, as for a
-    camera that looks along z. If the mean z is negative (heights below the sensor), Y and Z are
-    reversed: Y then points along z.
+    camera that looks along z. If the mean z is negative (heights below the sensor) or about 0
+    (points x, y in the plane z = 0), Y and Z are reversed: Y then points along z, or along y if the
+    plane is normal to z.
 
     Parameters
     ----------
@@ -68,10 +72,11 @@ def fit_section_plane(clouds: Sequence[FloatArray], *, flip: bool = False) -> Fi
     points = _valid_points(clouds)
     centre = points.mean(axis=0)
     _, singular_values, axes = np.linalg.svd(points - centre, full_matrices=False)
-    _check_flatness(singular_values / np.sqrt(len(points)))
+    extents = singular_values / np.sqrt(len(points))
+    _check_flatness(extents)
     plane = Plane(axes[2], float(axes[2] @ centre))
     pose = section_pose(plane)
-    if (centre[2] < 0) != flip:
+    if (centre[2] < MAX_ZERO_DEPTH * extents[0]) != flip:
         pose = Pose(pose.rotation * (1.0, -1.0, -1.0), pose.translation)
     to_section = pose.inverse()
     distances = plane.signed_distances(points)

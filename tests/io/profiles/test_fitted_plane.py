@@ -223,3 +223,12 @@ def test_points_of_flipped_heights_come_back_to_the_frame_of_the_file(write, fli
     file = inspect_profiles(write(table(points)), plane="fit", flip=flip)
     npt.assert_allclose(file.file_from_section.apply(file.profiles[0].points), points, atol=2e-6)
     assert file.flipped is flip
+
+
+@pytest.mark.parametrize("z", [1e-9, 0.0, -1e-9])
+def test_points_in_the_plane_z_0_have_y_along_y_whatever_the_sign_of_a_rounding_error(write, z):
+    x = np.linspace(-9, 9, 80)
+    points = np.column_stack([x, -200 - x**2 / 9, np.full_like(x, z)])
+    rows = "\n".join(f"{a!r},{b!r},{c!r}" for a, b, c in points.tolist())
+    profile = read_profile(write(f"x,y,z\n{rows}\n"), plane="fit")
+    npt.assert_allclose(profile.points, points[:, :2], atol=1e-6)
