@@ -54,8 +54,9 @@ _KEYS = ("points", "profile", "profiles", "arr_0")  # of the array with the poin
 def read_npy(content: bytes, settings: ReadSettings) -> RawProfiles:
     """Return the profiles of an array of points or of heights.
 
-    Shapes: (n, 2) x and height; (n, 3) or (k, n, 3) x, y, z; (2, n) or (3, n) the same in rows;
-    (k, n, 2) k profiles; (k, n) rows of heights with ``dx``. A structured array has named columns.
+    Shapes: (n, 2) x and height; (n, 3) or (k, n, 3) x, y, z; (2, n) or (3, n) the same in rows if n
+    is at least `MIN_COLUMNS`; (k, n, 2) k profiles; (n,) or (k, n) rows of heights with ``dx``, or
+    below a row of x. A structured array has named columns.
 
     Raises
     ------
@@ -101,7 +102,9 @@ def _profiles_from_arrays(
     if key is None and len(arrays) == 1:
         key = next(iter(arrays))
     if key is not None:
-        return profiles_from_array(arrays[key], settings, statements, key)
+        raw = profiles_from_array(arrays[key], settings, statements, key)
+        return replace(raw, ignored=raw.ignored + tuple(name for name in arrays if name != key))
+    # Without scalars; if all are scalars, the error names them.
     rows = {name: array for name, array in arrays.items() if array.ndim} or arrays
     return profiles_from_named(
         {name: _as_floats(array, name) for name, array in rows.items()}, settings, statements

@@ -292,3 +292,8 @@ def test_profiles_without_points_in_an_array_are_rejected_with_its_shape(write, 
 def test_a_unit_in_bytes_in_an_npz_counts(write, arc):
     content = saved(np.savez, x=arc[:, 0] * 1e3, z=arc[:, 1] * 1e3, unit=np.array(b"um"))
     npt.assert_allclose(read_profile(write(content, "p.npz")).points, arc)
+
+
+def test_arrays_beside_the_array_of_points_of_an_npz_are_ignored(write):
+    content = saved(np.savez, profiles=np.stack([POINTS, POINTS]), time=np.arange(2.0), k=np.eye(3))
+    assert inspect_profiles(write(content, "a.npz")).ignored == ("time", "k")
