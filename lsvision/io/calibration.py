@@ -62,7 +62,7 @@ def write_calibration(
 
 
 def _camera_values(calibration: CameraCalibration) -> dict[str, Any]:
-    """Return the content of a camera file. Units: px, mm."""
+    """Return the content of a camera file. Units: px; board_bow and translations in mm."""
     views = [
         {
             "image": view.index,
@@ -86,7 +86,11 @@ def _camera_values(calibration: CameraCalibration) -> dict[str, Any]:
 
 
 def _laser_plane_values(calibration: LaserPlaneCalibration) -> dict[str, Any]:
-    """Return the content of a laser-plane file. Units: px, mm."""
+    """Return the content of a laser-plane file.
+
+    Units: px for residuals and rms; mm for the plane's distance, board_bow and translations; rad
+    for tilts.
+    """
     views = [
         {
             "image": view.index,

@@ -19,9 +19,11 @@ from lsvision.io.profiles.number_cells import (
 from lsvision.io.profiles.unit_statements import find_lost_values
 
 MAX_PREAMBLE_LINES = 200
-"""Number of lines without rows of lost points in which the first line of numbers is searched."""
+"""Number of lines, not counting rows of lost points, in which the first line of numbers is
+searched."""
 MAX_NUMBERED_COLUMNS = 4
-"""Largest number of columns whose numbers may be above them; more may be positions of heights."""
+"""Largest number of columns of points above which a row 0, 1, ... numbers the columns: a longer one
+may be the x of heights below it."""
 SAMPLE_LINES = 60
 """Number of lines of cells that decide whether the table begins with the line above them."""
 MIN_TEXT_TABLE_FRACTION = 0.5
@@ -173,6 +175,7 @@ def _find_first_number_row(lines: Sequence[str]) -> tuple[int, str | None] | Non
     preamble = 0
     for index, line in enumerate(lines):
         text = line.strip()
+        # "missing, -9999" states a marker: its cells could also be a lost point.
         if not text or is_comment(line) or find_lost_values([line]):
             preamble += 1
         else:
@@ -251,7 +254,8 @@ def _include_lost_rows(lines: Sequence[str], index: int, separator: str | None) 
 def _find_first_text_row(lines: Sequence[str]) -> tuple[int, str | None, int, tuple[int, ...]]:
     """Return first line, separator, width and columns of numbers of a table with words and numbers.
 
-    They are those of most lines from the second quarter of the text on.
+    They are those of most of 4 `SAMPLE_LINES` lines behind the first quarter of the text, which may
+    be a preamble.
     """
     rows = [i for i, line in enumerate(lines) if line.strip() and not is_comment(line)]
     sample = rows[len(rows) // 4 :][: 4 * SAMPLE_LINES]
@@ -314,12 +318,12 @@ def _find_table_end(
 
 def _is_footer(cells: Sequence[str], numeric: tuple[int, ...], width: int, rows: int) -> bool:
     """Return whether a row is below the table: words, a rule, or the number of its rows."""
-    if len(cells) in (width, width + 1):
+    if len(cells) in (width, width + 1):  # one more after a separator at the end of the line
         return not is_number_or_lost(cells[numeric[0]])
     if not all(map(is_number_or_lost, cells)):
         return True
     if len(cells) != 1:
         return False
     count = _parse_count(cells[0])
-    is_row_count = count is not None and abs(count - rows) <= 1
+    is_row_count = count is not None and abs(count - rows) <= 1  # it may include the header
     return is_row_count or _RULE.fullmatch(cells[0].strip()) is not None
