@@ -84,7 +84,7 @@ def remove_lost(
         if not points.all():  # there is a 0
             zero_rows = np.concatenate([_repeated_zeros(section) for section in sections])
             marked.add(", ".join(["0"] * points.shape[1]), zero_rows, guessed=False)
-        _add_guesses(marked, raw)
+        _add_guesses(marked, raw, is_range=raw.away and settings.flip is not False)
     if not marked.lost.any():
         return sections, ()
     stops = np.cumsum([len(section) for section in sections])
@@ -126,7 +126,7 @@ def _keyence_markers(points: FloatArray) -> tuple[float, ...]:
     return KEYENCE_LOST if lowest <= max(KEYENCE_LOST) * (1 - _TOLERANCE) else ()
 
 
-def _add_guesses(marked: _MarkedPoints, raw: RawProfiles) -> None:
+def _add_guesses(marked: _MarkedPoints, raw: RawProfiles, *, is_range: bool) -> None:
     """Mark the points with a coordinate that looks like a marker, first the heights."""
     remaining = marked.remaining
     height = remaining.shape[1] - 1
@@ -134,7 +134,7 @@ def _add_guesses(marked: _MarkedPoints, raw: RawProfiles) -> None:
         guesses = find_lost_markers(
             remaining[:, axis],
             limits=raw.limits if axis > 0 else (),  # x may be computed: the limits are of heights
-            is_range=raw.away and axis == height,
+            is_range=is_range and axis == height,
         )
         for value in guesses:
             marked.add(f"{value:.10g}", np.equal(remaining[:, axis], value), guessed=True)

@@ -192,3 +192,12 @@ def test_a_stated_marker_leaves_the_point_with_this_x(write, arc, marker):
     rows = [f"{x},{marker if k in (3, 7) else z}" for k, (x, z) in enumerate(points.tolist())]
     file = inspect_profiles(write("\n".join(rows)), lost=marker)
     assert np.flatnonzero(np.isnan(file.profiles[0].points[:, 0])).tolist() == [3, 7]
+
+
+def test_negative_heights_in_a_column_of_distances_are_valid_with_no_flip(write):
+    x = np.linspace(-10, 10, 30)
+    heights = (np.sqrt(400 - x**2) - 300).round(3)  # each one twice
+    rows = "\n".join(f"{a:.3f},{b}" for a, b in zip(x, heights.tolist(), strict=True))
+    file = inspect_profiles(write(f"x,distance\n{rows}\n"), flip=False)
+    assert (file.lost, file.markers) == (0, ())
+    npt.assert_array_equal(file.profiles[0].points[:, 1], heights)
