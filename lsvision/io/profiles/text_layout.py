@@ -32,6 +32,8 @@ MIN_TEXT_TABLE_FRACTION = 0.5
 _ANY_NUMBER = re.compile(f"{POINT_NUMBER.pattern}|{COMMA_NUMBER.pattern}|{THOUSANDS.pattern}")
 _RULE = re.compile(r"[-=_*~]{3,}")
 """Line of dashes below a table or its header."""
+# A comma without a blank beside it: "0, -150" are two cells, "0,5 -150" two numbers.
+_DECIMAL_COMMA = re.compile(r"(?:^|[0-9]),[0-9]")
 _QUOTED = re.compile(r'"[^"]*"')
 # A quoted part, or a word between blanks.
 _WORDS = re.compile(r'"[^"]*"|[^\s"]+')
@@ -156,9 +158,20 @@ def find_separator(line: str) -> str | None:
         if mark in bare:
             return mark
     words = bare.split()
-    if len(words) > 1 and all(is_missing(w) or COMMA_NUMBER.fullmatch(w) for w in words):
+    has_decimals = _DECIMAL_COMMA.search(bare) and len(words) > 1
+    if has_decimals and all(is_missing(w) or COMMA_NUMBER.fullmatch(w) for w in words):
         return None
     return "," if "," in bare else None
+
+
+def _find_row_separator(lines: Sequence[str], index: int) -> str | None:
+    """Return the separator of a row; a tab if it is one cell beside one, and a row below two."""
+    line = lines[index]
+    separator = find_separator(line.strip())
+    if separator is None and len(line.split()) == 1 and "\t" in line.strip(" \r\n"):
+        below = lines[index + 1 : index + 1 + SAMPLE_LINES]
+        return "\t" if any("\t" in row.strip() for row in below) else None
+    return separator
 
 
 def is_number_or_lost(cell: str) -> bool:
@@ -179,7 +192,7 @@ def _find_first_number_row(lines: Sequence[str]) -> tuple[int, str | None] | Non
         if not text or is_comment(line) or find_lost_values([line]):
             preamble += 1
         else:
-            separator = find_separator(text)
+            separator = _find_row_separator(lines, index)
             cells = split_cells(line if separator else text, separator)
             if not all(map(is_number_or_lost, cells)):
                 preamble += 1
@@ -199,7 +212,8 @@ def _is_above_table(lines: Sequence[str], index: int, row: Sequence[str]) -> boo
     numbers of few columns, 0, 1, ..., and those below it have decimals. The first cell may be
     empty: it is then above numbers of the rows.
     """
-    below = islice(_iterate_cells(lines[index + 1 : index + 1 + 2 * SAMPLE_LINES]), SAMPLE_LINES)
+    next_lines = lines[index + 1 : index + 1 + 2 * SAMPLE_LINES]
+    below = islice(_iterate_cells(next_lines), SAMPLE_LINES)
     nearest = list(islice(below, 3))
     are_numbers = [all(map(is_number_or_lost, cells)) for cells in nearest]
     if are_numbers == [False, True, True]:
@@ -227,11 +241,17 @@ def _have_decimals(rows: Sequence[Sequence[str]]) -> bool:
     return len(rows) == 3 and all("." in cell or "," in cell for row in rows for cell in row)
 
 
-def _iterate_cells(lines: Iterable[str]) -> Iterator[list[str]]:
-    """Yield the cells of each line that is neither empty nor a comment."""
+def _iterate_cells(lines: Sequence[str]) -> Iterator[list[str]]:
+    """Yield the cells of each line that is neither empty nor a comment.
+
+    Beside a row separated by tabs, one cell and a tab are two cells.
+    """
+    has_tabs = any("\t" in line.strip() for line in lines)
     for line in lines:
         if line.strip() and not is_comment(line):
             separator = find_separator(line.strip())
+            if separator is None and has_tabs and "\t" in line.strip(" \r\n"):
+                separator = "\t"
             yield split_cells(line.strip() if separator is None else line, separator)
 
 

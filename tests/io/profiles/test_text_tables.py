@@ -425,3 +425,27 @@ def test_a_rule_below_the_names_is_no_lost_point(write, arc, head, form):
 def test_a_row_of_dashes_that_is_not_below_the_names_is_a_lost_point(write, arc):
     file = inspect_profiles(write("\n".join(["---,---", "---,---", *lines_of(arc)]), "p.csv"))
     assert file.lost == 2
+
+
+@pytest.mark.parametrize("first", ["0, -150", "0, nan", "0 ,150", "0, ", "0,"])
+@pytest.mark.parametrize("head", [[], ["x, z"]])
+def test_a_blank_beside_a_comma_makes_it_no_decimal_mark(write, arc, first, head):
+    path = write("\n".join([*head, first, *lines_of(arc, "{x:.3f}, {z:.3f}")]), "p.csv")
+    points = read_profile(path).points
+    assert len(points) == len(arc) + 1
+    npt.assert_array_equal(points[1:], arc)
+
+
+@pytest.mark.parametrize("form", ["{x:.3f}\t{z:.3f}", "{i}\t{x:.3f}\t{z:.3f}"])
+def test_a_first_row_that_is_empty_behind_a_tab_is_a_lost_point(write, arc, form):
+    rows = lines_of(arc, form)
+    lost = rows[0].partition("\t")[0] + "\t" * rows[0].count("\t")
+    assert parse_table("\n".join([lost, *rows])).values.shape == (
+        len(arc) + 1,
+        1 + form.count("\t"),
+    )
+
+
+def test_one_column_with_a_tab_at_the_end_of_each_line_is_one_column(write, arc):
+    path = write("\n".join(lines_of(arc, "{z:.3f}\t")), "p.csv")
+    npt.assert_array_equal(read_profile(path, dx=0.5).points[:, 1], arc[:, 1])
