@@ -67,9 +67,8 @@ class CameraSettings:
     fixed_aspect : bool
         Whether fx = fy.
     tilted : bool
-        Whether tau_x and tau_y are estimated: only for a sensor that is tilted behind the lens
-        (Scheimpflug). Better without `tangential`, whose effect is similar: with both, standard
-        deviations are up to 1.5 times too small.
+        Whether tau_x and tau_y are estimated, for a sensor tilted behind the lens (Scheimpflug).
+        With `tangential`, whose effect is similar, stds are up to 1.5 times too small.
     bent_board : bool
         Whether bow and twist of the board are estimated, too, if there are at least six views, and
         three rows and columns of corners.
