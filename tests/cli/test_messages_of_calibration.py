@@ -27,6 +27,7 @@ ALL = ("target", *VIEWS, *PROFILES, "hand-eye poses", "capture")
 REACHED = [
     ("calibration/laser_*", ("laser-plane",)),
     ("calibration/lens_blur.py", ("laser-plane",)),
+    ("calibration/board_outline.py", ("laser-plane",)),
     ("calibration/bundle_*", ("laser-plane",)),
     ("calibration/target*.py", VIEWS),
     ("calibration/sphere_*", ("hand-eye sphere",)),
