@@ -258,7 +258,7 @@ def test_a_useless_rig_is_rejected_by_name(run, tmp_path, change, words):
             "expected --method among derivative, gaussian, steger, got 'guess'",
         ),
         (("--surface-std", "-1"), "--surface-std"),
-        (("--surface-std", "inf"), "expected at most 1000, got 'inf'"),
+        (("--surface-std", "inf"), "Invalid value for '--surface-std': "),
         (("--frames", "0"), "--frames"),
         (("--frames", "3"), "expected a video or --camera with --frames, got none"),
         (("--surface-std", "1", "--sensor", "lps36"), "expected --surface-std, or --paper, --sen"),
