@@ -246,10 +246,13 @@ class Regions:
             return
         owners, coordinates = rows.owners[i], (rows.ends[i] >= Y_LOW).astype(int)
         information = self.best.information_of_points[owners, :3, :3]
-        covariances = np.asarray(np.linalg.inv(information), dtype=np.float64)
+        # Of points at one or two positions it is singular.
+        finite = np.nan_to_num(information, posinf=0.0, neginf=0.0)
+        covariances = np.linalg.pinv(finite, hermitian=True)
         k, known = np.arange(i.size), [self.stack.fits[j].problem.known_radius for j in owners]
         fractions = covariances[k, coordinates, 2] ** 2 / covariances[k, coordinates, coordinates]
         fractions /= covariances[:, 2, 2] + [radius.std**2 if radius else 0.0 for radius in known]
+        fractions = np.clip(np.nan_to_num(fractions, nan=1.0), 0.0, 1.0)
         lengths = NUISANCE_FRACTION * np.abs(deviators_from_parameters(parameters[i]))
         near_circle = self.ratios.ratios_for_flattening(owners, lengths / parameters[i, 2])
         one = self.ratios.one_dof[owners]

@@ -500,3 +500,26 @@ def test_the_centre_beside_a_known_radius_is_held_also_where_any_tilt_lowers_it(
     held = np.mean([low <= -300 <= high for low, high in ends])
     print(f"{held:.1%} hold")
     assert 0.93 - spread_of_share(0.93, 250) <= held <= 0.99
+
+
+@pytest.mark.parametrize(("tilt", "low", "high"), [(0.0, -0.1700, 0.02557), (0.1, -0.1068, 0.0395)])
+def test_the_ends_of_the_centre_beside_a_known_radius(tilt, low, high):
+    """They move by 1.3 % where c is taken for another fraction of |d|, by a third."""
+    truth = Ellipse((0.0, -300.0), 20 / math.cos(tilt), 20.0, 0.3)
+    arc = truth.points_at(np.linspace(0.5, math.pi - 0.5, 90) - 0.3)
+    noise = np.tile(np.diag([1e-6, 0.01]), (90, 1, 1))
+    ends = interval(fit_ellipse(arc, truth, noise, known_radius=RadiusPrior(20.0)), "centre_y")
+    assert ends[0] + 300 == pytest.approx(low, rel=0.006)
+    assert ends[1] + 300 == pytest.approx(high, rel=0.006)
+
+
+@pytest.mark.parametrize("std", [0.0, 0.5])
+@pytest.mark.parametrize("points", [[(0, 0), (1, 0.05)], [(1e-9 * x, 0) for x in range(12)]])
+def test_a_known_radius_beside_points_at_one_or_two_positions_has_wide_intervals(points, std):
+    points = np.repeat(np.array(points, dtype=float), 12 // len(points), axis=0)
+    noise = np.tile(0.01 * np.eye(2), (12, 1, 1))
+    guess = Ellipse((0.0, -20.0), 20.0, 20.0, 0.0)
+    fit = fit_ellipse(points, guess, noise, known_radius=RadiusPrior(20.0, std))
+    for quantity in ("centre_x", "centre_y"):
+        low, high = interval(fit, quantity)
+        assert high - low > 100
