@@ -7,6 +7,7 @@ import numpy as np
 
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray, Plane, Pose
+from lsvision.geometry.arrays import MAX_COORDINATE_MM
 from lsvision.sensors.section_frame import section_pose
 
 MAX_THICKNESS = 0.1
@@ -17,9 +18,6 @@ MIN_EXTENT = 0.01
 line."""
 MIN_POINTS = 5
 """Fewest valid points to which a plane is fitted."""
-MAX_COORDINATE_MM = 1e9
-"""Largest coordinate, far above the range of any sensor: larger ones are markers of lost points,
-and the squares of some of them overflow. Units: mm."""
 MAX_ZERO_DEPTH = 1e-3
 """Largest mean z, relative to the rms extent along the line, that may be noise about 0."""
 
