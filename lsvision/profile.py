@@ -307,10 +307,13 @@ class PreparedProfile:
         Median standard deviation of a point's error along its ray: estimated, or the root of the
         trace of its covariance (exact if the error lies along the ray). Units: mm.
     pitch : float
-        Median spacing of neighbouring points along X; always positive. Units: mm.
+        Median spacing of neighbouring points across the mean ray; always positive. Units: mm.
     min_variance_factor : float
         Smallest ratio that a fit accepts of the true variances to those of `noisy_points`: 1 for a
         given noise model, less for an estimated noise.
+    ray : complex
+        Unit vector x + iy of the mean ray, towards the sensor: that of the noise model, +Y where
+        this is unknown.
     """
 
     points: Points
@@ -320,6 +323,7 @@ class PreparedProfile:
     noise_std: float
     pitch: float
     min_variance_factor: float
+    ray: complex
 
     @property
     def noise_is_estimated(self) -> bool:

@@ -145,6 +145,7 @@ def max_noise_factor(radius, min_variance_factor, noise_std=0.1):
         noise_std=noise_std,
         pitch=0.6,
         min_variance_factor=min_variance_factor,
+        ray=1j,
     )
     assert profile.noise_is_estimated == (min_variance_factor < 1)
     return profile.max_noise_factor(radius)

@@ -14,7 +14,7 @@ from lsvision.geometry.arrays import (
     measure_extent,
     require_covariances,
 )
-from lsvision.geometry.noisy_points import NoisyPoints, as_complex
+from lsvision.geometry.noisy_points import NoisyPoints, as_complex, as_vectors, in_ray_frame
 from lsvision.profile import NoiseModel, PreparedProfile, Profile
 from lsvision.statistics.robust import upper_median
 
@@ -65,18 +65,21 @@ def prepare_profile(profile: Profile, noise: NoiseModel | None) -> PreparedProfi
     if order is not None:
         columns, points = columns[order], points[order]
     valid = np.arange(len(columns))
-    pitch = typical_pitch(points)
     if len(columns) == 0:  # all points are lost, and kept
         columns, points = np.arange(len(profile)), profile.points
     if noise is None:
-        std, factor = estimate_noise_std(points[valid], pitch), MIN_ESTIMATED_VARIANCE_FACTOR
+        ray, factor = 1j, MIN_ESTIMATED_VARIANCE_FACTOR
+        pitch = typical_pitch(points[valid])
+        std = estimate_noise_std(points[valid], pitch)
         noisy = NoisyPoints.uniform(as_complex(points), LATERAL_FRACTION * std, std)
     else:
         covariances, factor = noise.covariances(profile.points)[columns], 1.0
         noisy = _add_covariances(points, covariances, valid)
+        ray = noisy[valid].mean_ray
+        pitch = typical_pitch(as_vectors(in_ray_frame(noisy.z[valid], ray)))
         # Of errors along the ray, the variance is the trace of the covariance.
         std = math.sqrt(2 * upper_median(noisy.mean_variance)) if len(valid) else 0.0
-    return PreparedProfile(points, noisy, valid, columns, std, pitch, factor)
+    return PreparedProfile(points, noisy, valid, columns, std, pitch, factor, ray)
 
 
 def _valid_columns(points: Points) -> IntArray:
@@ -100,7 +103,7 @@ def _add_covariances(points: Points, covariances: FloatArray, valid: IntArray) -
 
 
 def typical_pitch(points: Points) -> float:
-    """Return the median spacing of ordered points (n, 2) along X. Units: mm.
+    """Return the median spacing of ordered points (n, 2) along X (across the rays). Units: mm.
 
     Where all have the same x, their extent along Y over their number; 1 if all coincide or there is
     no point.

@@ -1,7 +1,9 @@
 """Profile as a range image with one row, and its connected components.
 
-Each column is a point. Neighbours are connected unless there is a step or a large gap between them.
-Jumps, which are isolated points away from the line, are first removed by a median filter.
+Each column is a point; ranges are measured along the mean ray of the sensor, so that rotating the
+points about its origin changes nothing. Neighbours are connected unless there is a step or a large
+gap between them. Jumps, which are isolated points away from the line, are first removed by a median
+filter.
 """
 
 from dataclasses import dataclass
@@ -12,6 +14,7 @@ import cv2
 import numpy as np
 
 from lsvision.geometry import BoolArray, IntArray
+from lsvision.geometry.noisy_points import in_ray_frame
 from lsvision.profile import PreparedProfile
 
 JUMP_SIGMAS = 6.0
@@ -33,9 +36,9 @@ class RangeImageSettings:
     bridged_columns : int
         Largest number of consecutive lost columns between connected neighbours.
     step_slope : float
-        Largest distance of connected neighbours along Y, in pitches, to which the noise is added:
-        the tangent of the steepest flank of a component (4: 76 deg). Rough identification extends
-        an arc over steeper flanks.
+        Largest distance of connected neighbours along the mean ray, in pitches, to which the noise
+        is added: the tangent of the steepest flank of a component (4: 76 deg). Rough identification
+        extends an arc over steeper flanks.
     """
 
     bridged_columns: int = 5
@@ -64,7 +67,7 @@ def build_range_image(
     valid, tolerance = profile.valid_indices, JUMP_SIGMAS * profile.noise_std
     if len(valid) == 0:
         return RangeImage(valid, np.zeros(0, dtype=bool))
-    z = profile.noisy_points.z[valid]  # x + iy
+    z = in_ray_frame(profile.noisy_points.z[valid], profile.ray)  # position + i range
     # Relative to a height of the profile: in OpenCV's float32, 400 mm would lose precision.
     heights = (z.imag - (z[0] + z[-1]).imag / 2).astype(np.float32)
     offsets = np.abs(heights - cv2.medianBlur(heights[None], 2 * MAX_ADJACENT_JUMPS + 1)[0])

@@ -95,6 +95,19 @@ class NoisyPoints:
         variances += self.mean_variance
         return variances
 
+    @property
+    def mean_ray(self) -> complex:
+        """Unit vector x + iy of the mean ray, towards the sensor.
+
+        The direction of the largest error of the mean covariance; +Y where that is not clearly
+        along Y.
+        """
+        deviator = complex(self.deviator.sum())
+        if not -deviator.real > MIN_RANGE_ANISOTROPY * float(self.mean_variance.sum()):
+            return 1j
+        root = cmath.sqrt(deviator).conjugate()  # along that error, see `incidence_cosines`
+        return root / math.copysign(abs(root), root.imag)
+
     def incidence_cosines(self, normals: ComplexArray) -> FloatArray:
         """Return the cosine between unit normals (..., n) and the direction to the sensor.
 
@@ -114,6 +127,12 @@ class NoisyPoints:
             normals.real
         )
         return np.where(ray_is_known, cosines, in_fan)
+
+
+def in_ray_frame(z: ComplexArray, ray: complex) -> ComplexArray:
+    """Return points x + iy rotated such that a ray, a unit vector, becomes +Y."""
+    rotated: ComplexArray = z * (1j * ray.conjugate())
+    return rotated
 
 
 def as_complex(vectors: FloatArray) -> ComplexArray:

@@ -182,7 +182,7 @@ def turned_away(last_deg):
     noisy = NoisyPoints.uniform(as_complex(points), 0.01, 0.01)
     columns = np.arange(count)
     profile = exact(arc_points(np.linspace(-60, 60, count)))
-    return type(profile)(points, noisy, columns, columns, 0.01, 0.1, 1.0)
+    return type(profile)(points, noisy, columns, columns, 0.01, 0.1, 1.0, 1j)
 
 
 def test_a_normal_120_deg_from_the_sensor_is_the_last_that_is_seen():

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from lsvision import PointNoise, Profile
+from lsvision import PointNoise, Profile, ProfileSensor
 from lsvision.detection.profile_preparation import prepare_profile
 from lsvision.detection.range_image import build_range_image, connected_components
 from tests.detection.scenes import PITCH, flat, line
@@ -55,6 +55,21 @@ def test_points_that_jumped_away_lie_alone_and_do_not_cut(jumped):
 @pytest.mark.parametrize(("slope", "pieces"), [(3.5, 1), (-3.5, 1), (4.5, 0), (-4.5, 0)])
 def test_a_slope_of_76_degrees_is_followed(slope, pieces):
     assert len(components_of(exact(flat(0, 60, slope=slope)))) == pieces
+
+
+@pytest.mark.parametrize("turn_deg", [-15.0, 8.0])
+def test_rotation_about_the_origin_of_the_sensor_changes_neither_pitch_nor_connections(turn_deg):
+    sensor = ProfileSensor()
+    slopes = np.linspace(-8.0, 8.0, 120)  # some are connected, others are not
+    points = np.column_stack([np.arange(120.0), -400 + slopes.cumsum()])
+    cos, sin = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
+    origin = np.array(sensor.origin)
+    rotated = (points - origin) @ np.array([[cos, sin], [-sin, cos]]) + origin
+    before, after = (prepare_profile(Profile(p), sensor) for p in (points, rotated))
+    assert after.pitch == pytest.approx(before.pitch)
+    connected = build_range_image(before).connected
+    assert 0.2 < connected.mean() < 0.9
+    np.testing.assert_array_equal(build_range_image(after).connected, connected)
 
 
 @pytest.mark.parametrize(("sigmas", "stays"), [(5.0, True), (7.0, False)])

@@ -83,3 +83,20 @@ def test_the_ray_is_the_error_direction_within_38_deg_of_y(ray_deg, detected):
     noisy = NoisyPoints.of(np.zeros((1, 2)), np.outer(along, along)[None])
     facing = noisy.incidence_cosines(np.array([ray * np.exp(1j * np.radians(80))]))[0]
     assert (facing == pytest.approx(np.cos(np.radians(80)))) == detected
+
+
+@pytest.mark.parametrize("angle_deg", [-25.0, 0.0, 10.0])
+def test_the_mean_ray_rotates_with_the_rays(angle_deg, rng):
+    away = np.radians(90 + angle_deg + rng.uniform(-15, 15, 9))
+    rays = np.exp(1j * np.append(away, 2 * np.radians(90 + angle_deg) - away))
+    along = as_vectors(rays)
+    covariances = along[:, :, None] * along[:, None, :] + 0.01 * np.eye(2)
+    ray = NoisyPoints.of(-400 * along, covariances).mean_ray
+    assert ray == pytest.approx(np.exp(1j * np.radians(90 + angle_deg)), abs=1e-12)
+
+
+@pytest.mark.parametrize("variances", [(1.0, 1.0), (1.0, 1.2), (4.0, 1.0)])
+def test_the_mean_ray_is_along_y_where_the_errors_have_no_clear_direction(variances):
+    noisy = NoisyPoints.of(np.zeros((5, 2)), np.tile(np.diag(variances), (5, 1, 1)))
+    assert noisy.mean_ray == 1j
+    assert noisy[:0].mean_ray == 1j
