@@ -2,9 +2,7 @@
 
 import json
 import math
-import os
-import subprocess
-import sys
+import runpy
 from pathlib import Path
 
 import numpy as np
@@ -48,13 +46,14 @@ def test_the_recipe_makes_every_file_bit_for_bit(rebuilt):
 
 
 @pytest.mark.parametrize("script", ["fixtures", "fixtures/images", "calibration/example"])
-def test_the_help_of_a_recipe_makes_no_folder(script, tmp_path):
-    done = subprocess.run(
-        [sys.executable, FIXTURES.parent / script / "make.py", "--help"],
-        cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(FIXTURES.parent)}, capture_output=True,
-        check=True, text=True,
-    )  # fmt: skip
-    assert "usage: make.py" in done.stdout
+def test_the_help_of_a_recipe_makes_no_folder(script, tmp_path, monkeypatch, capsys):
+    path = str(FIXTURES.parent / script / "make.py")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.argv", [path, "--help"])
+    with pytest.raises(SystemExit) as ended:
+        runpy.run_path(path, run_name="__main__")
+    assert ended.value.code == 0
+    assert "usage: make.py" in capsys.readouterr().out
     assert not [*tmp_path.iterdir()]
 
 

@@ -1,5 +1,6 @@
 """Pairs taken from a stream: the frames decide, and what is missing is printed."""
 
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -26,56 +27,77 @@ def shot(kind, number):
     return read_image(EXAMPLE / f"{kind}s" / f"{kind}_{number:02d}.jpg")
 
 
-BOARD, LINE = shot("board", 0), shot("line", 0)
-EMPTY = np.full_like(BOARD, 90)
-DARK = np.full_like(BOARD, 8)
-LIT = np.maximum(BOARD, np.minimum(LINE.astype(int) * 8, 255).astype(np.uint8))
-UNSHARP = cv2.GaussianBlur(BOARD, (0, 0), 2.1)
-SMOOTH = cv2.GaussianBlur(cv2.resize(BOARD, None, fx=2, fy=2), (0, 0), 3.0)
+def lit():
+    """The board with the laser line bright enough to be seen in daylight."""
+    line = np.minimum(shot("line", 0).astype(int) * 8, 255).astype(np.uint8)
+    return np.maximum(frame("board"), line)
 
 
-def shifted(image, dx):
-    return cv2.warpAffine(image, np.array([[1.0, 0, dx], [0, 1, 0]]), image.shape[1::-1],
+def moved(dx):
+    board = frame("board")
+    return cv2.warpAffine(board, np.array([[1.0, 0, dx], [0, 1, 0]]), board.shape[1::-1],
                           borderMode=cv2.BORDER_REPLICATE)  # fmt: skip
 
 
-def message(frames, state=None):
+FRAMES = {
+    "board": lambda: shot("board", 0),
+    "line": lambda: shot("line", 0),
+    "other board": lambda: shot("board", 1),
+    "other line": lambda: shot("line", 1),
+    "empty": lambda: np.full_like(frame("board"), 90),
+    "dark": lambda: np.full_like(frame("board"), 8),
+    "lit": lit,
+    "2 px aside": lambda: moved(2.0),
+    "3 px aside": lambda: moved(3.0),
+    "20 px aside": lambda: moved(20.0),
+    "unsharp": lambda: cv2.GaussianBlur(frame("board"), (0, 0), 2.1),
+    "smooth": lambda: cv2.GaussianBlur(cv2.resize(frame("board"), None, fx=2, fy=2), (0, 0), 3.0),
+}
+
+
+@cache
+def frame(name):
+    return FRAMES[name]()
+
+
+@cache
+def message(*names):
     """State after the frames, last text, and all pairs."""
-    state, pairs, text = state or CaptureState(), [], ""
-    for seed, frame in enumerate(frames):
-        noise = np.random.default_rng(seed).normal(0, 1, frame.shape)
-        noisy = np.clip(frame + noise, 0, 255).astype(np.uint8)
-        state, text, pair = next_state(state, noisy, TARGET, SETTINGS)
-        pairs += [pair] if pair else []
-    return state, text, pairs
+    if not names:
+        return CaptureState(), "", ()
+    state, _, pairs = message(*names[:-1])
+    image = frame(names[-1])
+    noise = np.random.default_rng(len(names)).normal(0, 1, image.shape)
+    noisy = np.clip(image + noise, 0, 255).astype(np.uint8)
+    state, text, pair = next_state(state, noisy, TARGET, SETTINGS)
+    return state, text, (*pairs, pair) if pair else pairs
 
 
 @pytest.mark.parametrize(
     ("frames", "text"),
     [
-        ([EMPTY], SEE),
-        ([BOARD], HOLD),
-        ([BOARD, BOARD], LASER),
-        ([BOARD, shifted(BOARD, 2.0)], HOLD),
-        ([SMOOTH, SMOOTH], "board blurred by"),
-        ([UNSHARP, UNSHARP], "board's edges not sharp: focus"),
-        ([BOARD, BOARD, DARK], LASER),
-        ([BOARD, BOARD, BOARD], LASER),
-        ([BOARD, BOARD, shifted(BOARD, 3.0)], HOLD),
-        ([BOARD, BOARD, shifted(LINE, 0.0)], "pair 1 taken"),
-        ([BOARD, BOARD, DARK, DARK, LINE], "pair 1 taken"),
-        ([BOARD, BOARD, LIT], LASER),
-        ([BOARD, BOARD, LINE, BOARD, BOARD], NEW),
-        ([BOARD, BOARD, LINE, shot("board", 1)], HOLD),
+        (["empty"], SEE),
+        (["board"], HOLD),
+        (["board", "board"], LASER),
+        (["board", "2 px aside"], HOLD),
+        (["smooth", "smooth"], "board blurred by"),
+        (["unsharp", "unsharp"], "board's edges not sharp: focus"),
+        (["board", "board", "dark"], LASER),
+        (["board", "board", "board"], LASER),
+        (["board", "board", "3 px aside"], HOLD),
+        (["board", "board", "line"], "pair 1 taken"),
+        (["board", "board", "dark", "dark", "line"], "pair 1 taken"),
+        (["board", "board", "lit"], LASER),
+        (["board", "board", "line", "board", "board"], NEW),
+        (["board", "board", "line", "other board"], HOLD),
     ],
 )
 def test_the_person_is_reported_what_the_frames_need(frames, text):
-    assert text in message(frames)[1]
+    assert text in message(*frames)[1]
 
 
 def test_a_pair_is_the_held_board_and_its_line():
-    state, _, pairs = message([BOARD, BOARD, LINE, shot("board", 1), shot("board", 1),
-                            shot("line", 1)])  # fmt: skip
+    state, _, pairs = message("board", "board", "line", "other board", "other board", "other line")
     assert [len(pairs), len(state.pairs)] == [2, 2]
     for number, pair in enumerate(pairs):
         assert np.abs(pair.board.astype(int) - shot("board", number)).mean() < 2
@@ -84,8 +106,8 @@ def test_a_pair_is_the_held_board_and_its_line():
 
 
 def test_a_line_after_a_move_is_not_paired():
-    _, text, pairs = message([BOARD, BOARD, shifted(BOARD, 20.0), LINE])
-    assert pairs == []
+    _, text, pairs = message("board", "board", "20 px aside", "line")
+    assert pairs == ()
     assert SEE in text
 
 

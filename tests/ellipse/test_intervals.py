@@ -1,6 +1,7 @@
 import gc
 import math
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -16,7 +17,8 @@ from lsvision.ellipse.problem import RadiusPrior
 from tests.ellipse.arcs import SENSOR, measured, pipe, upper_arc
 from tests.tolerances import spread_of_share
 
-RUNS = {"radius": 80, "centre_x": 80, "centre_y": 60, "theta": 60, "phi": 40}
+QUANTITIES = ("radius", "centre_x", "centre_y", "theta", "phi")
+RUNS = 40
 FAR, NEAR, CIRCLE = 35.0, 8.0, 0.0
 SHORT_ARCS = 120
 PENALTY = 1e5  # 1/mm, 1/rad: a violation of 1e-5 costs as much as one sigma
@@ -77,20 +79,26 @@ def test_at_both_ends_the_best_other_parameters_are_worse_by_the_quantile(quanti
         assert ratio == pytest.approx(chi2.ppf(level, 1), rel=0.02)
 
 
+@cache
+def intervals_of_runs(phi_deg, level):
+    """Intervals of the same arcs for every quantity."""
+    rng = np.random.default_rng([int(phi_deg), 7])
+    return module.intervals_of_fits([fit_of(phi_deg, rng) for _ in range(RUNS)], level)
+
+
 @pytest.mark.parametrize("phi_deg", [NEAR, FAR])
-@pytest.mark.parametrize("quantity", RUNS)
-def test_intervals_hold_the_truth_as_often_as_they_say(quantity, phi_deg, rng):
-    level, runs = 0.9, RUNS[quantity] // 2  # at both tilts
+@pytest.mark.parametrize("quantity", QUANTITIES)
+def test_intervals_hold_the_truth_as_often_as_they_say(quantity, phi_deg):
     truth = value_of(pipe(phi_deg), quantity)
+    shifts = (-math.pi, 0, math.pi) if quantity == "theta" else (0,)
     held = 0
-    for _ in range(runs):
-        low, high = interval(fit_of(phi_deg, rng), quantity, level)
-        shifts = (-math.pi, 0, math.pi) if quantity == "theta" else (0,)
+    for found in intervals_of_runs(phi_deg, 0.9):
+        low, high = getattr(found, quantity)
         held += any(low <= truth + shift <= high for shift in shifts)
-    assert abs(held / runs - level) < spread_of_share(level, runs)
+    assert abs(held / RUNS - 0.9) < spread_of_share(0.9, RUNS)
 
 
-@pytest.mark.parametrize("quantity", RUNS)
+@pytest.mark.parametrize("quantity", QUANTITIES)
 def test_intervals_hold_the_estimate_and_grow_with_the_level(quantity, rng):
     fit = fit_of(FAR, rng)
     value = value_of(fit.ellipse, quantity)
@@ -102,7 +110,7 @@ def test_intervals_hold_the_estimate_and_grow_with_the_level(quantity, rng):
 def test_a_higher_level_never_has_a_narrower_interval(phi_deg, rng):
     fit = fit_of(phi_deg, rng)
     all_levels = [intervals(fit, level) for level in (0.5, 0.68, 0.8, 0.9, 0.95, 0.99, 0.999)]
-    for quantity in RUNS:
+    for quantity in QUANTITIES:
         widths = np.array([high - low for low, high in (getattr(i, quantity) for i in all_levels)])
         assert (np.diff(widths) >= 0).all()
 
@@ -183,7 +191,7 @@ def test_all_five_are_computed_once(rng, monkeypatch):
     monkeypatch.setattr(module, "find_interval_ends", lambda *args: calls.append(1) or find(*args))
     fit = fit_of(FAR, rng)
     section = CylinderSection(fit, Arc(0, 70), np.arange(70))
-    found = {quantity: section.interval(quantity) for quantity in RUNS}
+    found = {quantity: section.interval(quantity) for quantity in QUANTITIES}
     assert len(calls) == 1
     assert found == intervals(fit, 0.95)._asdict()
     section.interval("radius", 0.9)
@@ -205,8 +213,7 @@ def test_intervals_are_kept_as_long_as_their_fit(rng):
     assert len(module._THETA_DETERMINED) <= kept[1]
 
 
-@pytest.mark.parametrize("level", [0.68, 0.95, 0.999])
-def test_intervals_of_many_fits_are_those_of_each(level, rng):
+def different_fits(rng):
     """Arcs of several lengths and numbers of points, with and without known quantities."""
     fits = [
         prior_fit(phi, rng, degrees=degrees, **known)
@@ -215,15 +222,23 @@ def test_intervals_of_many_fits_are_those_of_each(level, rng):
         for known in ({}, {"known_radius": RadiusPrior(19.0, 0.05)},
                       {"known_phi": PhiPrior(math.radians(phi), math.radians(2))})
     ]  # fmt: skip
-    fits += [short_fit(rng), fit_ellipse(fits[0].problem.points, fits[0].ellipse, None)]
+    return [*fits, short_fit(rng), fit_ellipse(fits[0].problem.points, fits[0].ellipse, None)]
+
+
+@pytest.mark.parametrize("level", [0.68, 0.95, 0.999])
+def test_intervals_of_many_fits_are_those_of_each(level, rng):
+    fits = different_fits(rng)
     together = module.intervals_of_fits(fits, level)
-    determined = module.are_thetas_determined(fits)
-    alone = [replace(fit) for fit in fits]
-    for fit, found in zip(alone, together, strict=True):
-        expected = np.array(intervals(fit, level))
+    for fit, found in zip(fits, together, strict=True):
+        expected = np.array(intervals(replace(fit), level))
         widths = np.diff(expected, axis=1)
         np.testing.assert_allclose((found - expected) / widths, 0, atol=1e-3)
-    assert determined == [theta_is_determined(fit) for fit in alone]
+
+
+def test_thetas_of_many_fits_are_determined_as_of_each(rng):
+    fits = different_fits(rng)
+    determined = module.are_thetas_determined(fits)
+    assert determined == [theta_is_determined(replace(fit)) for fit in fits]
     assert True in determined
     assert False in determined
 
@@ -336,7 +351,7 @@ def test_a_weakly_known_radius_is_still_determined_by_the_points(rng):
 @pytest.mark.parametrize("phi_deg", [NEAR, FAR])
 def test_noise_free_points_have_hardly_a_width(phi_deg):
     fit = fit_ellipse(upper_arc(pipe(phi_deg)), pipe(phi_deg))
-    for quantity in RUNS:
+    for quantity in QUANTITIES:
         low, high = interval(fit, quantity)
         assert low <= value_of(pipe(phi_deg), quantity) <= high
         assert 1e-9 < high - low < 1e-5
@@ -345,18 +360,19 @@ def test_noise_free_points_have_hardly_a_width(phi_deg):
 
 def test_theta_is_determined_by_two_intervals(rng):
     """A circle is excluded at 99.9 %, and an error of 30 deg at 99 %: sections near both limits."""
+    arcs = ((12.0, 120.0), (28.0, 85.0), (33.0, 85.0), (3.5, 300.0))
+    fits = [prior_fit(phi_deg, rng, degrees) for phi_deg, degrees in arcs for _ in range(20)]
+    at_99, at_999 = (module.intervals_of_fits(fits, level) for level in (0.99, 0.999))
     seen = set()
-    for phi_deg, degrees in ((12.0, 120.0), (28.0, 85.0), (33.0, 85.0), (3.5, 300.0)):
-        for _ in range(20):
-            fit = prior_fit(phi_deg, rng, degrees)
-            open_999 = intervals(fit, 0.999).theta == (0.0, math.pi)
-            low, high = intervals(fit, 0.99).theta
-            off = max(high - fit.ellipse.theta, fit.ellipse.theta - low)
-            if abs(off - math.radians(30)) < 0.01 or intervals(fit, 0.99).phi[1] == MAX_PHI:
-                continue
-            expected = not open_999 and off < math.radians(30)
-            assert theta_is_determined(fit) == expected
-            seen.add((open_999, off < math.radians(30)))
+    for fit, found, wide in zip(fits, at_99, at_999, strict=True):
+        open_999 = wide.theta == (0.0, math.pi)
+        low, high = found.theta
+        off = max(high - fit.ellipse.theta, fit.ellipse.theta - low)
+        if abs(off - math.radians(30)) < 0.01 or found.phi[1] == MAX_PHI:
+            continue
+        expected = not open_999 and off < math.radians(30)
+        assert theta_is_determined(fit) == expected
+        seen.add((open_999, off < math.radians(30)))
     print(seen)
     assert {(False, True), (False, False), (True, True)} <= seen
 

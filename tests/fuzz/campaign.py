@@ -2,6 +2,7 @@
 
 import collections
 import json
+import math
 import queue
 import subprocess
 import sys
@@ -23,15 +24,16 @@ class Findings:
     wrong: list = field(default_factory=list)
 
 
-def run_campaign(seconds, seed, names, say=print):
-    """Try inputs from number `seed` on, for so many seconds."""
+def run_campaign(seconds, seed, names, say=print, *, most=math.inf):
+    """Try inputs from number `seed` on, for so many seconds, or until `most` were tried."""
     findings, number, stop = Findings(), seed, time.monotonic() + seconds
-    while time.monotonic() < stop:
-        number = _run_worker(number, names, stop, findings, say)
+    while time.monotonic() < stop and findings.tried.total() < most:
+        number = _run_worker(number, names, (stop, most), findings, say)
     return findings
 
 
-def _run_worker(first, names, stop, findings, say):
+def _run_worker(first, names, ends, findings, say):
+    stop, most = ends
     command = [sys.executable, "-m", "tests.fuzz.worker", str(first), ",".join(names)]
     worker = subprocess.Popen(
         command, cwd=REPOSITORY, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
@@ -39,7 +41,7 @@ def _run_worker(first, names, stop, findings, say):
     lines = queue.Queue()
     threading.Thread(target=_read, args=(worker.stdout, lines), daemon=True).start()
     last, deadline = {"begin": first, "target": "start"}, time.monotonic() + 120
-    while time.monotonic() < stop:
+    while time.monotonic() < stop and findings.tried.total() < most:
         try:
             line = lines.get(timeout=max(0.01, min(deadline, stop) - time.monotonic()))
         except queue.Empty:

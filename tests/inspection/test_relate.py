@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy import stats
+from scipy.spatial import cKDTree
 
 import lsvision as lsv
 from lsvision.cylinder.fit_result import CylinderFit
@@ -33,9 +34,8 @@ CLEAN = SectionSettings(lost_fraction=0.0, jump_fraction=0.0, noise_factor=0.0)
 def least_gap(first, second, count=1500):
     """Shortest distance of two outlines; negative: the longest of a point within the other."""
     turn = np.linspace(0, 2 * math.pi, count)
-    outlines = [ellipse.points_at(turn) for ellipse in (first, second)]
-    between = np.linalg.norm(outlines[0][:, None] - outlines[1][None], axis=2)
-    return float(between.min())
+    one, other = (ellipse.points_at(turn) for ellipse in (first, second))
+    return float(cKDTree(one).query(other)[0].min())
 
 
 def measured_pair(section):

@@ -7,6 +7,7 @@ may be turned about its optical axis, the pipe may carry dark paint.
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -69,6 +70,7 @@ class Picture:
         plane = Plane(rotation[:, 2], float(rotation[:, 2] @ translation))
         return LightSection(Camera(matrix, [], self.size), plane, line_blur_px=blur)
 
+    @lru_cache(maxsize=8)  # noqa: B019 - a dozen pictures of 4 MB are a test run's
     def light(self):
         """Mean light of each pixel, 1 at the brightest place."""
         width, height = self.size
@@ -88,7 +90,9 @@ class Picture:
         if self.psf:
             blurred = cv2.GaussianBlur(blurred, (0, 0), self.psf * FINE)
         mean = blurred.reshape(height, FINE, width, FINE).mean(axis=(1, 3), dtype=np.float64)
-        return mean / mean.max()
+        mean /= mean.max()
+        mean.setflags(write=False)
+        return mean
 
     def _seen(self, u, v):
         """Height above the laser plane, and brightness, of what each pixel sees; NaN without."""

@@ -1,5 +1,7 @@
 """Colours with less resolution than the image has: JPEG files, mosaics, and the mosaic's pixels."""
 
+from functools import cache
+
 import cv2
 import numpy as np
 import pytest
@@ -19,6 +21,11 @@ MIDDLE = 0.8
 
 def coloured(picture, laser="red", seed=3):
     """A camera with three sensors, in grey surroundings; blue, green, red."""
+    return _coloured(picture, laser, seed).copy()
+
+
+@cache
+def _coloured(picture, laser, seed):
     light, rng = picture.light(), np.random.default_rng(seed)
     planes = [photograph(share * light, rng, peak=150.0, dark=60.0) for share in COLOURS[laser]]
     return np.stack(planes, axis=2)

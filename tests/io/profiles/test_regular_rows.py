@@ -1,5 +1,7 @@
 """Tables of regular rows, read at once, and the same files read line by line: equal results."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -73,6 +75,7 @@ def test_equal_results_at_once_and_line_by_line(text):
         assert at_once == _table(text)
 
 
+@cache
 def _lines(count, separator=","):
     points = np.random.default_rng(8).normal(0, 90, (count, 2)).round(3)
     return points, "".join(f"{x}{separator}{z}\n" for x, z in points.tolist())
