@@ -2,6 +2,7 @@
 
 import json
 import re
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -119,17 +120,34 @@ def test_a_folder_of_ones_own_is_taken_and_a_missing_one_is_named(tmp_path):
     assert not (tmp_path / "nowhere").exists()
 
 
-def test_a_missing_folder_of_results_is_made(tmp_path):
-    done = script("camera", "--results", tmp_path / "new" / "results")
-    assert done.returncode == 0, done.stderr
-    assert (tmp_path / "new" / "results" / "camera.json").is_file()
+@pytest.fixture
+def command_of(monkeypatch):
+    """The words of the command that a script runs, which is not run."""
+    monkeypatch.syspath_prepend(CALIBRATION)
+    commands = []
+    monkeypatch.setattr("lsvision.cli.main", lambda: commands.append(list(sys.argv)))
+
+    def words(name, *given):
+        monkeypatch.setattr(sys, "argv", [f"{name}.py", *map(str, given)])
+        runpy.run_path(str(CALIBRATION / f"{name}.py"), run_name="__main__")
+        return commands.pop()
+
+    yield words
+    sys.modules.pop("steps", None)
 
 
-def test_the_value_of_an_option_is_no_folder(tmp_path):
-    results = tmp_path / "results"
-    done = script("sensor_to_robot", "--convention", "kuka", "--results", results)
-    assert done.returncode == 0, done.stderr
-    assert (results / "hand_eye.json").is_file()
+def test_a_missing_folder_of_results_is_made(command_of, tmp_path):
+    results = tmp_path / "new" / "results"
+    words = command_of("camera", "--results", results)
+    assert results.is_dir()
+    assert words[:4] == ["lsvision", "calibrate", "camera", str(EXAMPLE / "boards")]
+    assert words[words.index("--out") + 1] == str(results / "camera.json")
+
+
+def test_the_value_of_an_option_is_no_folder(command_of, tmp_path):
+    words = command_of("sensor_to_robot", "--convention", "ros", "--results", tmp_path)
+    assert words[words.index("sphere") + 1] == str(EXAMPLE / "sphere")
+    assert words[-2:] == ["--convention", "ros"]  # the last one counts
 
 
 def test_poses_of_ones_own_need_their_convention(tmp_path):

@@ -297,7 +297,7 @@ def test_the_same_input_gives_the_same_bytes():
 @pytest.mark.parametrize("kind", STANDING)
 def test_pairs_stored_twice_count_once_and_are_named(kind):
     scene, calibrate = STANDING[kind]
-    seen, flanges = scene(31)
+    seen, flanges = scene(31, 10)
     once = calibrate(seen, flanges, settings=FEW_TRIALS)
     found = calibrate(seen + seen[:1] * 4, flanges + flanges[:1] * 4, settings=FEW_TRIALS)
     assert [pose.index for pose in found.rejected] == list(range(len(seen), len(seen) + 4))

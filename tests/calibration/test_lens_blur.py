@@ -1,9 +1,10 @@
 """Blur of a board's edges in images drawn by supersampling, without code of the library."""
 
+from functools import cache
+
 import cv2
 import numpy as np
 import pytest
-from scipy.ndimage import gaussian_filter
 
 from lsvision.calibration import lens_blur
 from lsvision.calibration.lens_blur import measure_lens_blur
@@ -18,6 +19,13 @@ CLOSE = 0.03  # px; a Gaussian and a box are not quite a Gaussian, and corners a
 
 def board_image(blur, turn=0.15, tilt=(0.0006, -0.0004), noise=1.0, seed=0, square_px=34.0):
     """A board under a homography; `blur` = one sigma along u and v, in px."""
+    image = exact_image(blur, turn, tilt, square_px)
+    rng = np.random.default_rng(seed)
+    return np.clip(np.round(image + rng.normal(0, noise, image.shape)), 0, 255).astype(np.uint8)
+
+
+@cache
+def exact_image(blur, turn, tilt, square_px):
     width, height = 480, 420
     cos, sin = np.cos(turn) * square_px, np.sin(turn) * square_px
     forth = np.array([[cos, -sin, 130.0], [sin, cos, 90.0], [*np.array(tilt) * square_px, 1.0]])
@@ -26,10 +34,9 @@ def board_image(blur, turn=0.15, tilt=(0.0006, -0.0004), noise=1.0, seed=0, squa
     x, y = x / w, y / w
     on_board = (np.abs(x - 3) < 4) & (np.abs(y - 2.5) < 3.5)
     dark = on_board & ((np.floor(x) + np.floor(y)) % 2 == 0)
-    light = gaussian_filter(np.where(dark, 40.0, 200.0), np.broadcast_to(blur, 2)[::-1] * FINE)
-    image = light.reshape(height, FINE, width, FINE).mean(axis=(1, 3))
-    rng = np.random.default_rng(seed)
-    return np.clip(np.round(image + rng.normal(0, noise, image.shape)), 0, 255).astype(np.uint8)
+    along_u, along_v = np.broadcast_to(blur, 2) * FINE
+    light = cv2.GaussianBlur(np.where(dark, 40.0, 200.0), (0, 0), along_u, sigmaY=along_v)
+    return light.reshape(height, FINE, width, FINE).mean(axis=(1, 3))
 
 
 @pytest.mark.parametrize("blur", [0.5, 0.7, 1.0, 1.5])

@@ -176,10 +176,10 @@ def test_failure_is_one_line_and_exit_code_1():
     assert line.startswith("lsvision: /nowhere/at/all/single_0000.csv: its folder does not exist")
 
 
-def test_debug_shows_the_traceback_wherever_it_stands():
+def test_debug_shows_the_traceback_wherever_it_stands(run):
     for words in (["--debug", "simulate", "single"], ["simulate", "single", "--debug"]):
-        result = shell(*words, "--out", "/nowhere/at/all")
-        assert result.returncode == 1
+        result = run(*words, "--out", "/nowhere/at/all")
+        assert result.exit_code == 1
         assert "Traceback" in result.stderr
         assert result.stderr.splitlines()[-1].startswith("lsvision: /nowhere")
 

@@ -1,6 +1,7 @@
 """Cylinders of a section in the base frame, and Monte Carlo tests of their covariance."""
 
 import math
+from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
@@ -47,12 +48,18 @@ def error_of(found, truth):
     return np.r_[found.point - truth.point, turn, found.radius - truth.radius]
 
 
-def runs_of(phi_deg, calibration, twin):
+@cache
+def sections_of(phi_deg):
+    """Noisy sections of a pipe; every calibration places the same ones."""
     rng, truth = np.random.default_rng(11), pipe(phi_deg)
+    return [section_of(measured(upper_arc(truth), rng), truth) for _ in range(RUNS)]
+
+
+def runs_of(phi_deg, calibration, twin):
+    rng, truth = np.random.default_rng(12), pipe(phi_deg)
     true = Cylinder.twins(truth)[twin].transformed(FLANGE @ SECTION)
     root = np.linalg.cholesky(calibration.covariance)
-    for _ in range(RUNS):
-        section = section_of(measured(upper_arc(truth), rng), truth)
+    for section in sections_of(phi_deg):
         wrong = SimpleNamespace(**vars(calibration))
         wrong.flange_from_section = moved(SECTION, root @ rng.normal(size=6))
         robot = rng.normal(size=6) * np.repeat(calibration.robot_std, 3)
