@@ -100,7 +100,8 @@ def test_the_error_lies_within_its_covariance(seed):
 
 def test_the_error_of_a_plane_and_of_a_board_lies_within_its_covariance():
     assert (
-        normalised_error(calibrate_hand_eye_plane(*plane_scene(6), settings=FEW_TRIALS)) < FAR_OUT
+        normalised_error(calibrate_hand_eye_plane(*plane_scene(6, 12), settings=FEW_TRIALS))
+        < FAR_OUT
     )
     boards, flanges = board_scene(6)
     assert normalised_error(calibrate_hand_eye_board(boards, flanges)) < FAR_OUT
@@ -271,7 +272,7 @@ def test_correlated_points_increase_the_covariance(scene):
     found = []
     for correlation in (0.0, 5.0):
         view = replace(USUAL, correlation=correlation)
-        profiles, flanges = scene(19, view=view, robot=PERFECT)
+        profiles, flanges = scene(19, 12, view=view, robot=PERFECT)
         found.append(calibrate[scene](profiles, flanges, settings=stated))
         assert normalised_error(found[-1]) < FAR_OUT
     assert found[1].working_point_std > 2 * found[0].working_point_std

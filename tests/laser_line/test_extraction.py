@@ -1,6 +1,7 @@
 """The extracted line against the truth of the simulator."""
 
 import tracemalloc
+from functools import cache
 
 import cv2
 import numpy as np
@@ -20,6 +21,18 @@ GREY = LineSettings(direction="columns")
 MAX_MEMORY = 4.0  # bytes per pixel: the response, 2, the excess of a colour, and less than 1 beside
 
 
+@cache
+def plank_image(**settings):
+    """The plank as `rendered`; not to be written to."""
+    return rendered(plank(), **settings)
+
+
+@cache
+def cluttered(seed):
+    """A pipe on a floor, with speckle, glints, blobs and streaks."""
+    return rendered(pipe_on_floor(), seed, speckle_looks=4, stray=CLUTTER)
+
+
 def errors_of(line, image):
     return line.pixels[:, 1] - image.truth_pixels[:, 1]
 
@@ -35,7 +48,7 @@ def nees(errors, line):
 @pytest.mark.parametrize("method", ["derivative", "gaussian"])
 @pytest.mark.parametrize("peak", GOALS)
 def test_the_error_meets_the_goal_and_the_std_predicts_it(peak, method):
-    image = rendered(plank(), peak=peak)
+    image = plank_image(peak=peak)
     line = extract_laser_line(image.image, LineSettings(method=method))
     errors = errors_of(line, image)
     assert line.lost == 0
@@ -48,14 +61,14 @@ def test_the_error_meets_the_goal_and_the_std_predicts_it(peak, method):
     ("method", "goal"), [("derivative", 0.035), ("gaussian", 0.013)], ids=["default", "precise"]
 )
 def test_an_overexposed_line_is_measured_by_its_flanks(method, goal):
-    image = rendered(plank(), peak=400)
+    image = plank_image(peak=400)
     line = extract_laser_line(image.image, LineSettings(method=method))
     assert line.saturated.all()
     assert rms(errors_of(line, image)) <= goal
 
 
 def test_the_std_includes_speckle():
-    image = rendered(plank(), speckle_looks=4)
+    image = plank_image(speckle_looks=4)
     line = extract_laser_line(image.image)
     errors = errors_of(line, image)
     assert rms(errors) <= 0.30
@@ -78,7 +91,7 @@ def test_the_std_of_a_fit_holds_where_a_line_is_narrower_than_two_pixels(peak, n
 @pytest.mark.parametrize("exposure", [2.0, 7.0])
 def test_the_std_of_an_overexposed_line_contains_its_sampling(sheet_sigma, exposure):
     # The narrower the line, the steeper are the flanks, and the larger is the error.
-    simulated = rendered(plank(), sheet_sigma=sheet_sigma, psf_sigma=0.4, peak=255 * exposure)
+    simulated = plank_image(sheet_sigma=sheet_sigma, psf_sigma=0.4, peak=255 * exposure)
     line = extract_laser_line(simulated.image)
     errors = (line.pixels - simulated.truth_pixels)[line.saturated, 1]
     assert np.sqrt(np.mean((errors / line.std[line.saturated]) ** 2)) < 2.2
@@ -97,7 +110,7 @@ def test_an_overexposed_line_has_no_columns_far_beyond_the_std_of_their_fit():
 
 
 def test_noise_given_by_the_settings_is_used():
-    image = rendered(plank(), sensor=ImageSensor(prnu=0.0))
+    image = plank_image(sensor=ImageSensor(prnu=0.0))
     gain = 255 / 10_000
     given = LineSettings(read_noise=13 * gain, gain=gain)
     by_hand, by_image = (
@@ -134,7 +147,7 @@ def test_the_std_of_ridge_points_is_along_their_column(rng):
 
 
 def test_intensity_and_width_are_those_of_the_stripe():
-    image = rendered(plank(), peak=100, sheet_sigma=0.25)
+    image = plank_image(peak=100, sheet_sigma=0.25)
     line = extract_laser_line(image.image)
     assert np.median(line.intensity) == pytest.approx(100, rel=0.05)
     assert np.median(line.width) == pytest.approx(2.25, abs=0.1)
@@ -155,7 +168,7 @@ def test_width_and_intensity_hold_where_the_tails_reach_beyond_the_window():
 def test_glints_blobs_and_streaks_are_not_the_line(subtract):
     false = []
     for seed in range(3):
-        image = rendered(pipe_on_floor(), 50 + seed, speckle_looks=4, stray=CLUTTER)
+        image = cluttered(50 + seed)
         off = image.laser_off if subtract else None
         errors = errors_of(extract_laser_line(image.image, laser_off=off), image)
         false.append((np.abs(errors) > FALSE).mean())
@@ -173,7 +186,7 @@ def test_a_brighter_shorter_line_is_not_extracted_but_reported():
 
 
 def test_hidden_columns_are_lost_and_stay_in_place():
-    image = rendered(plank()).image.copy()
+    image = plank_image().image.copy()
     image[:, 500:600] = 10
     line = extract_laser_line(image)
     assert len(line) == 1280
@@ -199,14 +212,14 @@ def test_a_transposed_image_gives_the_transposed_line():
 
 @pytest.mark.parametrize("method", ["derivative", "gaussian", "steger"])
 def test_a_mirrored_image_gives_the_mirrored_line(method):
-    image = rendered(plank(), peak=100).image
+    image = plank_image(peak=100).image
     settings = LineSettings(method=method, direction="columns")
     line, mirrored = (extract_laser_line(view, settings) for view in (image, image[::-1]))
     np.testing.assert_allclose(mirrored.pixels[:, 1], 1023 - line.pixels[:, 1], rtol=0, atol=1e-4)
 
 
 def test_a_line_shifted_by_whole_pixels_is_the_same_line():
-    image = rendered(plank(), peak=100).image
+    image = plank_image(peak=100).image
     line, moved = (extract_laser_line(view, GREY) for view in (image, np.roll(image, 40, axis=0)))
     np.testing.assert_allclose(moved.pixels[:, 1], line.pixels[:, 1] + 40, rtol=0, atol=1e-9)
 
@@ -215,14 +228,14 @@ def test_a_line_shifted_by_whole_pixels_is_the_same_line():
 def test_images_of_more_bits_give_the_line_of_the_8_bit_image(bits):
     scale = (2**bits - 1) / 255
     sensor, stray = ImageSensor(bits=bits), StrayLight(ambient=10 * scale)
-    image = rendered(plank(), sensor=sensor, stray=stray, peak=200 * scale)
+    image = plank_image(sensor=sensor, stray=stray, peak=200 * scale)
     full_scale = None if bits == 12 else 2**bits - 1
     line = extract_laser_line(image.image, LineSettings(full_scale=full_scale))
     assert rms(errors_of(line, image)) <= GOALS[200]
 
 
 def test_a_float_image_gives_the_line_of_the_integer_image():
-    image = rendered(plank()).image
+    image = plank_image().image
     whole = extract_laser_line(image, GREY)
     share = extract_laser_line(image / 255.0, LineSettings(direction="columns", full_scale=1.0))
     np.testing.assert_allclose(share.pixels, whole.pixels, rtol=0, atol=1e-4)
@@ -239,7 +252,7 @@ def test_a_coloured_line_is_found_among_brighter_white_ones(channel, index):
 
 
 def test_a_white_line_and_a_grey_image_with_three_channels_give_the_grey_line():
-    image = rendered(plank(), rig=SMALL_RIG).image
+    image = plank_image(rig=SMALL_RIG).image
     stored = np.repeat(image[:, :, None], 3, axis=2)
     grey = extract_laser_line(image)
     for channel in ("grey", "white"):
@@ -248,14 +261,14 @@ def test_a_white_line_and_a_grey_image_with_three_channels_give_the_grey_line():
 
 
 def test_a_wide_line_widens_the_filter():
-    image = rendered(plank(), rig=SMALL_RIG, sheet_sigma=1.2, psf_sigma=2.0, peak=500)
+    image = plank_image(rig=SMALL_RIG, sheet_sigma=1.2, psf_sigma=2.0, peak=500)
     line = extract_laser_line(image.image)
     assert np.median(line.width) > 5
     assert rms(errors_of(line, image)) < 0.15
 
 
 def test_the_image_is_not_changed():
-    image = rendered(plank(), rig=SMALL_RIG).image
+    image = plank_image(rig=SMALL_RIG).image
     before = image.copy()
     extract_laser_line(image, laser_off=np.zeros_like(image))
     np.testing.assert_array_equal(image, before)
@@ -279,7 +292,7 @@ def test_an_extraction_takes_little_memory(kind):
 
 @pytest.mark.filterwarnings("error")
 def test_the_narrowest_filters_overflow_nowhere():
-    image = rendered(plank(), sheet_sigma=0.02).image
+    image = plank_image(sheet_sigma=0.02).image
     line = extract_laser_line(image, LineSettings(sigma=0.01))
     assert np.isfinite(line.std).sum() + line.lost == len(line)
 

@@ -1,6 +1,7 @@
 """Blur along the line shifts it; taking that back, against images blurred by OpenCV, and pipes."""
 
 from dataclasses import replace
+from functools import cache
 
 import cv2
 import numpy as np
@@ -104,17 +105,18 @@ PIPES = {
 }
 
 
-@pytest.fixture(scope="module", params=PIPES, ids=str)
-def pipe(request):
+@cache
+def line_of(name):
     """A picture and its line without noise, of the std that usual noise would give."""
-    picture = PIPES[request.param]
+    picture = PIPES[name]
     settings = LineSettings(full_scale=255.0, read_noise=2.0, gain=0.025)
     return picture, extract_laser_line(8 + 180 * picture.light(), settings)
 
 
+@pytest.mark.parametrize("name", PIPES)
 @pytest.mark.parametrize("stated", [True, False], ids=["stated", "unstated"])
-def test_a_pipe_is_corrected_within_what_is_said(pipe, stated):
-    picture, raw = pipe
+def test_a_pipe_is_corrected_within_what_is_said(name, stated):
+    picture, raw = line_of(name)
     direction, _ = picture.light_section()._normal_in_image(raw.pixels)
     line = correct_line_blur(raw, picture.blur if stated else None, direction)
     (before, on_pipe), (after, _) = error_of_pipe(raw, picture), error_of_pipe(line, picture)

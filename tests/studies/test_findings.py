@@ -6,6 +6,7 @@ under 70 deg. Columns are parallel, so the errors lie along Y.
 
 import math
 from dataclasses import replace
+from functools import cache
 
 import cv2
 import numpy as np
@@ -71,13 +72,19 @@ class SeenPipe:
         return np.array([found.radius - self.ellipse.radius, turn, found.phi - self.ellipse.phi])
 
 
+@cache
+def seen_pipes(theta_deg, phi_deg):
+    return [SeenPipe(19.0, theta_deg, phi_deg, seed) for seed in range(RUNS)]
+
+
 def rms_errors(theta_deg, phi_deg, *fits):
     """Root mean square errors of radius, theta and phi: one row for each way to fit."""
-    pipes = [SeenPipe(19.0, theta_deg, phi_deg, seed) for seed in range(RUNS)]
+    pipes = seen_pipes(theta_deg, phi_deg)
     errors = [[pipe.errors(fit(pipe)) for pipe in pipes] for fit in fits]
     return np.sqrt(np.mean(np.square(errors), axis=1))
 
 
+@cache
 def weighted(pipe):
     return fit_ellipse(pipe.points, pipe.ellipse, pipe.covariances).ellipse
 
