@@ -18,11 +18,16 @@ from lsvision.errors import LsvisionError
 from tests.batch.sources import profiles, write_parquet
 
 PATH_TO_TASKS = {"PYTHONPATH": str(Path(__file__).parents[2])}
-distributed = pytest.importorskip("distributed")
+
+
+@pytest.fixture(scope="module")
+def distributed():
+    """The library, imported only by the process that runs these tests."""
+    return pytest.importorskip("distributed")
 
 
 @pytest.fixture
-def cluster():
+def cluster(distributed):
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=":0"
     ) as local:
@@ -56,7 +61,7 @@ def test_a_killed_worker_costs_nothing_and_the_bytes_are_those_of_this_machine(t
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
-def test_an_error_of_a_task_is_not_taken_for_a_lost_connection():
+def test_an_error_of_a_task_is_not_taken_for_a_lost_connection(distributed):
     in_threads = distributed.LocalCluster(
         n_workers=1, processes=False, protocol="tcp", host="127.0.0.1", dashboard_address=None
     )
@@ -65,7 +70,7 @@ def test_an_error_of_a_task_is_not_taken_for_a_lost_connection():
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
-def test_no_scheduler_is_reported(tmp_path, monkeypatch):
+def test_no_scheduler_is_reported(distributed, tmp_path, monkeypatch):
     monkeypatch.setattr("lsvision.batch.cluster.CONNECT_TIMEOUT_S", 0.5)
     write_parquet(tmp_path / "a.parquet", 2)
     tasks = plan_tasks([tmp_path / "a.parquet"], tmp_path, tmp_path / "out", BatchJob())
@@ -74,7 +79,9 @@ def test_no_scheduler_is_reported(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("address", ["localhost", "tcp://localhost:", "http://localhost:8786"])
-def test_a_malformed_address_is_reported_before_a_client_is_made(tmp_path, monkeypatch, address):
+def test_a_malformed_address_is_reported_before_a_client_is_made(
+    distributed, tmp_path, monkeypatch, address
+):
     monkeypatch.setattr(distributed, "Client", None)
     write_parquet(tmp_path / "a.parquet", 2)
     tasks = plan_tasks([tmp_path / "a.parquet"], tmp_path, tmp_path / "out", BatchJob())
@@ -83,7 +90,7 @@ def test_a_malformed_address_is_reported_before_a_client_is_made(tmp_path, monke
 
 
 @pytest.fixture
-def scheduler(tmp_path):
+def scheduler(distributed, tmp_path):
     """A scheduler with one worker, in processes that can be killed; and its address."""
     file, processes = tmp_path / "scheduler.json", []
     for role, words in {

@@ -1,5 +1,6 @@
 import re
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -34,17 +35,18 @@ RENDERED = 0.5  # mm: 0.05 px of the line are 0.03 mm here; six small boards ext
 HELD = LaserPlaneSettings(refine_camera_from=99, fit_bow_from=99)
 
 
-def board_and_line(turn, depth, plane=PLANE):
+@cache
+def board_and_line(turn, depth, distance=PLANE.distance):
     """Both images of one pose, pixel by pixel: the board's colour, and the laser's glow."""
     R, _ = cv2.Rodrigues(np.array(turn, dtype=float))
     shift = np.array([0, 0, depth]) - R @ (30.0, 25.0, 0.0)
-    directions = (R[:, 0], R[:, 1], plane.normal)
+    directions = (R[:, 0], R[:, 1], PLANE.normal)
     x, y, along_normal = board_along(R, shift, 900, (319.5, 239.5), directions)
     x, y = x - shift @ R[:, 0], y - shift @ R[:, 1]
     squares = np.floor(x / 10) + np.floor(y / 10)
     inside = (x > -10) & (x < 70) & (y > -10) & (y < 60)
     white = np.where(inside & (squares % 2 == 0), 0.25, 1.0)
-    glow = np.exp(-0.5 * ((along_normal - plane.distance) / 0.3) ** 2)
+    glow = np.exp(-0.5 * ((along_normal - distance) / 0.3) ** 2)
     return [
         cv2.resize(image, SIZE, interpolation=cv2.INTER_AREA).astype(np.uint8)
         for image in (20 + 180 * white, 5 + 200 * white * glow)
@@ -165,7 +167,7 @@ POSES_BESIDE = [
 
 @pytest.fixture(scope="module")
 def images_beside():
-    pairs = [board_and_line(turn, depth, BESIDE) for turn, depth in POSES_BESIDE]
+    pairs = [board_and_line(turn, depth, BESIDE.distance) for turn, depth in POSES_BESIDE]
     return [pair[0] for pair in pairs], [pair[1] for pair in pairs]
 
 
