@@ -20,7 +20,7 @@ from lsvision.io.images import read_image
 
 EXAMPLE = Path(__file__).parents[2] / "calibration" / "example"
 TARGET, SETTINGS = ChArUco(), CaptureSettings()
-SEE, HOLD, LASER, NEW = "no board", "hold it still", "laser on", "as in an earlier pair"
+SEE, HOLD, LASER, NEW = "no board", "seen: hold it still", "laser on", "as in an earlier pair"
 
 
 def shot(kind, number):

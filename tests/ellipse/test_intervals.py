@@ -18,7 +18,8 @@ from tests.ellipse.arcs import SENSOR, measured, pipe, upper_arc
 from tests.tolerances import spread_of_share
 
 QUANTITIES = ("radius", "centre_x", "centre_y", "theta", "phi")
-RUNS = 40
+RUNS = 200
+"""Of intervals of 0.7 times their width 75 % hold, which each quantity shows in 79 of 80 trials."""
 FAR, NEAR, CIRCLE = 35.0, 8.0, 0.0
 SHORT_ARCS = 120
 PENALTY = 1e5  # 1/mm, 1/rad: a violation of 1e-5 costs as much as one sigma
