@@ -3,21 +3,30 @@
 import re
 from collections.abc import Container, Iterable, Sequence
 
-# Role of a column by its name in lower case, English or German.
+from lsvision.io.profiles.column_words import (
+    AXIS_WORDS,
+    HEIGHT_WORDS,
+    RANGE_WORDS,
+    WIDTH_WORDS,
+    fold_accents,
+)
+
+# Role of a column by its name in lower case, without accents.
 _ROLES = {
-    **dict.fromkeys(["x", "xs", "px", "position", "lateral", "width", "breite"], "x"),
+    **dict.fromkeys(["x", "xs", "px", "position", "lateral", *WIDTH_WORDS], "x"),
     **dict.fromkeys(["y", "ys", "py", "travel"], "y"),
-    **dict.fromkeys(["z", "zs", "pz", "height", "heights", "elevation", "höhe", "hoehe"], "height"),
-    **dict.fromkeys(
-        ["range", "ranges", "distance", "distances", "dist", "abstand", "depth", "tiefe"], "range"
-    ),
+    **dict.fromkeys(["z", "zs", "pz", *HEIGHT_WORDS], "height"),
+    **dict.fromkeys(RANGE_WORDS, "range"),
     **dict.fromkeys(["angle", "angles", "azimuth", "alpha", "theta", "phi"], "angle"),
 }
 # A name such as "x_pos" or "position y" is one of these words and an axis.
-_AXIS_WORDS = r"(?:pos|position|coord|coordinate|koordinate|value|wert|axis|achse)"
-_AXIS_NAME = re.compile(rf"([xyz])[ _-]?{_AXIS_WORDS}|{_AXIS_WORDS}\.?[ _-]?([xyz])")
-# Words beside that of a range, in a name such as "z distance" or "measured range".
-_RANGE_REMARKS = frozenset(["z", "measured", "sensor", "laser", "value", "wert"])
+_AXIS_WORD = rf"(?:{'|'.join(sorted(AXIS_WORDS))})"
+_AXIS_NAME = re.compile(rf"([xyz])[ _-]?{_AXIS_WORD}|{_AXIS_WORD}\.?[ _-]?([xyz])")
+# Words beside that of a range, in a name such as "z distance" or "distance to the sensor".
+_RANGE_REMARKS = frozenset(
+    "z measured sensor laser value wert to from the zum vom al del du au dal del capteur "  # noqa: SIM905
+    "sensore do od до от датчика".split()
+)
 # A name such as "scan" or "profile_no" is one of these words, alone or with one of `_SCAN_ENDINGS`.
 _SCAN_WORDS = ("scan", "profile", "profil", "frame", "section", "shot")
 # A name such as "part" or "sensor_id" is one of these words, alone or with one of `_SCAN_ENDINGS`.
@@ -35,15 +44,18 @@ def column_role(name: str) -> str:
     --------
     >>> column_role("lateral"), column_role("profile_id"), column_role("FrameNo".lower())
     ('x', 'scan', 'scan')
+    >>> column_role("posición x"), column_role("distance to the sensor"), column_role("高度")
+    ('x', 'range', 'height')
     """
-    if name in _ROLES:
-        return _ROLES[name]
+    folded = fold_accents(name)
+    if folded in _ROLES:
+        return _ROLES[folded]
     if is_encoder(name):
         return "y"
-    words = [word for word in re.findall(r"[^\W_]+", name) if word not in _RANGE_REMARKS]
+    words = [word for word in re.findall(r"[^\W_]+", folded) if word not in _RANGE_REMARKS]
     if words and all(_ROLES.get(word) == "range" for word in words):
         return "range"
-    if axis := _AXIS_NAME.fullmatch(name):
+    if axis := _AXIS_NAME.fullmatch(folded):
         return _ROLES[axis[1] or axis[2]]
     bare = re.sub(r"[_ .-]", "", name)
     for word in _SCAN_WORDS:

@@ -7,13 +7,13 @@ import zipfile
 from lsvision.errors import UnreadableFile
 from lsvision.io.profiles.column_roles import names_section
 from lsvision.io.profiles.matrix import MIN_COLUMNS
+from lsvision.io.profiles.text_encoding import decode_text
 from lsvision.io.profiles.text_layout import (
     find_separator,
     is_comment,
     is_number_or_lost,
     split_cells,
 )
-from lsvision.io.profiles.text_table import decode_text
 from lsvision.io.profiles.units import split_label
 
 _MAGIC = (

@@ -13,7 +13,7 @@ from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
 from lsvision.io.profiles.number_cells import numbers_from_cells
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
-from lsvision.io.profiles.text_table import decode_text
+from lsvision.io.profiles.text_encoding import decode_text
 
 _UNITS = ("mm", "mm")
 

@@ -39,7 +39,7 @@ from lsvision.io.profiles.opencv_matrix import (
 )
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.stated_units import add_units, require_known_unit
-from lsvision.io.profiles.text_table import decode_text
+from lsvision.io.profiles.text_encoding import decode_text
 from lsvision.io.profiles.unit_statements import (
     UnitStatement,
     find_lost_values,

@@ -7,7 +7,8 @@ import numpy as np
 from lsvision.errors import UnreadableFile
 from lsvision.io.profiles.plain_text import read_plain_text
 from lsvision.io.profiles.settings import MM_PER_KEYENCE_STEP, RawProfiles, ReadSettings
-from lsvision.io.profiles.text_table import decode_text, parse_table
+from lsvision.io.profiles.text_encoding import decode_text
+from lsvision.io.profiles.text_table import parse_table
 
 _ZERO_COUNT = 32768  # height 0
 _LOST_COUNT = 0

@@ -18,7 +18,7 @@ from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
 from lsvision.io.profiles.number_cells import numbers_from_cells
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
-from lsvision.io.profiles.text_table import decode_text
+from lsvision.io.profiles.text_encoding import decode_text
 
 SCAN_KEYS = ("angle_min", "angle_increment", "angle_max", "range_min", "range_max")
 """Fields of a LaserScan other than its ranges from which points are computed."""

@@ -10,10 +10,13 @@ import numpy as np
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
 from lsvision.io.profiles.column_roles import column_role
+from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.number_table import NumberTable
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.stated_units import common_unit, statements_about_axis
-from lsvision.io.profiles.text_table import decode_text, parse_table
+from lsvision.io.profiles.text_encoding import decode_text
+from lsvision.io.profiles.text_table import parse_table
+from lsvision.io.profiles.units import split_label
 from lsvision.results.summaries import counted
 
 _NUMBER_AT_END = re.compile(r"[-+]?[0-9]+(?:[.,][0-9]*)?[\])]?$")
@@ -37,13 +40,17 @@ def profiles_from_text_matrix(table: NumberTable, settings: ReadSettings) -> Raw
     """Return the profiles of a matrix in a text, without the numbers of its columns and rows.
 
     Programs such as pandas write numbers of columns, 0, 1, ..., above a matrix, and those of rows
-    beside it, under an empty cell.
+    beside it, under an empty cell. Rows whose first cells name x and others, as in ``X [mm];1;2``
+    over ``Z [mm];5;6``, are the columns of a table of points.
 
     Raises
     ------
     UnreadableFile
         As `profiles_from_matrix`, and if the first row may be such numbers or x.
     """
+    labels = table.texts.get(0, ())
+    if not table.names and labels and column_role(split_label(labels[0])[0]) == "x":
+        return profiles_from_table(_turn_labelled_rows(table), settings)
     values = table.values
     beside_rows = int(np.isnan(values[0, 0]))
     first = values[0, beside_rows:]
@@ -60,6 +67,16 @@ def profiles_from_text_matrix(table: NumberTable, settings: ReadSettings) -> Raw
     notes = (*table.notes, f"{row} numbers the columns: left out")
     return profiles_from_matrix(
         replace(table, values=values[1:, beside_rows:], notes=notes), settings
+    )
+
+
+def _turn_labelled_rows(table: NumberTable) -> NumberTable:
+    """Return the table whose columns are the rows of another one, named by its first column."""
+    parsed = [split_label(label) for label in table.texts[0]]
+    names = tuple(name for name, _ in parsed)
+    units = tuple(unit for _, unit in parsed)
+    return replace(
+        table, values=table.values[:, 1:].T, names=names, units=units, texts={}, invalid_cells={}
     )
 
 

@@ -26,7 +26,7 @@ from lsvision.io.profiles.opencv_matrix import (
     table_from_points,
 )
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
-from lsvision.io.profiles.text_table import decode_text
+from lsvision.io.profiles.text_encoding import decode_text
 from lsvision.io.profiles.unit_statements import find_lost_values, find_unit_statements
 
 _POINT_KEYS = (TRIPLES, "profile", "points", "line")

@@ -10,7 +10,8 @@ from lsvision.io.profiles.matrix import (
     profiles_from_text_matrix,
 )
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
-from lsvision.io.profiles.text_table import decode_text, parse_table
+from lsvision.io.profiles.text_encoding import decode_text
+from lsvision.io.profiles.text_table import parse_table
 
 
 def read_plain_text(content: bytes, settings: ReadSettings) -> RawProfiles:

@@ -32,8 +32,6 @@ from lsvision.io.profiles.unit_statements import (
     find_unit_statements,
 )
 
-_CONTROL = re.compile(r"[\x00-\x08\x0e-\x1b\x7f]")
-_CHECKED_BYTES = 1 << 16  # at once: few enough for the processor's cache
 _COMMENT_STARTS = "#%/! \t"  # first characters of comments: a quick test before `is_comment`
 # Cells of digits of which the second begins with 0, such as 12,034: it was one number.
 _SPLIT_COMMA = re.compile(r"(?:^|,)[-+]?[0-9]{1,3},0[0-9]+(?=[,.\r\n]|$)", re.MULTILINE)
@@ -54,25 +52,6 @@ _SAMPLE_ROWS = 5000
 """Number of rows that are searched for numbers split at their commas."""
 _MIN_TEXT_FRACTION = 0.5
 """Fraction of the filled cells that are not numbers, above which a column is text."""
-
-
-def decode_text(content: bytes) -> str:
-    """Return the text of a file in UTF-8, UTF-16, UTF-32 or Latin-1.
-
-    Raises
-    ------
-    UnreadableFile
-        If the bytes are not text.
-    """
-    content = content.rstrip(b"\x1a")  # the end of a DOS file
-    for encoding in _encodings(content):
-        try:
-            text = content.decode(encoding)
-        except UnicodeDecodeError:
-            continue
-        if not _has_control_characters(content, text):
-            return text
-    raise UnreadableFile("binary data of no known format: export the profile as text (x,z in mm)")
 
 
 def parse_table(text: str, lost_words: frozenset[str] = frozenset()) -> NumberTable:
@@ -165,32 +144,6 @@ def _irregular_body(lines: Sequence[str], lost_words: frozenset[str]) -> _Body:
         below=lines[layout.stop :],
         comments=[line for line in rows if line[:1] in _COMMENT_STARTS and is_comment(line)],
     )
-
-
-def _has_control_characters(content: bytes, text: str) -> bool:
-    """Return whether a text matches `_CONTROL`; ASCII is searched in its bytes, which is faster."""
-    if not (content.isascii() and len(content) == len(text)):  # the bytes of UTF-16 may be ASCII
-        return bool(_CONTROL.search(text))
-    codes = np.frombuffer(content, np.uint8)
-    blocks = (codes[i : i + _CHECKED_BYTES] for i in range(0, len(codes), _CHECKED_BYTES))
-    return any(  # unsigned: the difference is below 0x0E from 0x0E to 0x1B only
-        bool(block.min() < 0x09 or block.max() > 0x7E or (block - np.uint8(0x0E) < 0x0E).any())
-        for block in blocks
-    )
-
-
-def _encodings(content: bytes) -> list[str]:
-    """Return the encodings to try, by byte order mark or by the position of null bytes."""
-    if content.startswith((b"\xff\xfe\0\0", b"\0\0\xfe\xff")):
-        return ["utf-32"]
-    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return ["utf-16"]
-    start = content[:400]
-    if len(start) >= 4 and start[1::2].count(0) > 0.8 * len(start[1::2]):
-        return ["utf-16-le"]
-    if len(start) >= 4 and start[::2].count(0) > 0.8 * len(start[::2]):
-        return ["utf-16-be"]
-    return ["utf-8-sig", "latin-1"]
 
 
 def _number_lines(lines: Sequence[str], layout: Layout) -> list[tuple[int, str]]:

@@ -24,7 +24,9 @@ MAX_MENTION_LINES = 1000
 """Maximum number of lines that are searched for a unit in free text."""
 
 _UNIT_KEYS = frozenset(
-    "unit units uom einheit einheiten maßeinheit masseinheit unité unités".split()  # noqa: SIM905
+    "unit units uom einheit einheiten maßeinheit masseinheit unité unités unidad unidades "  # noqa: SIM905
+    "unità unidade eenheid enhet enhed yksikkö jednostka jednotka единица единицы birim "
+    "单位 單位 単位 단위".split()
 )
 _SCALE_KEYS = frozenset(
     ["scale", "scaling", "factor", "multiplier", "lsb", "skalierung", "skalierungsfaktor"]
@@ -60,7 +62,7 @@ _AXES = {
 # Marks before and behind a comment.
 _COMMENT = re.compile(r"^[\s#%!;*/\"'<-]+|[\s\"'*>-]+$")
 # "key: value", "key = value", "key, value" or "key is value".
-_KEY_VALUE = re.compile(r"^([^:=,;\t]{1,60}?)\s*(?:[:=,;\t]+|\bis\b|\bare\b)\s*(\S.*)$")
+_KEY_VALUE = re.compile(r"^([^:：=,;\t]{1,60}?)\s*(?:[:：=,;\t]+|\bis\b|\bare\b)\s*(\S.*)$")
 # "units mm".
 _KEY_BLANK_VALUE = re.compile(r"^(\S*unit\S*|Einheit\S*)\s+(\S.*)$", re.IGNORECASE)
 # The words of a key such as "xUnit" or "X_UNIT".
@@ -86,8 +88,11 @@ _NUMBER = re.compile(r"[-+]?(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:[eE][-+]?[0-9]+)?
 
 _BARE_UNIT = re.compile(
     r"(?<![^\W_])(?<![0-9.])(?<![0-9.] )"
-    r"(?:um|[µμ]m?|nm|cm|dm|mils?|thous?|inch(?:es)?|microns?"
-    r"|(?:mi[ck]ro|nano|[cz]enti|d[eé][cz]i)m[eè]t(?:er|re)s?)(?![^\W_])"
+    r"(?:um|[µμ]m?|nm|cm|dm|mils?|thous?|inch(?:es)?|microns?|micras?|мкм|нм|см|дм|дюйм\w*"
+    r"|pulgadas?|polegadas?|pouces?|pollic[ei]|(?:микро|нано|санти)метр\w*|микрон\w*"
+    r"|(?:mi[ck]r[oóô]|nan[oó]|[cz]ent[ií]|d[eé][cz]i)m[eèé]t(?:er|re|ro|ri)s?)(?![^\W_])"
+    # These languages have no blanks between words.
+    r"|[微厘纳奈]米|英寸|マイクロメートル|ミクロン|センチ|インチ|마이크로미터|나노미터|센티미터|인치"
 )
 """A unit other than mm without a number before it: most likely that of the file's numbers."""
 # "tenths of a mm" or "1/10 mm".

@@ -21,16 +21,24 @@ MAX_LABEL_LENGTH = 200
 """Longest label or text that may state a unit. Units: characters."""
 
 _SPELLINGS = {
-    "nm": "nanometer nanometre nanometers nanometres",
+    "nm": "nanometer nanometre nanometers nanometres nanómetros nanometri нм 纳米 奈米 나노미터",
     "um": "µm μm µ μ micron microns micrometer micrometre micrometers micrometres mikrometer "
-    "micromètre micromètres",
-    "mm": "millimeter millimetre millimeters millimetres millimètre millimètres",
-    "cm": "centimeter centimetre centimeters centimetres zentimeter centimètre centimètres",
-    "dm": "decimeter decimetre decimeters decimetres dezimeter décimètre",
-    "m": "meter metre meters metres mètre mètres",
-    "km": "kilometer kilometre kilometers kilometres",
+    "micromètre micromètres micra micras micrómetro micrómetros micrômetro micrômetros micrometro "
+    "micrometri mikrometr mikron мкм микрон микроны микрометр микрометры 微米 ミクロン "
+    "マイクロメートル 마이크로미터",
+    "mm": "millimeter millimetre millimeters millimetres millimètre millimètres milímetro "
+    "milímetros millimetro millimetri milimetr мм миллиметр миллиметры 毫米 公釐 ミリ ミリメートル "
+    "밀리미터",
+    "cm": "centimeter centimetre centimeters centimetres zentimeter centimètre centimètres "
+    "centímetro centímetros centimetro centimetri centymetr см сантиметр сантиметры 厘米 公分 "
+    "センチ センチメートル 센티미터",
+    "dm": "decimeter decimetre decimeters decimetres dezimeter décimètre дм",
+    "m": "meter metre meters metres mètre mètres metro metros metri м метр метры 米 公尺 "
+    "メートル 미터",
+    "km": "kilometer kilometre kilometers kilometres км",
     "mil": "mils thou thous",
-    "in": "inch inches zoll",
+    "in": "inch inches zoll pouce pouces pulgada pulgadas polegada polegadas pollice pollici duim "
+    "дюйм дюймы 英寸 インチ 인치",
     "ft": "foot feet",
 }
 _WORDS = {word: unit for unit, words in _SPELLINGS.items() for word in words.split()}
@@ -43,6 +51,11 @@ FRACTION_WORDS = {
     **dict.fromkeys(["thousandth", "thousandths", "tausendstel", "millième", "millièmes"], 1e-3),
 }
 """Words for a tenth, a hundredth and a thousandth of a unit."""
+_WIDE_CHARACTERS = str.maketrans(
+    {"（": "(", "）": ")", "［": "[", "］": "]", "【": "[", "】": "]", "：": ":"}
+    | {"㎚": "nm", "㎛": "µm", "㎜": "mm", "㎝": "cm", "㎞": "km"}
+)
+"""Brackets and units of East Asian texts that have the width of two letters."""
 _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺", "0123456789-+")
 COUNT_WORD = r"(?:counts?|digits?|lsb|incr?|increments?|steps?|ticks?|bits?|units?|inkremente?)"
 """Pattern of the names of a sensor's integer steps."""
@@ -77,7 +90,7 @@ _REMARKS = frozenset(
 """Text in round brackets after a name that is not a unit."""
 # Labels such as "x [mm]"; "x_mm", "x in mm" or "x/mm"; "xmm".
 _BRACKETED = re.compile(r"^(.*?)\s*([\[({<])\s*([^\])}>]*?)\s*[\])}>]\s*(.*)$")
-_SUFFIXED = re.compile(r"^(.+?)(\s+in\s+|[\s_/:-]+)([^\s_/:]+)$")
+_SUFFIXED = re.compile(r"^(.+?)(\s+in\s+|,?[\s_/:-]+)([^\s_/:]+)$")
 # Labels such as "z_0.1_mm" or "z in 1/10 mm"; the 2 of "z_2_mm" is rather a number of the column.
 _SCALED_SUFFIX = re.compile(
     r"^([^\W\d_]+)(?:\s+in\s+|[\s_:/-]+)([0-9]*[./,^][0-9.,^-]*[\s_]*[^\W\d_]+)$"
@@ -111,7 +124,8 @@ def parse_unit(text: str) -> str | None:
     """
     if len(text) > MAX_LABEL_LENGTH:
         return None
-    normalised = " ".join(text.strip().lower().translate(_SUPERSCRIPTS).split())
+    narrow = text.translate(_WIDE_CHARACTERS).translate(_SUPERSCRIPTS)
+    normalised = " ".join(narrow.strip().lower().split())
     normalised = _POWER_OF_TEN.sub(lambda match: f"10^{match[0][2:]}", normalised, count=1)
     match = _SCALED.fullmatch(normalised)
     if match is None or match["word"] not in _WORDS:
@@ -165,7 +179,7 @@ def split_label(label: str) -> tuple[str, StatedUnit | None]:
     >>> split_label("z [furlong]")[1]
     StatedUnit(text='furlong', unit=None)
     """
-    word = " ".join(label.strip().strip("\"'").split()).lower()
+    word = " ".join(label.translate(_WIDE_CHARACTERS).strip().strip("\"'").split()).lower()
     if len(word) > MAX_LABEL_LENGTH:
         return word, None
     bracketed = _BRACKETED.match(word)
@@ -181,7 +195,7 @@ def split_label(label: str) -> tuple[str, StatedUnit | None]:
     if suffixed:
         name, mark, suffix = suffixed.groups()
         if parse_unit(suffix) is not None or suffix in NOT_LENGTHS or "/" in mark:
-            return name.strip(" _:-/"), state_unit(suffix)
+            return name.strip(" _:-/,"), state_unit(suffix)
     return word, None
 
 

@@ -12,7 +12,7 @@ from lsvision.files.json_text import parse_json
 from lsvision.io.profiles.json_points import profiles_from_document
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.stated_units import add_units, require_known_unit
-from lsvision.io.profiles.text_table import decode_text
+from lsvision.io.profiles.text_encoding import decode_text
 from lsvision.io.profiles.unit_statements import find_unit_statements
 
 _KEY = re.compile(r"^([^\s#:\[\]{},\"'-][^:#]*):(?:\s+(.*)|)$")

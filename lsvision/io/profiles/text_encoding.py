@@ -1,0 +1,74 @@
+"""Text of a file in any of the encodings that exports of profiles have."""
+
+import re
+
+import numpy as np
+
+from lsvision.errors import UnreadableFile
+from lsvision.io.profiles.column_words import count_accented_words
+
+_LEGACY_ENCODINGS = ("latin-1", "cp1250", "cp1251", "cp1254", "cp932", "gb18030", "cp949", "big5")
+"""Encodings of text that is not UTF-8; of several with the same words, the first is taken."""
+_HEAD_LENGTH = 4000
+"""Bytes in which words are searched that show the encoding."""
+_CONTROL = re.compile(r"[\x00-\x08\x0e-\x1b\x7f]")
+_CHECKED_BYTES = 1 << 16  # at once: few enough for the processor's cache
+
+
+def decode_text(content: bytes) -> str:
+    """Return the text of a file in UTF-8, UTF-16, UTF-32, Latin-1 or a legacy code page.
+
+    Raises
+    ------
+    UnreadableFile
+        If the bytes are not text.
+    """
+    content = content.rstrip(b"\x1a")  # the end of a DOS file
+    for encoding in _encodings(content):
+        try:
+            text = content.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+        if not _has_control_characters(content, text):
+            return text
+    raise UnreadableFile("binary data of no known format: export the profile as text (x,z in mm)")
+
+
+def _has_control_characters(content: bytes, text: str) -> bool:
+    """Return whether a text matches `_CONTROL`; ASCII is searched in its bytes, which is faster."""
+    if not (content.isascii() and len(content) == len(text)):  # the bytes of UTF-16 may be ASCII
+        return bool(_CONTROL.search(text))
+    codes = np.frombuffer(content, np.uint8)
+    blocks = (codes[i : i + _CHECKED_BYTES] for i in range(0, len(codes), _CHECKED_BYTES))
+    return any(  # unsigned: the difference is below 0x0E from 0x0E to 0x1B only
+        bool(block.min() < 0x09 or block.max() > 0x7E or (block - np.uint8(0x0E) < 0x0E).any())
+        for block in blocks
+    )
+
+
+def _encodings(content: bytes) -> list[str]:
+    """Return the encodings to try, by byte order mark or by the position of null bytes."""
+    if content.startswith((b"\xff\xfe\0\0", b"\0\0\xfe\xff")):
+        return ["utf-32"]
+    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return ["utf-16"]
+    start = content[:400]
+    if len(start) >= 4 and start[1::2].count(0) > 0.8 * len(start[1::2]):
+        return ["utf-16-le"]
+    if len(start) >= 4 and start[::2].count(0) > 0.8 * len(start[::2]):
+        return ["utf-16-be"]
+    return ["utf-8-sig", _legacy_encoding(content), "latin-1"]
+
+
+def _legacy_encoding(content: bytes) -> str:
+    """Return the code page in which most words above the numbers name coordinates; else Latin-1.
+
+    Spreadsheets write CSV in the code page of their language.
+    """
+    head = content[:_HEAD_LENGTH]
+    if head.isascii():
+        return "latin-1"
+    return max(
+        _LEGACY_ENCODINGS,
+        key=lambda encoding: count_accented_words(head.decode(encoding, "replace")),
+    )
