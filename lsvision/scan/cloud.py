@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -14,6 +15,22 @@ MIN_POINTS = 6
 """Profiles with fewer points are skipped: too few for an ellipse."""
 COPLANAR_MM, COPLANAR_RAD = 1e-6, 1e-9
 """Differences of position and orientation below which two laser planes count as the same."""
+
+
+class PosedPoints(Protocol):
+    """Points of a scan with the poses of their sections, such as a `ScanCloud`."""
+
+    @property
+    def points(self) -> Points:
+        """Points (n, 3), base frame. Units: mm."""
+
+    @property
+    def point_sections(self) -> IntArray:
+        """Index of each point's profile, (n,)."""
+
+    @property
+    def poses(self) -> tuple[Pose, ...]:
+        """``base_from_section`` of each profile."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -13,8 +13,8 @@ from lsvision.cylinder.fit_result import CylinderFit, estimate_variance_factor
 from lsvision.cylinder.problem import PARAMETERS, axis_distances, parameters_from_cylinder
 from lsvision.cylinder.robot_frame import SectionMount, rigid_motion_jacobian
 from lsvision.ellipse.problem import RadiusPrior
-from lsvision.geometry import FloatArray, Pose, tangent_frame
-from lsvision.scan.cloud import ScanCloud
+from lsvision.geometry import FloatArray, IntArray, Pose, tangent_frame
+from lsvision.scan.cloud import PosedPoints, ScanCloud
 
 MAX_POSE_STD_MM = 1e3
 """Largest permissible standard uncertainty of a position: a metre. Units: mm."""
@@ -176,7 +176,7 @@ def propagate_pose_errors(
 
 
 def common_error_jacobian(
-    directions: FloatArray, cloud: ScanCloud, errors: PoseErrors
+    directions: FloatArray, cloud: PosedPoints, errors: PoseErrors
 ) -> FloatArray:
     """Return the displacement of each point along a direction by errors common to all sections.
 
@@ -184,7 +184,7 @@ def common_error_jacobian(
     ----------
     directions : (n, 3) ndarray
         Unit vector for each point, base frame.
-    cloud : ScanCloud
+    cloud : PosedPoints
         Points, with the poses of their sections.
     errors : PoseErrors
         Uncertainty of the poses.
@@ -195,7 +195,7 @@ def common_error_jacobian(
         Displacement by one standard deviation of each error: two of the feed direction, six of
         the calibration. Units: mm.
     """
-    columns = [np.zeros((len(cloud), 0))]
+    columns = [np.zeros((len(directions), 0))]
     if errors.feed_std > 0:
         feed, distances = feed_direction(cloud.poses)
         lateral = tangent_frame(feed)[:2]
@@ -218,7 +218,7 @@ def common_error_jacobian(
 
 
 def section_error_jacobian(
-    directions: FloatArray, cloud: ScanCloud, errors: PoseErrors
+    directions: FloatArray, cloud: PosedPoints, errors: PoseErrors
 ) -> FloatArray:
     """Return the displacement of each point along a direction by the errors of its own section.
 
@@ -239,7 +239,7 @@ def _section_stds(errors: PoseErrors, calibration: SectionMount) -> FloatArray:
 
 
 def _translation_and_rotation_jacobians(
-    directions: FloatArray, cloud: ScanCloud, pivots: FloatArray
+    directions: FloatArray, cloud: PosedPoints, pivots: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the (n, 3) changes along a direction by unit translations and rotations (rad).
 
@@ -299,10 +299,46 @@ def _remaining_variance_factor(
     """
     dof = int(fit.inliers.sum()) - PARAMETERS
     before = _scaled_variance_factor(fit.normalised, dof, cloud)
-    jacobian = np.hstack([cylinder_jacobian, common_jacobian])
-    whitened, residuals, absorbed_dof = jacobian.copy(), fit.normalised.copy(), 0.0
-    for section in np.unique(cloud.point_sections):
-        rows = cloud.point_sections == section
+    residuals, absorbed_dof = remove_pose_errors(
+        fit.normalised, cylinder_jacobian, common_jacobian, section_jacobian, cloud.point_sections
+    )
+    after = _scaled_variance_factor(residuals, round(dof - absorbed_dof), cloud)
+    # As a ratio, which keeps the effect of a truncation on the factor of the fit.
+    return fit.variance_factor * after / before
+
+
+def remove_pose_errors(
+    normalised: FloatArray,
+    jacobian: FloatArray,
+    common_jacobian: FloatArray,
+    section_jacobian: FloatArray,
+    point_sections: IntArray,
+) -> tuple[FloatArray, float]:
+    """Return the residuals of a fit without the effect of the pose errors.
+
+    Parameters
+    ----------
+    normalised : (n,) ndarray
+        Residuals of the fit, divided by the standard deviations of the points as all Jacobians are.
+    jacobian : (n, p) ndarray
+        Derivatives by the parameters of the fit.
+    common_jacobian, section_jacobian : (n, k) ndarray
+        Displacements from `common_error_jacobian` and `section_error_jacobian`, by errors of one
+        standard deviation.
+    point_sections : (n,) int ndarray
+        Section of each point.
+
+    Returns
+    -------
+    residuals : (n,) ndarray
+        Normalised.
+    absorbed_dof : float
+        Number of degrees of freedom that the errors of the sections absorb.
+    """
+    whitened = np.hstack([jacobian, common_jacobian])
+    unwhitened, residuals, absorbed_dof = whitened.copy(), normalised.copy(), 0.0
+    for section in np.unique(point_sections):
+        rows = point_sections == section
         inverse = np.linalg.inv(
             np.eye(section_jacobian.shape[1]) + section_jacobian[rows].T @ section_jacobian[rows]
         )
@@ -312,13 +348,12 @@ def _remaining_variance_factor(
                 inverse @ (section_jacobian[rows].T @ values[rows])
             )
         absorbed_dof += section_jacobian.shape[1] - float(np.trace(inverse))
-    prior_information = np.diag(np.repeat([0.0, 1.0], [PARAMETERS, common_jacobian.shape[1]]))
+    free, common = jacobian.shape[1], common_jacobian.shape[1]
+    prior_information = np.diag(np.repeat([0.0, 1.0], [free, common]))
     residuals -= whitened @ np.linalg.solve(
-        jacobian.T @ whitened + prior_information, whitened.T @ fit.normalised
+        unwhitened.T @ whitened + prior_information, whitened.T @ normalised
     )
-    after = _scaled_variance_factor(residuals, round(dof - absorbed_dof), cloud)
-    # As a ratio, which keeps the effect of a truncation on the factor of the fit.
-    return fit.variance_factor * after / before
+    return residuals, absorbed_dof
 
 
 def _scaled_variance_factor(normalised: FloatArray, dof: int, cloud: ScanCloud) -> float:

@@ -300,6 +300,8 @@ def build_scanned_cylinder(joint_fit: JointFit, errors: PoseErrors) -> ScannedCy
         twin=joint_fit.twin,
         includes_calibration=errors.calibration is not None,
         axial_range_covariance=float(range_covariance[0, 1]),
+        poses=cloud.poses,
+        pose_errors=errors,
     )
 
 

@@ -9,13 +9,14 @@ import numpy as np
 
 from lsvision.cylinder.axis_table import AxisQuantity, axis_record, axis_row
 from lsvision.cylinder.fit_result import CylinderFit
-from lsvision.geometry import Cylinder, FloatArray, IntArray, Points
+from lsvision.geometry import Cylinder, FloatArray, IntArray, Points, Pose
 from lsvision.geometry.cylinder import WithCylinder
 from lsvision.measure import Measurement
 from lsvision.results.quantities import Record, json_numbers
 from lsvision.results.result import Result
 from lsvision.results.space_picture import draw_space_svg
 from lsvision.results.summaries import counted, cylinder_summary, rejection_notes
+from lsvision.scan.pose_errors import PoseErrors
 from lsvision.scan.scan_table import format_ranges, tube_cells, twin_notes
 
 RING_POINTS = 49
@@ -53,6 +54,10 @@ class ScannedCylinder(WithCylinder, Result):
     axial_range_covariance : float
         Covariance of both ends of `axial_range`: errors of poses and calibration that displace
         both do not change the length. Units: mm^2.
+    poses : tuple of Pose
+        ``base_from_section`` of each profile of the scan.
+    pose_errors : PoseErrors
+        Uncertainty of the poses that was stated; the shape of the tube heeds it.
 
     Examples
     --------
@@ -81,6 +86,8 @@ class ScannedCylinder(WithCylinder, Result):
     twin: Cylinder | None = None
     includes_calibration: bool = False
     axial_range_covariance: float = 0.0
+    poses: tuple[Pose, ...] = ()
+    pose_errors: PoseErrors = PoseErrors()
 
     @property
     def cylinder(self) -> Cylinder:

@@ -13,6 +13,7 @@ from tests.scan.scans import feed, profiles_of
 
 NOISE = 0.02  # mm
 SIGMAS = 4.0
+RUNS = 16
 
 
 def shape_of(scene: Scene, count: int, step: float, seed: int = 1) -> TubeShape:
@@ -73,6 +74,53 @@ def test_the_section_centres_of_a_straight_tube_deviate_as_they_state(pipe: Tube
             squares.append(deviation @ np.linalg.solve(covariance, deviation) / 2)
     # The error of the radius is common to the sections of a tube: 12 independent values.
     assert np.mean(squares) < 1 + SIGMAS * math.sqrt(2 / 12)
+
+
+@pytest.mark.parametrize(
+    ("count", "step", "errors"),
+    [(3, 12.0, {"pose_std": 0.1}), (6, 6.0, {"pose_std": 0.1}), (6, 8.0, {"feed_std": 0.01})],
+)
+def test_stated_errors_of_the_poses_make_no_deviation_significant(count, step, errors) -> None:
+    """With the poses taken as exact, at least half of the tubes have a p-value below 0.001."""
+    rng = np.random.default_rng(7)
+    pose_std, feed_std = errors.get("pose_std", 0.0), errors.get("feed_std", 0.0)
+    squares = {"bow": [], "taper": [], "ovality_terms": [], "centres": []}
+    for seed in range(RUNS):
+        tube = Tube.of(15.0, rng.uniform(0, math.pi), rng.uniform(0.2, 0.4), (0.0, -400.0))
+        tilt = rng.normal(0.0, feed_std, 2)
+        true = [
+            Pose.along((*tilt, 1.0), step * k) @ Pose(translation=rng.normal(0, pose_std, 3))
+            for k in range(count)
+        ]
+        profiles = profiles_of(Scene((tube,)), true, NOISE, seed)
+        shape = measure_shape(measure_scan(profiles, feed(count, step), **errors).cylinders[0])
+        for name in ("bow", "taper", "ovality_terms"):
+            deviation = getattr(shape, name)
+            values = np.atleast_1d(deviation.values)
+            statistic = values @ np.linalg.solve(deviation.covariance, values)
+            squares[name].append(statistic / len(values))
+            assert deviation.p_value > 1e-4
+        for values, covariance in zip(
+            shape.centres.deviations, shape.centres.deviation_covariances, strict=True
+        ):
+            squares["centres"].append(values @ np.linalg.solve(covariance, values) / 2)
+    for name, mean in ((name, np.mean(values)) for name, values in squares.items()):
+        assert mean < 1 + SIGMAS * math.sqrt(2 / RUNS), name
+    # They are not far too large, either.
+    assert np.mean(squares["bow"]) > 1 - SIGMAS * math.sqrt(1 / RUNS)
+
+
+def test_a_bend_is_significant_beside_smaller_errors_of_the_poses() -> None:
+    bend = BentTube(19.0, (5000.0, -400.0, 250.0), (0.0, 1.0, 0.05), 5000.0)
+    poses = feed(11, 50.0)
+    profiles = profiles_of(Scene((bend,)), poses, NOISE)
+    exact, stated = (
+        measure_shape(measure_scan(profiles, poses, pose_std=std).cylinders[0])
+        for std in (0.0, 0.1)
+    )
+    assert stated.bow.p_value < 1e-6
+    assert stated.bow.size == exact.bow.size
+    assert stated.bow.size_std > 3 * exact.bow.size_std
 
 
 def test_a_scan_that_is_too_short_shows_no_deviation() -> None:

@@ -1,0 +1,109 @@
+"""Effect of the errors of the poses on the shape of a scanned tube.
+
+A section that lies beside its stated place makes a straight tube look bent, and a feed along
+another direction shears a round tube to an oval one. Neither shows in the residuals.
+"""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from lsvision.geometry import FloatArray, IntArray, Pose
+from lsvision.scan.pose_errors import (
+    common_error_jacobian,
+    remove_pose_errors,
+    section_error_jacobian,
+)
+from lsvision.scan.scan_result import ScannedCylinder
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class PoseDisplacements:
+    """Displacements of the points by pose errors of one standard deviation, over the points' stds.
+
+    Parameters
+    ----------
+    common, own : (n, k) ndarray
+        Along the normals of the surface: by the errors common to all sections, and by those of each
+        point's section.
+    point_sections : (n,) int ndarray
+        Section of each point.
+    """
+
+    common: FloatArray
+    own: FloatArray
+    point_sections: IntArray
+
+    @classmethod
+    def of_tube(cls, tube: ScannedCylinder) -> Self:
+        """Return those of the points of a tube."""
+        from_point = tube.points - tube.point
+        normals = from_point - np.outer(from_point @ tube.direction, tube.direction)
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        scale = tube.fit.stds[:, None]
+        return cls(
+            common_error_jacobian(normals, tube, tube.pose_errors) / scale,
+            section_error_jacobian(normals, tube, tube.pose_errors) / scale,
+            tube.point_sections,
+        )
+
+    def covariance(self, jacobian: FloatArray, inverse: FloatArray) -> FloatArray:
+        """Return the covariance (p, p) that the pose errors add to that of a fit.
+
+        Parameters
+        ----------
+        jacobian : (n, p) ndarray
+            Derivatives of the normalised residuals by the parameters.
+        inverse : (p, p) ndarray
+            Inverse of the information matrix of the fit, which takes the poses as exact.
+        """
+        responses = [jacobian.T @ self.common]
+        for section in np.unique(self.point_sections):
+            rows = self.point_sections == section
+            responses.append(jacobian[rows].T @ self.own[rows])
+        response = inverse @ np.hstack(responses)
+        covariance: FloatArray = response @ response.T
+        return covariance
+
+    def removed_from(self, residuals: FloatArray, jacobian: FloatArray) -> tuple[FloatArray, float]:
+        """Return normalised residuals (n,) without the pose errors, and the dofs these absorb."""
+        return remove_pose_errors(residuals, jacobian, self.common, self.own, self.point_sections)
+
+
+def centre_covariances(tube: ScannedCylinder, along: FloatArray) -> FloatArray:
+    """Return the covariances (k, 2, 2) of section centres, from the straight axis, by pose errors.
+
+    Sections move as rigid bodies, and the axis follows their centres as a straight line.
+
+    Parameters
+    ----------
+    tube : ScannedCylinder
+        Tube with the stated errors of its poses.
+    along : (k,) ndarray
+        Position of each section along the axis, from ``tube.point``. Units: mm.
+    """
+    sections, counts = np.unique(tube.point_sections, return_counts=True)
+    centres = _Centres(tube.point + along[:, None] * tube.direction, sections, tube.poses)
+    lateral = [np.tile(axis, (len(along), 1)) for axis in tube.tangent_basis]
+    # (k, 2, errors): displacement of each centre along e_phi and e_theta.
+    common, own = (
+        np.stack([jacobian(axis, centres, tube.pose_errors) for axis in lateral], axis=1)
+        for jacobian in (common_error_jacobian, section_error_jacobian)
+    )
+    line = np.column_stack([np.ones(len(along)), along - along.mean()])
+    weighted = line * counts[:, None]
+    from_line = np.eye(len(along)) - line @ np.linalg.solve(line.T @ weighted, weighted.T)
+    off_line = np.einsum("st,tij->sij", from_line, common)
+    covariances: FloatArray = np.einsum("sik,sjk->sij", off_line, off_line)
+    covariances += np.einsum("st,tik,tjk->sij", from_line**2, own, own)
+    return covariances
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Centres:
+    """Centres of sections (k, 3), as points of a scan."""
+
+    points: FloatArray
+    point_sections: IntArray
+    poses: tuple[Pose, ...]
