@@ -29,6 +29,8 @@ def correct_line_blur(
     blur: float | None = None,
     sheet_direction: npt.ArrayLike | None = None,
     sheet_growth: float | None = None,
+    *,
+    saturated_widths: bool = False,
 ) -> LaserLine:
     """Correct the bias of a laser line by blur along the line.
 
@@ -52,6 +54,10 @@ def correct_line_blur(
     sheet_growth : float, optional
         Relative change of the thickness of the sheet's image along that direction, by perspective.
         Units: 1 / px.
+    saturated_widths : bool
+        Whether the widths are right where the line is saturated, as those of the method "gaussian",
+        which leaves saturated pixels out. If not, the blur of a line that is saturated everywhere
+        is taken from its width in general, and the correction is uncertain.
 
     Returns
     -------
@@ -109,7 +115,8 @@ def correct_line_blur(
     for run in runs:
         width = widths[run]
         shape = compute_line_shape(rows[run], line.intensity[run] * width, std[run] / width)
-        width_std = np.where(line.saturated[run], np.inf, std[run])
+        unusable = line.saturated[run] & (not saturated_widths)
+        width_std = np.where(unusable, np.inf, std[run])
         thicker = None if thickening is None else thickening[run]
         spread = estimate_line_spread(width, width_std, shape, blur, sheet, thicker)
         shift, shift_std = _compute_shift(shape, spread, width, line.filter_sigma / pitch)

@@ -104,12 +104,18 @@ def estimate_line_spread(
     Returns
     -------
     LineSpread
-        All zeros, which means no correction, if no width is usable.
+        The prior, with its wide uncertainty, if no width is usable, as of a line that is saturated
+        everywhere; all zeros, which means no correction, if edges disturb all columns.
     """
-    usable = np.isfinite(width_std) & shape.far_from_edges(CLEARANCE)
-    variances, slope = width[usable] ** 2, shape.slope[usable]
-    if not len(variances):
+    undisturbed = shape.far_from_edges(CLEARANCE)
+    if not undisturbed.any():
         return LineSpread(np.zeros(3), np.zeros((3, 3)))
+    usable = np.isfinite(width_std) & undisturbed
+    if not usable.any():
+        prior, prior_std, _ = _prior(width[undisturbed] ** 2, shape.slope[undisturbed], blur, sheet)
+        spread = LineSpread(prior[:3], np.diag(prior_std[:3] ** 2))
+        return spread if blur is None else _with_stated_blur(spread, blur)
+    variances, slope = width[usable] ** 2, shape.slope[usable]
     prior, prior_std, thickness = _prior(variances, slope, blur, sheet)
     u, v = sheet
     thicker = np.zeros(len(slope)) if thickening is None else thickening[usable]

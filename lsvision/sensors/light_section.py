@@ -187,7 +187,10 @@ class LightSection(ComparedByValue):
             )
         line = extract_laser_line(array, settings, laser_off)
         return correct_line_blur(
-            line, self.line_blur_px or None, *self._normal_in_image(line.pixels)
+            line,
+            self.line_blur_px or None,
+            *self._normal_in_image(line.pixels),
+            saturated_widths=settings is not None and settings.method == "gaussian",
         )
 
     def profile_from_line(self, line: LaserLine) -> Profile:

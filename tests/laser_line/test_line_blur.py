@@ -6,6 +6,7 @@ from functools import cache
 import cv2
 import numpy as np
 import pytest
+from scipy.special import ive
 
 from lsvision.laser_line.extraction import LaserLine, LineSettings, extract_laser_line
 from lsvision.laser_line.line_blur import _continuous_runs, correct_line_blur
@@ -221,3 +222,33 @@ def test_a_blur_below_zero_is_rejected(blur):
 def test_points_far_from_edges_by_no_column_are_all_but_the_edges():
     shape = compute_line_shape(FLANK, BRIGHTNESS, np.full(len(U), 0.01))
     assert (shape.far_from_edges(0) == ~shape.edge).all()
+
+
+def blurred_ring(peak, radius=84.0, blur=1.2):
+    """Lower half of a thin ring after an isotropic Gaussian blur, in closed form, and its place."""
+    v, u = np.mgrid[:130, :220]
+    distance = np.hypot(u - 110.0, v - 10.0)
+    light = np.exp(-0.5 * ((distance - radius) / blur) ** 2) * ive(0, distance * radius / blur**2)
+    light *= np.where(v > 20, 1 / ive(0, radius**2 / blur**2), 0.0)
+    noise = np.random.default_rng(3).normal(0.0, 0.5, light.shape)
+    image = np.clip(np.rint(8 + peak * light + noise), 0, 255).astype(np.uint8)
+    columns = np.arange(220.0)
+    with np.errstate(invalid="ignore"):
+        return image, 10 + np.sqrt(radius**2 - (columns - 110) ** 2), columns - 110
+
+
+@pytest.mark.parametrize("peak", [350.0, 500.0])
+@pytest.mark.parametrize("method", ["derivative", "gaussian"])
+def test_a_line_at_full_scale_is_corrected_or_uncertain(method, peak):
+    """Its blur was taken as zero, exactly: radii were off by 6 to 9 of their stds."""
+    image, place, along = blurred_ring(peak)
+    line = extract_laser_line(image, LineSettings(method=method))
+    flank = (np.abs(along) > 45) & (np.abs(along) < 62) & np.isfinite(line.pixels[:, 1])
+    assert line.saturated[flank].all()
+    exact = method == "gaussian"
+    corrected = correct_line_blur(line, saturated_widths=exact)
+    before, after = ((x.pixels[:, 1] - place)[flank] for x in (line, corrected))
+    assert abs(before.mean()) > 5 * line.std[flank].mean() / np.sqrt(len(before))
+    assert abs(after.mean()) < (0.5 if exact else 0.75) * abs(before.mean())
+    # The error that is left is common to all columns.
+    assert abs(np.mean(after / corrected.std[flank])) < 2
