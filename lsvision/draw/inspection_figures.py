@@ -61,7 +61,7 @@ def draw_series(series: Series) -> Figure:
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))  # numbers of parts
         for limit in limits:
             axes.axhline(limit, color=LIMITS, lw=1.2, ls="--", label=label_once(axes, name))
-    trend.legend(fontsize=7, loc="best")
+    draw_legend(trend)
     return figure
 
 

@@ -105,3 +105,16 @@ def test_limits_of_a_series_are_in_its_legend(limits, count):
         dashed = [line for line in axes.lines if line.get_linestyle() == "--"]
         assert len(dashed) == count
         assert all(tick == round(tick) for tick in axes.get_xticks())
+
+
+def test_the_legend_of_a_series_hides_no_value():
+    """Inside the axes it covered intervals of the last measurements."""
+    measurement, verdict = judged(LIMITED)
+    parts = [JudgedMeasurement(f"{k}.csv", 0, measurement, verdict) for k in range(30)]
+    series = next(each for each in collect_series(parts) if each.item == "left")
+    figure = draw_series(series)
+    figure.draw_without_rendering()
+    trend = figure.axes[0]
+    legend, inside = (artist.get_window_extent() for artist in (trend.get_legend(), trend))
+    assert legend.y0 >= inside.y1
+    assert legend.y1 <= figure.bbox.y1
