@@ -56,7 +56,7 @@ def capture(
         _require_empty(folder)
     from lsvision.calibration.capture_needs import missing_views
     from lsvision.calibration.capture_pairs import CaptureSettings, CaptureState, next_state
-    from lsvision.io.camera_frames import open_camera
+    from lsvision.io.frames import open_camera
 
     settings, state, printed_instruction = CaptureSettings(line=line), CaptureState(), ""
     for frame in open_camera(camera):

@@ -194,7 +194,7 @@ def target_poses(
     from lsvision.calibration.hand_eye import calibrate_hand_eye_board
 
     if pose_file is None:
-        from lsvision.io.hand_eye_samples import read_hand_eye_samples
+        from lsvision.io.hand_eye_file import read_hand_eye_samples
 
         flanges, targets = read_hand_eye_samples(samples, options.placement)
     else:

@@ -265,7 +265,7 @@ def _write_tables(
         sources = [printable_name(name) for name in names]
         write_output(json_file, scan_json(scan_record(scan_result, shapes, sources, records)))
     if csv_file is not None:
-        from lsvision.io.scan_table_file import scan_csv
+        from lsvision.io.scan_results import scan_csv
 
         write_output(csv_file, scan_csv(scan_result, base_from_sections))
 
@@ -293,8 +293,7 @@ def _write_clouds(
     """Write the PLY files that the options name."""
     if points_ply is None and surfaces_ply is None:
         return
-    from lsvision.draw.scan_ply import colour_points, colour_surfaces
-    from lsvision.io.ply import write_ply
+    from lsvision.io.ply import colour_points, colour_surfaces, write_ply
 
     if points_ply is not None:
         write_ply(points_ply, *colour_points(scan_result, points))

@@ -13,16 +13,10 @@ from lsvision.errors import UnwritableFile
 def write_atomic(path: str | os.PathLike[str], content: str | bytes | Iterable[bytes]) -> None:
     """Write a file so that a reader finds the complete old or new file, never a part of it.
 
-    The content is written to a new file in the same folder, which then replaces the old one.
-    Devices and pipes (``/dev/stdout``) cannot be replaced and are written to directly.
-
-    Parameters
-    ----------
-    path : path
-        File to write; a link is followed, an existing file keeps its permissions.
-    content : str, bytes or iterable of bytes
-        Content. Text is written as UTF-8 with unchanged line ends; characters that UTF-8 cannot
-        encode (a surrogate from a file name) are written as escape sequences.
+    The content is written to a new file in the same folder, which then replaces the old one; a link
+    is followed, an existing file keeps its permissions. Devices and pipes (``/dev/stdout``) cannot
+    be replaced and are written to directly. Text is written as UTF-8 with unchanged line ends;
+    characters that UTF-8 cannot encode (a surrogate from a file name) as escape sequences.
 
     Raises
     ------

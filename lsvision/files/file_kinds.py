@@ -9,11 +9,8 @@ from pathlib import Path
 def read_file_status(path: str | os.PathLike[str]) -> os.stat_result | None:
     """Return the status of a file, following links.
 
-    Returns
-    -------
-    os.stat_result, optional
-        None if there is no such file, its name is not possible, its links go in a loop, or its
-        folder may not be searched.
+    None if there is no such file, its name is not possible, its links go in a loop, or its folder
+    may not be searched.
     """
     try:
         return Path(path).stat()

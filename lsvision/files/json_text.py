@@ -19,19 +19,9 @@ class NestedTooDeep(ValueError):
 
 
 def parse_json(text: str, *, allow_nan: bool = False) -> Any:
-    """Return the value of a JSON text.
+    """Return the value of a JSON text, in which every integer fits into a float.
 
-    Parameters
-    ----------
-    text : str
-        JSON text.
-    allow_nan : bool
-        Whether to accept ``NaN`` and ``Infinity``, as measured points may contain.
-
-    Returns
-    -------
-    object
-        Mappings, lists, strings, numbers, True, False and None. Every integer fits into a float.
+    `allow_nan` accepts ``NaN`` and ``Infinity``, as measured points may contain.
 
     Raises
     ------

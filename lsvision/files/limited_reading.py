@@ -37,12 +37,7 @@ _limit: ContextVar[int] = ContextVar("size_limit", default=MAX_SIZE)
 
 @contextmanager
 def size_limit(limit: int) -> Iterator[None]:
-    """Set the largest size of a file that is read within a ``with`` block.
-
-    Parameters
-    ----------
-    limit : int
-        Largest size, for this thread or asyncio task only. Units: bytes.
+    """Set the largest size, in bytes, of a file read in this thread within a ``with`` block.
 
     Examples
     --------
@@ -63,13 +58,10 @@ def current_size_limit() -> int:
 
 
 def read_bytes(path: str | os.PathLike[str]) -> bytes:
-    """Return the content of a file, a named pipe or standard input.
+    """Return the content of a file, a named pipe or standard input (``"-"``).
 
-    Parameters
-    ----------
-    path : path
-        Name of the file; ``"-"`` is standard input. A named pipe is read as soon as a program
-        opens it for writing; this may take up to `WRITER_TIMEOUT_S`.
+    A named pipe is read as soon as a program opens it for writing; this may take up to
+    `WRITER_TIMEOUT_S`.
 
     Raises
     ------

@@ -15,11 +15,8 @@ _NUMBER = re.compile(r"[-+]?(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:[eE][-+]?[0-9]+)?
 def printable(text: str) -> str:
     r"""Return a text with non-printable characters as escape sequences.
 
-    Parameters
-    ----------
-    text : str
-        Text such as a file name or a cell of a file. It may contain line ends, ESC, marks that
-        change the direction of writing, and surrogates for bytes that are not UTF-8.
+    A file name or a cell of a file may contain line ends, ESC, marks that change the direction of
+    writing, and surrogates for bytes that are not UTF-8.
 
     Examples
     --------

@@ -30,14 +30,8 @@ def write_calibration(
 ) -> None:
     """Write a camera's or a laser plane's calibration as JSON, with the residuals of each view.
 
-    Parameters
-    ----------
-    path : path
-        Written atomically.
-    calibration : CameraCalibration or LaserPlaneCalibration
-        The result. For measuring, save a laser plane's ``light_section``.
-    provenance : mapping of str to str
-        Provenance from `build_provenance`.
+    For measuring, save a laser plane's ``light_section``. `provenance` is that of
+    `build_provenance`.
 
     Raises
     ------
@@ -116,18 +110,8 @@ def _laser_plane_values(calibration: LaserPlaneCalibration) -> dict[str, Any]:
 def build_provenance(method: str, inputs: Iterable[str | os.PathLike[str]]) -> dict[str, str]:
     """Return method, date, version, and the names and one hash of the inputs of a calibration.
 
-    Parameters
-    ----------
-    method : str
-        Description of the method.
-    inputs : iterable of paths
-        Input files. Their names are recorded in the order of the sorted paths, and the SHA-256 of
-        their joined SHA-256 digests in this order.
-
-    Returns
-    -------
-    dict of str to str
-        Entries of ``provenance`` in a rig file or a calibration file.
+    The names are in the order of the sorted paths; the hash is the SHA-256 of the files' joined
+    SHA-256 digests in this order.
 
     Raises
     ------

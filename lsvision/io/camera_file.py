@@ -39,18 +39,9 @@ _FISHEYE = re.compile(r"^[ \t]*fisheye_model:[ \t]*[1-9]", re.MULTILINE)
 def read_camera(path: str | os.PathLike[str], *, size: tuple[int, int] | None = None) -> Camera:
     """Read a camera from lsvision's JSON, OpenCV's YAML or ROS camera_info.
 
-    Parameters
-    ----------
-    path : path
-        A camera or laser-plane calibration or a rig file of lsvision; a YAML file of OpenCV's
-        FileStorage; a camera_info file, or the printout of such a message of ROS 1 or 2.
-    size : tuple of int, optional
-        ``(width, height)``, for YAML files that do not state it; JSON files always do. Units: px.
-
-    Returns
-    -------
-    Camera
-        The camera.
+    The file is a camera or laser-plane calibration or a rig file of lsvision, a YAML file of
+    OpenCV's FileStorage, a camera_info file, or the printout of such a message of ROS 1 or 2.
+    `size`, (width, height) in px, is for YAML files that do not state it.
 
     Raises
     ------

@@ -23,19 +23,10 @@ _ROS2_STORAGE, _ROS2_METADATA = (".db3", ".mcap"), "metadata.yaml"
 def find_files(name: str, suffixes: frozenset[str] = PROFILE_SUFFIXES) -> list[Path]:
     """Return the files that a name denotes, in natural order (2 before 10).
 
-    Parameters
-    ----------
-    name : str
-        A file; ``-``, standard input; a folder: the files directly in it with one of `suffixes`,
-        without hidden ones; or a pattern, in which ``**`` matches any folders.
-    suffixes : frozenset of str
-        Suffixes of the files to take from a folder; all files if empty.
-
-    Returns
-    -------
-    list of Path
-        Empty if a folder or a pattern matches no file. Any other name is returned as it is, also
-        if there is no such file: reading it fails then.
+    The name is a file; ``-``, standard input; a folder: the files directly in it with one of
+    `suffixes` (any if empty), without hidden ones; or a pattern, in which ``**`` matches any
+    folders. A folder or a pattern may match no file. Any other name is returned as it is, also if
+    there is no such file: reading it fails then.
 
     Raises
     ------

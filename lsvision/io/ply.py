@@ -1,4 +1,4 @@
-"""PLY files of points and surfaces, for MeshLab, CloudCompare and Blender."""
+"""PLY files of the points and surfaces of a scan, for MeshLab, CloudCompare and Blender."""
 
 import os
 
@@ -7,6 +7,9 @@ import numpy.typing as npt
 
 from lsvision.files.atomic_files import write_atomic
 from lsvision.geometry import FloatArray, IntArray, Points
+from lsvision.results.palette import cylinder_colour
+from lsvision.scan import ScanMeasurement
+from lsvision.scan.shape import triangulate_tube
 
 _VERTEX = np.dtype(
     [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("red", "u1"), ("green", "u1"), ("blue", "u1")]
@@ -22,16 +25,9 @@ def write_ply(
 ) -> None:
     """Write coloured points, or the triangles between them, as binary PLY, atomically.
 
-    Parameters
-    ----------
-    path : path
-        ``.ply``.
-    points : (n, 3) ndarray
-        Points, written in single precision: rounded to 0.1 um at 1 m. Units: mm.
-    colours : (n, 3) array_like
-        Red, green, blue of each point, 0 to 1.
-    triangles : (m, 3) int ndarray, optional
-        Rows of `points`, counter-clockwise seen from outside.
+    `points` are (n, 3) in mm, rounded to single precision (0.1 um at 1 m), `colours` (n, 3), red,
+    green, blue from 0 to 1, `triangles` (m, 3), rows of `points` counter-clockwise seen from
+    outside.
 
     Raises
     ------
@@ -87,3 +83,51 @@ def _encode_faces(triangles: IntArray) -> bytes:
     rows = np.empty(len(triangles), dtype=_FACE)
     rows["count"], rows["corners"] = 3, triangles
     return rows.tobytes()
+
+
+UNASSIGNED_RGB = (0.6, 0.6, 0.6)
+"""Colour of points on no cylinder, grey: red, green, blue from 0 to 1."""
+
+
+def colour_points(scan: ScanMeasurement, points: Points) -> tuple[Points, FloatArray]:
+    """Return the points of a scan, each once, and their colours, both (n, 3).
+
+    Points on no cylinder (grey) come first, then those of each cylinder. `points` are all measured
+    ones, base frame, in mm; a colour is red, green, blue from 0 to 1.
+    """
+    cylinder_points = [tube.points for tube in scan.cylinders]
+    # The cylinders hold copies of the points, which are found again by their equal coordinates.
+    assigned = {tuple(point) for array in cylinder_points for point in array.tolist()}
+    unassigned = points[[tuple(point) not in assigned for point in points.tolist()]]
+    colours = [np.tile(UNASSIGNED_RGB, (len(unassigned), 1))]
+    colours += [
+        np.tile(cylinder_rgb(number), (len(array), 1))
+        for number, array in enumerate(cylinder_points, 1)
+    ]
+    return np.concatenate([unassigned, *cylinder_points]), np.concatenate(colours)
+
+
+def colour_surfaces(scan: ScanMeasurement) -> tuple[Points, FloatArray, IntArray]:
+    """Return the surfaces of all cylinders as one triangle mesh, each in its cylinder's colour.
+
+    Vertices (n, 3), base frame, in mm; the colour of each, red, green, blue from 0 to 1; and the
+    indices of the three vertices of each triangle, (m, 3).
+    """
+    # Empty arrays first, so that a scan without cylinders gives an empty mesh.
+    points, colours = [np.zeros((0, 3))], [np.zeros((0, 3))]
+    triangles, vertex_count = [np.zeros((0, 3), dtype=np.int64)], 0
+    for number, tube in enumerate(scan.cylinders, 1):
+        vertices, tube_triangles = triangulate_tube(tube)
+        points.append(vertices)
+        colours.append(np.tile(cylinder_rgb(number), (len(vertices), 1)))
+        triangles.append(tube_triangles + vertex_count)
+        vertex_count += len(vertices)
+    return np.concatenate(points), np.concatenate(colours), np.concatenate(triangles)
+
+
+def cylinder_rgb(number: int) -> tuple[float, float, float]:
+    """Return the colour of a cylinder, numbered from 1, as red, green, blue from 0 to 1."""
+    from matplotlib.colors import to_rgb
+
+    red, green, blue = to_rgb(cylinder_colour(number))
+    return red, green, blue

@@ -27,15 +27,10 @@ ANGLE_UNITS: dict[str, AngleUnit] = {
 
 @dataclass(frozen=True)
 class PoseHeader:
-    """Columns of the fields of a convention in a table.
+    """Columns of the fields of a convention in a table, and the units that it states, or None.
 
-    Parameters
-    ----------
-    columns : tuple of int
-        Column of each field; empty if the header does not name all fields: the numbers are then in
-        the order of the convention.
-    length_unit, angle_unit : str or None
-        Units as the header states them; None where it states none.
+    Columns are empty if the header does not name all fields: numbers are then in the order of the
+    convention.
     """
 
     columns: tuple[int, ...] = ()
@@ -48,15 +43,8 @@ def read_pose_header(
 ) -> PoseHeader:
     """Return the columns and units that a header names.
 
-    Parameters
-    ----------
-    cells : sequence of str
-        The header's cells.
-    pose_convention : PoseConvention
-        Convention with the names of the fields.
-    skip : int
-        Number of columns before the pose, where a header that names only some fields must have
-        them in the order of the convention.
+    `skip` is the number of columns before the pose, where a header that names only some fields must
+    have them in the order of the convention.
 
     Raises
     ------

@@ -37,18 +37,8 @@ _ROBOT_FORMATS = {
 def numbers_from_pose(pose: Pose, convention: str) -> FloatArray:
     """Return the numbers of a pose as a robot shows them; the inverse of `pose_from_numbers`.
 
-    Parameters
-    ----------
-    pose : Pose
-        Pose to be written.
-    convention : str
-        Name of a convention, one of `CONVENTIONS`.
-
-    Returns
-    -------
-    (n,) ndarray
-        In the order and the units of the convention. In gimbal lock the last of three Euler angles
-        is 0. A quaternion has w >= 0.
+    They are in the order and the units of the convention, one of `CONVENTIONS`. In gimbal lock the
+    last of three Euler angles is 0. A quaternion has w >= 0.
 
     Raises
     ------
@@ -73,23 +63,12 @@ def numbers_from_pose(pose: Pose, convention: str) -> FloatArray:
 
 
 def propagate_to_numbers(pose: Pose, covariance: npt.ArrayLike, convention: str) -> FloatArray:
-    """Return the standard uncertainty of each of the numbers of a pose.
+    """Return the standard uncertainty of each of the numbers of a pose, to first order.
 
-    Parameters
-    ----------
-    pose : Pose
-        Pose to be written.
-    covariance : (6, 6) array_like
-        Covariance of translation (mm) and rotation (rad) along the axes of the frame in which the
-        pose is given, R -> exp([w]x) R, as in `HandEye`.
-    convention : str
-        Name of a convention, one of `CONVENTIONS`.
-
-    Returns
-    -------
-    (n,) ndarray
-        To first order, in the order and the units of the convention; NaN for the first and the last
-        Euler angle in gimbal lock, where the pose determines only their sum or difference.
+    `covariance` is the (6, 6) one of translation (mm) and rotation (rad) along the axes of the
+    frame in which the pose is given, R -> exp([w]x) R, as in `HandEye`. The result is in the order
+    and the units of the convention; NaN for the first and the last Euler angle in gimbal lock,
+    where the pose determines only their sum or difference.
     """
     from scipy.spatial.transform import Rotation
 
@@ -117,15 +96,7 @@ def propagate_to_numbers(pose: Pose, covariance: npt.ArrayLike, convention: str)
 
 
 def frame_rows(hand_eye: HandEye, convention: str) -> list[Row]:
-    """Return table rows of the sensor's frame: each number with one sigma, and all in one line.
-
-    Parameters
-    ----------
-    hand_eye : HandEye
-        The calibration.
-    convention : str
-        Name of a convention, one of `CONVENTIONS`.
-    """
+    """Return table rows of the sensor's frame: each number with one sigma, and all in one line."""
     pose_convention = find_convention(convention)
     mount = "flange" if hand_eye.mounting == "eye_in_hand" else "base"
     name = f"{mount}_from_{hand_eye.sensor}"

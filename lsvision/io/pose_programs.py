@@ -55,19 +55,7 @@ def read_program_rows(
 ) -> list[list[float]] | None:
     """Return the positions of a robot program in the order of the convention's fields.
 
-    Parameters
-    ----------
-    path : Path
-        Path of the file, for messages.
-    text : str
-        The whole file.
-    pose_convention : PoseConvention
-        Convention of the poses; a program of another maker is an error.
-
-    Returns
-    -------
-    list of list of float, or None
-        One row per position; None if the text is not a robot program.
+    None if the text, a whole file, is no robot program. The path is for messages.
 
     Raises
     ------

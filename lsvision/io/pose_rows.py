@@ -18,7 +18,7 @@ from lsvision.io.pose_header import (
     read_pose_header,
 )
 from lsvision.io.pose_programs import read_program_rows
-from lsvision.io.profiles.json_statements import lines_on_units
+from lsvision.io.profiles.json_values import lines_on_units
 from lsvision.io.profiles.unit_statements import find_unit_statements
 from lsvision.io.profiles.units import NOT_LENGTHS, StatedUnit, parse_unit, split_label
 from lsvision.io.robot_conventions import CONVENTIONS, AngleUnit, LengthUnit, PoseConvention
@@ -38,17 +38,10 @@ _ANGLE_UNIT = re.compile(
 
 @dataclass(frozen=True)
 class PoseRows:
-    """Numbers of the poses in a file, and the units that it states.
+    """Numbers of each pose in a file, in the order of the convention's fields, and stated units.
 
-    Parameters
-    ----------
-    rows : list of list of float
-        Numbers of each pose, in the order of the convention's fields.
-    length_unit, angle_unit : str or None
-        None where the file states none.
-    may_state_units : bool
-        Whether the file may have a header with units: JSON and YAML have none, but keys such as
-        ``unit`` and ``angle_unit`` beside the list.
+    `may_state_units` is whether the file may have a header with units: JSON and YAML have none, but
+    keys such as ``unit`` and ``angle_unit`` beside the list.
     """
 
     rows: list[list[float]]
@@ -60,14 +53,8 @@ class PoseRows:
 def read_pose_rows(path: Path, pose_convention: PoseConvention, skip_columns: int) -> PoseRows:
     """Read the numbers of each pose in a file, in the order of the convention's fields.
 
-    Parameters
-    ----------
-    path : Path
-        ``.json`` and ``.rob`` are JSON, ``.yaml`` and ``.yml`` YAML, anything else text.
-    pose_convention : PoseConvention
-        Convention of the poses, with the names of the fields.
-    skip_columns : int
-        Columns before the pose in text without named columns.
+    ``.json`` and ``.rob`` are JSON, ``.yaml`` and ``.yml`` YAML, anything else text, in which
+    `skip_columns` precede the pose if the columns have no names.
 
     Raises
     ------

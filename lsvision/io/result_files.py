@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from tempfile import SpooledTemporaryFile
-from typing import Protocol, TextIO
+from typing import TextIO
 
 from lsvision.errors import UnwritableFile
 from lsvision.files.atomic_files import write_atomic
@@ -23,35 +23,6 @@ SPOOL_BYTES, CHUNK_BYTES = 8 * 10**6, 10**6
 the pieces in which it is copied."""
 STDOUT = Path("-")
 """Path of standard output."""
-
-
-class RecordFormat(Protocol):
-    """Format of a file of records: head, text of each record, and tail."""
-
-    @property
-    def head(self) -> str:
-        """Text before the first record."""
-        ...
-
-    @property
-    def tail(self) -> str:
-        """Text after the last record."""
-        ...
-
-    def prepare(self, records: Sequence[Record]) -> bool:
-        """Prepare for the next records; return whether the head has changed."""
-        ...
-
-    def item(self, record: Record) -> str:
-        """Return the text of the next record."""
-        ...
-
-    def convert(self, text: TextIO, head: str) -> Iterator[str]:
-        """Yield the text of earlier records, converted to the present head.
-
-        `text` was written under the earlier `head`, such as CSV rows with fewer columns.
-        """
-        ...
 
 
 class ResultFiles:
@@ -72,7 +43,7 @@ class ResultFiles:
     def __init__(
         self, json_file: Path | None, csv_file: Path | None, frame: str | None = None
     ) -> None:
-        formats: list[tuple[Path | None, RecordFormat]] = [
+        formats: list[tuple[Path | None, CsvFormat | JsonFormat]] = [
             (json_file, JsonFormat()),
             (csv_file, CsvFormat(frame)),
         ]
@@ -112,7 +83,7 @@ class ResultFiles:
 class _Stream:
     """An open stream to which each record is written immediately."""
 
-    def __init__(self, stream: TextIO, format_: RecordFormat) -> None:
+    def __init__(self, stream: TextIO, format_: CsvFormat | JsonFormat) -> None:
         self._stream, self._format, self._started = stream, format_, False
 
     def add(self, records: Sequence[Record]) -> None:
@@ -135,7 +106,7 @@ class _Stream:
 class _RewrittenFile:
     """A file that is rewritten from time to time; a long text is kept on disk, not in memory."""
 
-    def __init__(self, path: Path, format_: RecordFormat) -> None:
+    def __init__(self, path: Path, format_: CsvFormat | JsonFormat) -> None:
         self._path, self._format = path, format_
         self._body = _new_spool()
         self._unwritten, self._next_rewrite = False, time.monotonic() + CHECKPOINT_S

@@ -39,14 +39,15 @@ def measurement_record(
 ) -> Record:
     """Return the record of a profile's measurement, ready for JSON.
 
+    Lengths are in ``*_mm``, angles in ``*_deg``; ``*_interval_95_*`` is ``[low, high]``; a number
+    that does not exist (the sigma of an angle that is not determined) is None.
+
     Parameters
     ----------
     measurement : Measurement
         Cylinders and rejections.
-    source : str
-        Name of the file that the profile came from.
-    profile : int
-        Index of the profile in its file, from 0.
+    source, profile
+        Name of the file, and index of the profile in it, from 0.
     placed : sequence of pairs of PlacedCylinder, optional
         The two cylinders that fit each section equally well, in the robot's frame; they become
         ``base_frame`` or ``flange_frame`` of its record.
@@ -54,12 +55,6 @@ def measurement_record(
         How the profile was read, from `input_record`; it becomes ``input`` of the record.
     reason : str, optional
         Reason why the profile has no cylinder; left out if it has one.
-
-    Returns
-    -------
-    dict
-        Lengths in ``*_mm``, angles in ``*_deg``; ``*_interval_95_*`` is ``[low, high]``; a number
-        that does not exist (the sigma of an angle that is not determined) is None.
     """
     values = measurement.to_dict()
     if placed is not None:
@@ -78,15 +73,7 @@ def measurement_record(
 
 
 def input_record(file: "ProfileFile", profile: int) -> Record:
-    """Return how a profile was read: reader, units, lost points, attributes in the file.
-
-    Parameters
-    ----------
-    file : ProfileFile
-        The file.
-    profile : int
-        Index of the profile in it, from 0.
-    """
+    """Return how a profile of a file was read: reader, units, lost points, attributes."""
     record: Record = {
         "reader": file.reader,
         "units": file.units,

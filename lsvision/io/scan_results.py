@@ -1,13 +1,20 @@
-"""Scans as JSON; each key names its unit, angles are in degrees."""
+"""Scans as JSON, and as CSV with one cylinder per row; each key or column names its unit."""
 
+import csv
+import io
 import json
+import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from lsvision.results.quantities import Record
+import numpy as np
+
+from lsvision.geometry import FloatArray, Pose
+from lsvision.results.quantities import Quantity, Record, Unit, coordinate_columns
 
 if TYPE_CHECKING:
-    from lsvision.scan import ScanMeasurement, TubeShape
+    from lsvision.cylinder.axis_table import AxisQuantity
+    from lsvision.scan import ScanMeasurement, ScannedCylinder, TubeShape
 
 SCAN_SCHEMA = "lsvision.scan/1"
 """Name and version of the file's format."""
@@ -19,24 +26,12 @@ def scan_record(
     sources: Sequence[str] = (),
     inputs: Sequence[Record] = (),
 ) -> Record:
-    """Return the record of a scan, ready for JSON.
+    """Return the record of a scan, ready for JSON, with its shapes, sources and inputs.
 
-    Parameters
-    ----------
-    scan : ScanMeasurement
-        Cylinders and rejections.
-    shapes : sequence of TubeShape or None
-        Shape of each cylinder; None if it has too few sections.
-    sources : sequence of str
-        Name of each profile's file.
-    inputs : sequence of dict
-        How each profile was read, from `lsvision.io.results.input_record`.
-
-    Returns
-    -------
-    dict
-        Base frame; lengths in ``*_mm``, angles in ``*_deg``; a number that does not exist (the
-        bow radius of a straight tube) is None.
+    A shape is None where there are too few sections; `sources` are the names of the profiles'
+    files, `inputs` how each was read, from `lsvision.io.results.input_record`. Base frame; lengths
+    in ``*_mm``, angles in ``*_deg``; a number that does not exist (the bow radius of a straight
+    tube) is None.
     """
     scan_dict = scan.to_dict()
     for record, shape in zip(scan_dict["cylinders"], shapes, strict=True):
@@ -48,3 +43,108 @@ def scan_record(
 def scan_json(record: Record) -> str:
     """Return a scan's record as JSON text."""
     return json.dumps(record, indent=2, allow_nan=False) + "\n"
+
+
+_POINT: "tuple[AxisQuantity, ...]" = ("point_x", "point_y", "point_z")
+
+
+def scan_csv(scan: "ScanMeasurement", base_from_sections: Sequence[Pose]) -> str:
+    """Return the cylinders of a scan as CSV text.
+
+    phi and theta are those in the first section that shows the cylinder.
+    """
+    rows = [
+        scan_row(number, tube, base_from_sections[tube.sections[0]])
+        for number, tube in enumerate(scan.cylinders)
+    ]
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(rows[0]) if rows else ["cylinder"], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def scan_row(number: int, tube: "ScannedCylinder", base_from_section: Pose) -> dict[str, Any]:
+    """Return a cylinder, numbered from 0, as a row: mm, deg, empty text where not determined.
+
+    phi and theta are given in the frame of a section, of which the pose in the base frame is
+    stated.
+    """
+    basis, covariance = tube.fit.tangent_basis, tube.covariance
+    row: dict[str, Any] = {
+        "cylinder": number,
+        "sections": len(tube.sections),
+        "first_section": tube.sections[0],
+        "points": len(tube.points),
+        **_quantity_columns("radius", "mm", tube.radius, tube.radius_std, tube.interval("radius")),
+        **_tilt_columns(tube, base_from_section),
+    }
+    # The covariance is that of the point's shift along the two tangents, base frame.
+    point_stds = np.sqrt(np.diag(basis.T @ covariance[:2, :2] @ basis))
+    for k, quantity in enumerate(_POINT):
+        interval = tube.interval(quantity)
+        row |= _quantity_columns(
+            quantity, "mm", float(tube.point[k]), float(point_stds[k]), interval
+        )
+    row |= coordinate_columns("direction", tube.direction.tolist())
+    row["direction_std_deg"] = math.degrees(tube.direction_std)
+    row["start_mm"], row["end_mm"] = tube.axial_range
+    row["includes_calibration"] = tube.includes_calibration
+    return row
+
+
+def _tilt_columns(tube: "ScannedCylinder", base_from_section: Pose) -> dict[str, Any]:
+    """Return phi and theta of the axis in a section, with stds and intervals, in degrees.
+
+    Definition: phi is the angle between the axis and the section's normal Z, theta the direction of
+    the axis in the section's plane, from X towards Y, in [0, pi). If the joint confidence
+    region of the two direction errors contains Z, phi may be 0 and theta is not determined. The
+    interval of theta is centred on theta and may extend beyond 0 or pi.
+    """
+    direction = base_from_section.rotation.T @ tube.direction
+    x, y, z = direction * math.copysign(1.0, direction[2])  # towards the section's Z
+    phi, azimuth = math.atan2(math.hypot(x, y), z), math.atan2(y, x)
+    theta = azimuth % math.pi
+    phi_std, azimuthal_std = _direction_stds(tube, base_from_section, phi, azimuth)
+    factor = tube.fit.coverage_factor()
+    determined = phi > tube.fit.coverage_factor(quantities=2) * max(phi_std, azimuthal_std)
+    low = max(0.0, phi - factor * phi_std) if determined else 0.0
+    row = _angle_columns("phi", phi, phi_std, (low, min(math.pi / 2, phi + factor * phi_std)))
+    if not determined:
+        row |= _quantity_columns("theta", "deg", "", "", (0.0, 180.0))
+        return row | {"theta_determined": False}
+    std = azimuthal_std / math.sin(phi)
+    row |= _angle_columns("theta", theta, std, (theta - factor * std, theta + factor * std))
+    return row | {"theta_determined": True}
+
+
+def _direction_stds(
+    tube: "ScannedCylinder", base_from_section: Pose, phi: float, azimuth: float
+) -> tuple[float, float]:
+    """Return the stds (rad) of the axis direction along increasing phi and increasing azimuth.
+
+    Definition: the axis is (sin phi cos azimuth, sin phi sin azimuth, cos phi), section frame.
+    """
+    cos, sin = math.cos(azimuth), math.sin(azimuth)
+    directions: FloatArray = np.array(
+        [[math.cos(phi) * cos, math.cos(phi) * sin, -math.sin(phi)], [-sin, cos, 0.0]]
+    )
+    tangents = tube.fit.tangent_basis @ base_from_section.rotation  # in the section frame
+    jacobian = directions @ tangents.T
+    variances = np.diag(jacobian @ tube.covariance[2:4, 2:4] @ jacobian.T)
+    phi_std, azimuthal_std = np.sqrt(np.maximum(variances, 0.0)).tolist()
+    return phi_std, azimuthal_std
+
+
+def _angle_columns(
+    name: str, value: float, std: float, interval: tuple[float, float]
+) -> dict[str, Any]:
+    low, high = map(math.degrees, interval)
+    return _quantity_columns(name, "deg", math.degrees(value), math.degrees(std), (low, high))
+
+
+def _quantity_columns(
+    name: str, unit: Unit, value: float | str, std: float | str, interval: Sequence[float]
+) -> dict[str, Any]:
+    """Return the columns of a quantity: value, std and ends of the 95 % interval."""
+    return dict(zip(Quantity(name, unit).columns, (value, std, *interval), strict=True))

@@ -14,14 +14,7 @@ FILE_SCHEMA = "lsvision.verdicts/1"
 
 
 def verdicts_json(records: Sequence[Record]) -> str:
-    """Return a JSON document of all verdicts.
-
-    Parameters
-    ----------
-    records : sequence of dict
-        Name of the file, index of the profile, and the items of ``Verdict.to_dict``: keys
-        ``source``, ``profile``, ...
-    """
+    """Return a JSON document of all verdicts; see `JudgedMeasurement.record`."""
     document = {"schema": FILE_SCHEMA, "verdicts": list(records)}
     return json.dumps(document, indent=2, allow_nan=False) + "\n"
 
@@ -29,10 +22,7 @@ def verdicts_json(records: Sequence[Record]) -> str:
 def verdicts_csv(rows: Sequence[Record]) -> str:
     """Return a table with one row per quantity; empty cells where a number does not exist.
 
-    Parameters
-    ----------
-    rows : sequence of dict
-        Rows of the table, all with the same keys.
+    All rows have the same keys.
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")

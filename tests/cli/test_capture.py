@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from lsvision.errors import LsvisionError
-from lsvision.io.camera_frames import open_camera
+from lsvision.io.frames import open_camera
 from lsvision.io.images import read_image
 
 EXAMPLE = Path(__file__).parents[2] / "calibration" / "example"

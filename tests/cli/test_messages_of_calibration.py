@@ -39,13 +39,13 @@ REACHED = [
     ("calibration/*", ("camera", "laser-plane", *HAND_EYE)),
     ("io/pose_*", HAND_EYE[:3]),
     ("io/robot_*", HAND_EYE[:3]),
-    ("io/hand_eye_samples.py", ("hand-eye poses",)),
+    ("io/hand_eye_file.py", ("hand-eye poses",)),
     ("io/camera_file.py", ("laser-plane", "hand-eye board")),
     ("io/profiles/*", PROFILES),
 ]
 # A message that also serves other commands than those above may name theirs, saying whose it is.
 OF_OTHERS = {("io/profiles/detection.py", "--light-section"),
-             ("io/profiles/height_map.py", "--light-section")}  # fmt: skip
+             ("io/profiles/matrix.py", "--light-section")}  # fmt: skip
 
 
 @cache

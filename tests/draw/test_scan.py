@@ -10,8 +10,8 @@ from mpl_toolkits.mplot3d.proj3d import proj_transform
 
 from lsvision.draw.figure_files import figure_bytes
 from lsvision.draw.scan import MAX_POINTS, MIN_FACING, draw_scan
-from lsvision.draw.scan_ply import UNASSIGNED_RGB, colour_points, colour_surfaces, cylinder_rgb
 from lsvision.geometry import FloatArray, Points, Pose
+from lsvision.io.ply import UNASSIGNED_RGB, colour_points, colour_surfaces, cylinder_rgb
 from lsvision.scan import ScanMeasurement, measure_scan
 from lsvision.scan.shape import triangulate_tube
 from lsvision.simulate import SCENE_SENSOR, Scene, SectionSettings, Tube, simulate_scan

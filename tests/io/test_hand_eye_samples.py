@@ -5,7 +5,7 @@ import json
 import pytest
 
 from lsvision.errors import UnreadableFile
-from lsvision.io.hand_eye_samples import read_hand_eye_samples
+from lsvision.io.hand_eye_file import read_hand_eye_samples
 
 POSE = {"translation": {"x": 1, "y": 0, "z": 0}, "rotation": {"x": 0, "y": 0, "z": 0, "w": 1}}
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from lsvision.errors import UnreadableFile
-from lsvision.io.image_headers import image_size
-from lsvision.io.images import read_image
+from lsvision.io.images import image_size, read_image
 
 GREY = np.arange(30 * 41, dtype=np.uint8).reshape(30, 41)
 

@@ -9,7 +9,7 @@ from scipy.stats import binom
 
 from lsvision.cylinder.fit import fit_cylinder
 from lsvision.geometry import Cylinder, Pose
-from lsvision.io.scan_table_file import scan_row
+from lsvision.io.scan_results import scan_row
 from lsvision.scan.scan_result import ScannedCylinder
 
 TRIALS = 200

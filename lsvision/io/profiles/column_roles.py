@@ -19,6 +19,8 @@ _ROLES = {
     **dict.fromkeys(RANGE_WORDS, "range"),
     **dict.fromkeys(["angle", "angles", "azimuth", "alpha", "theta", "phi"], "angle"),
 }
+HEIGHT_ROLES = ("height", "range", "y")
+"""Roles of a height; y is one if there is no other."""
 # A name such as "x_pos" or "position y" is one of these words and an axis.
 _AXIS_WORD = rf"(?:{'|'.join(sorted(AXIS_WORDS))})"
 _AXIS_NAME = re.compile(rf"([xyz])[ _-]?{_AXIS_WORD}|{_AXIS_WORD}\.?[ _-]?([xyz])")
@@ -70,14 +72,9 @@ def is_encoder(name: str) -> bool:
 
 
 def columns_by_role(names: Sequence[str], texts: Container[int]) -> dict[str, int]:
-    """Return the first column in each role.
+    """Return the first column in each role, of columns with these lower-case names.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Lower-case name of each column.
-    texts : container of int
-        Columns that hold text, which can only be the number of a profile.
+    The columns `texts` hold text, which can only be the number of a profile.
     """
     by_role: dict[str, int] = {}
     for index, name in enumerate(names):

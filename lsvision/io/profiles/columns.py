@@ -14,14 +14,15 @@ from lsvision.io.profiles.column_roles import (
     columns_by_role,
     is_encoder,
 )
-from lsvision.io.profiles.heights_without_x import numbers_points, require_x
 from lsvision.io.profiles.number_table import NumberTable
-from lsvision.io.profiles.profile_attributes import find_profile_attributes
 from lsvision.io.profiles.profile_keys import (
     MIN_POINTS_PER_PROFILE,
     find_key,
+    find_profile_attributes,
     find_scan_key,
     is_profile_key,
+    numbers_points,
+    require_x,
     separate_profiles,
 )
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings

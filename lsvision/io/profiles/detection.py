@@ -112,14 +112,9 @@ _KEYENCE_WIDTHS = frozenset([800, 1600, 3200, 6400])  # columns of an LJ-V and L
 
 
 def detect_format(content: bytes, suffix: str) -> str:
-    r"""Return the name of the format, one of `FORMATS` in `settings`.
+    r"""Return the name of the format, one of `FORMATS` in `settings`, of the content of a file.
 
-    Parameters
-    ----------
-    content : bytes
-        The whole file.
-    suffix : str
-        Ending of the file's name, such as ``".csv"``; shows formats that are not read.
+    The suffix, such as ``".csv"``, only shows formats that are not read.
 
     Raises
     ------

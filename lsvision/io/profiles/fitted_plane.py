@@ -26,14 +26,9 @@ MAX_ZERO_DEPTH = 1e-3
 class FittedSections:
     """Points of one or several profiles in the plane that was fitted to all of them.
 
-    Parameters
-    ----------
-    sections : tuple of (n, 2) ndarray
-        Points (x, y) in the section frame, NaN where lost. Units: mm.
-    file_from_section : Pose
-        The section frame in the frame of the points; its Z is the plane's normal. Units: mm.
-    note : str
-        Description of the plane and its residuals.
+    Sections are (n, 2) points (x, y) in the section frame, NaN where lost; its pose in the frame of
+    the points has Z along the plane's normal; the note describes the plane and its residuals.
+    Units: mm.
     """
 
     sections: tuple[FloatArray, ...]
@@ -47,19 +42,8 @@ def fit_section_plane(clouds: Sequence[FloatArray], *, flip: bool = False) -> Fi
     The frame is that of `section_pose`: Y points against the z axis of the points' frame, as for a
     camera that looks along z. If the mean z is negative (heights below the sensor) or about 0
     (points x, y in the plane z = 0), Y and Z are reversed: Y then points along z, or along y if the
-    plane is normal to z.
-
-    Parameters
-    ----------
-    clouds : sequence of (n, 3) ndarray
-        Points in the frame of the sensor, NaN where lost. Units: mm.
-    flip : bool
-        Whether to reverse Y and Z once more.
-
-    Returns
-    -------
-    FittedSections
-        Points in the section frame, the pose of this frame, and a note.
+    plane is normal to z. `flip` reverses Y and Z once more. Points are (n, 3) in mm, NaN where
+    lost.
 
     Raises
     ------

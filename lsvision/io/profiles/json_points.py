@@ -14,14 +14,12 @@ from lsvision.files.json_text import NestedTooDeep, parse_json
 from lsvision.geometry import FloatArray
 from lsvision.io.profiles.column_roles import column_role, is_coordinate, names_section
 from lsvision.io.profiles.columns import profiles_from_table
-from lsvision.io.profiles.json_statements import (
-    find_attributes,
-    lines_of_scalars,
-    lines_on_units,
-)
 from lsvision.io.profiles.json_values import (
+    find_attributes,
     is_point,
     is_scalar,
+    lines_of_scalars,
+    lines_on_units,
     list_of_numbers,
     to_arrays,
     to_floats,
@@ -30,9 +28,10 @@ from lsvision.io.profiles.laser_scan import is_laser_scan, profiles_from_scans
 from lsvision.io.profiles.matrix import is_monotonic, profiles_from_matrix
 from lsvision.io.profiles.named_columns import profiles_from_named
 from lsvision.io.profiles.number_table import NumberTable
-from lsvision.io.profiles.opencv_matrix import (
+from lsvision.io.profiles.opencv_storage import (
+    MIN_PAIRS,
     TRIPLES,
-    is_constant,
+    flat_width,
     matrix_from_node,
     parse_opencv_json,
     table_from_points,
@@ -49,8 +48,8 @@ from lsvision.io.profiles.units import split_label
 
 MAX_DEPTH = 4
 """Deepest level of objects and lists that is searched for points; the root is level 0."""
-MIN_PAIRS, MIN_TRIPLES = 3, 5
-"""Smallest number of rows of a list of points; a shorter list is a matrix or a size."""
+MIN_TRIPLES = 5
+"""Smallest number of rows x, y, z of a list of points; a shorter list is a matrix."""
 _FLAT_KEYS = ("points", "profile", TRIPLES, "line")
 """Keys whose flat list of numbers is a list of points."""
 _POINT_KEYS = (*_FLAT_KEYS, "data", "profiles", "scans")
@@ -74,16 +73,7 @@ def read_json(content: bytes, settings: ReadSettings) -> RawProfiles:
 
 
 def profiles_from_document(document: Any, settings: ReadSettings, kind: str) -> RawProfiles:
-    """Return the profiles in the content of a JSON or YAML file.
-
-    Parameters
-    ----------
-    document : mapping or list
-        Parsed content of the file, as from `parse_json`.
-    settings : ReadSettings
-        Reading options.
-    kind : str
-        Kind of file, for messages.
+    """Return the profiles in the parsed content of a JSON or YAML file; `kind` is for messages.
 
     Raises
     ------
@@ -328,27 +318,6 @@ def _from_flat(
             f"rising x: {_EXPECTED_KEYS}, or for heights alone give --x0 and --dx"
         )
     return _from_rows(values.reshape(-1, width), settings, statements)
-
-
-def flat_width(key: str, values: FloatArray) -> int | None:
-    """Return how many numbers of a flat list are one point; None if it has no points.
-
-    Parameters
-    ----------
-    key : str
-        Key of the list; ``scan_line`` holds triples if its length is a multiple of 3.
-    values : (n,) ndarray
-        The numbers.
-    """
-    if key == TRIPLES and values.size % 3 == 0:
-        return 3
-    for width in (3, 2):
-        if values.size % width == 0 and values.size >= MIN_PAIRS * width:
-            rows = values.reshape(-1, width)
-            in_plane = width == 2 or is_constant(rows[:, 1])
-            if in_plane and is_monotonic(rows[:, 0]):
-                return width
-    return None
 
 
 def _from_rows(

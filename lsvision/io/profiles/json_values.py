@@ -1,13 +1,14 @@
-"""Numbers and lists of numbers in parsed JSON or YAML; null and words for lost points are NaN."""
+"""Content of parsed JSON or YAML: numbers, statements on units and lost points, attributes."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
-from lsvision.io.profiles.number_cells import POINT_NUMBER, is_missing
+from lsvision.io.profiles.number_table import POINT_NUMBER, is_missing
+from lsvision.io.profiles.unit_statements import find_lost_values, states_unit
 
 
 def list_of_numbers(value: Any) -> Any:
@@ -73,3 +74,44 @@ def is_scalar(value: Any) -> bool:
 def is_point(value: Any) -> bool:
     """Return whether a value is a list of two or three numbers."""
     return isinstance(value, list) and len(value) in (2, 3) and all(map(is_scalar, value))
+
+
+def lines_on_units(document: Mapping[str, Any]) -> Iterator[str]:
+    """Yield lines ``key: value`` that may state a unit, from the entries and their sub-entries."""
+    for key, value in document.items():
+        if isinstance(value, str):
+            yield f"{key}: {value}"
+        elif isinstance(value, Mapping) and "unit" in key.lower():
+            yield from (f"unit_{axis}: {unit}" for axis, unit in value.items())
+        elif isinstance(value, Mapping):
+            yield from (f"{name}: {text}" for name, text in value.items() if isinstance(text, str))
+            yield from (
+                line
+                for name, inner in value.items()
+                if isinstance(inner, Mapping) and "unit" in name.lower()
+                for line in lines_on_units({name: inner})
+            )
+        elif isinstance(value, int | float) and not isinstance(value, bool):
+            yield f"{key}: {value}"
+        elif isinstance(value, list) and "unit" in key.lower():
+            yield f"{key}: {', '.join(map(str, value))}"
+
+
+def lines_of_scalars(document: Mapping[str, Any]) -> Iterator[str]:
+    """Yield lines ``key: value`` of the numbers and texts, and of the numbers in sub-objects."""
+    for key, value in document.items():
+        if isinstance(value, Mapping):
+            yield from (f"{name}: {v}" for name, v in value.items() if isinstance(v, int | float))
+        elif isinstance(value, str | int | float):
+            yield f"{key}: {value}"
+
+
+def find_attributes(document: Mapping[str, Any]) -> dict[str, float | str]:
+    """Return the numbers and texts of an object that state neither a unit nor a lost point."""
+    return {
+        key: value
+        for key, value in document.items()
+        if isinstance(value, str | int | float)
+        and not states_unit(line := f"{key}: {value}")
+        and not find_lost_values([line])
+    }

@@ -24,16 +24,9 @@ class AllPointsLost(UnreadableFile):
 
 @dataclass(frozen=True)
 class LostMarker:
-    """A value that marks lost points.
+    """A value that marks lost points, in the units of the file; ``"0, 0"`` if both are 0.
 
-    Parameters
-    ----------
-    text : str
-        The value in the units of the file; ``"0, 0"`` where both coordinates are 0.
-    count : int
-        Number of points that it marks.
-    guessed : bool
-        True if neither the file nor the user states it.
+    It marks `count` points, and is `guessed` if neither the file nor the user states it.
     """
 
     text: str
@@ -55,21 +48,9 @@ def remove_lost(
     """Return sections with NaN in place of lost points (markers and infinities), and the markers.
 
     If the user states markers, only these are used; otherwise the markers that the file states,
-    well-known ones, and values that look like a marker, see `find_lost_markers`.
-
-    Parameters
-    ----------
-    raw : RawProfiles
-        Sections in the units of the file.
-    settings : ReadSettings
-        Reading options with the markers that the user states.
-
-    Returns
-    -------
-    sections : list of (n, 2) or (n, 3) ndarray
-        In the units of the file.
-    markers : tuple of LostMarker
-        In the order in which they were applied; each counts the points that no earlier one marks.
+    well-known ones, and values that look like a marker, see `find_lost_markers`. The sections, (n,
+    2) or (n, 3), stay in the units of the file. The markers are in the order in which they were
+    applied; each counts the points that no earlier one marks.
     """
     sections = [  # one quiet NaN for all: arithmetic with a signalling one warns
         section if np.isfinite(section).all() else np.where(np.isfinite(section), section, np.nan)

@@ -1,4 +1,4 @@
-"""Matrices of heights: one profile per row; x from the user's options or from the first row."""
+"""Matrices of heights, in a text or an image: one profile per row; x from the options or a row."""
 
 import re
 from collections import Counter
@@ -9,9 +9,10 @@ import numpy as np
 
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
-from lsvision.io.profiles.column_roles import column_role
+from lsvision.io.images import TooManyPixels, decode_image
+from lsvision.io.profiles.column_roles import HEIGHT_ROLES, column_role
 from lsvision.io.profiles.columns import profiles_from_table
-from lsvision.io.profiles.number_table import NumberTable
+from lsvision.io.profiles.number_table import NumberTable, floats_from
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.stated_units import common_unit, statements_about_axis
 from lsvision.io.profiles.text_encoding import decode_text
@@ -225,4 +226,61 @@ def is_monotonic(row: FloatArray) -> bool:
     finite = row[np.isfinite(row)]
     return len(finite) > 1 and bool(
         np.all(finite[1:] > finite[:-1]) or np.all(finite[1:] < finite[:-1])
+    )
+
+
+def read_height_map(content: bytes, settings: ReadSettings) -> RawProfiles:
+    """Return the profiles of an image of heights: counts of 16 or 32 bit, or floating point.
+
+    Raises
+    ------
+    UnreadableFile
+        If it is a photograph (8 bit, colours) or damaged, or its spacing or the size of a count
+        is not given.
+    """
+    if settings.dx is None:
+        raise UnreadableFile(
+            "an image: of a laser line it needs its rig, lsvision measure --light-section "
+            "rig.json; of heights it needs --x0, --dx and --z-unit"
+        )
+    try:
+        image = decode_image(content)
+    except TooManyPixels as error:
+        raise UnreadableFile(f"{error}: cut it, or save its heights as NPY") from None
+    if image is None or not image.size:
+        raise UnreadableFile("an image that OpenCV cannot decode: save its heights as NPY or CSV")
+    if image.ndim != 2 or image.dtype == np.uint8:
+        channels = 1 if image.ndim == 2 else image.shape[2]
+        raise UnreadableFile(
+            f"an image of {channels} x {8 * image.dtype.itemsize} bit, no height map: expected one "
+            "channel of 16 bit or floating point"
+        )
+    limits: tuple[float, ...] = ()
+    if image.dtype.kind in "iu":
+        if settings.z_unit is None and settings.units is None:
+            raise UnreadableFile(
+                "counts without their size: state the size of one, as --z-unit 0.5um or --units um"
+            )
+        type_limits = np.iinfo(image.dtype)
+        limits = (float(type_limits.min), float(type_limits.max))
+    return profiles_from_matrix(NumberTable(floats_from(image), limits=limits), settings)
+
+
+def only_height(table: NumberTable) -> NumberTable | None:
+    """Return the column of a table that is named as heights, ranges or y, if none is named x.
+
+    None for another table, and if several columns are named as heights.
+    """
+    roles = list(map(column_role, table.names))
+    named = [c for c, role in enumerate(roles) if role in HEIGHT_ROLES]
+    if len(named) != 1 or "x" in roles or named[0] in table.texts:
+        return None
+    (column,) = named
+    return replace(
+        table,
+        values=table.values[:, [column]],
+        names=(table.names[column],),
+        units=(table.units[column],),
+        texts={},
+        invalid_cells={},
     )

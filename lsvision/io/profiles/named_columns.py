@@ -9,8 +9,7 @@ from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
 from lsvision.io.profiles.column_roles import column_role
 from lsvision.io.profiles.columns import profiles_from_table
-from lsvision.io.profiles.heights_without_x import only_height
-from lsvision.io.profiles.matrix import column_positions, profiles_from_matrix
+from lsvision.io.profiles.matrix import column_positions, only_height, profiles_from_matrix
 from lsvision.io.profiles.number_table import NumberTable
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.stated_units import common_unit, statements_about_axis
@@ -33,10 +32,8 @@ def profiles_from_named(
     columns : mapping
         Arrays by name: (n,) with one point per row; or, with one profile per row, (k, m) or k
         arrays of any length, where x may also be one (m,) array for all rows.
-    settings : ReadSettings
-        Reading options.
-    statements : tuple of UnitStatement
-        Units that the file states beside the columns.
+    settings, statements
+        Reading options, and units that the file states beside the columns.
     texts : mapping, optional
         Columns of text, with one cell per row.
 

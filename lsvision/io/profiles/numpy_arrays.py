@@ -20,8 +20,7 @@ from lsvision.io.profiles.column_roles import has_known_role
 from lsvision.io.profiles.columns import profiles_from_rows_of_points, profiles_from_table
 from lsvision.io.profiles.matrix import MIN_COLUMNS, are_heights, profiles_from_matrix
 from lsvision.io.profiles.named_columns import profiles_from_named
-from lsvision.io.profiles.number_cells import floats_from
-from lsvision.io.profiles.number_table import NumberTable
+from lsvision.io.profiles.number_table import NumberTable, floats_from
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.stated_units import add_units
 from lsvision.io.profiles.unit_statements import (

@@ -4,6 +4,7 @@ OpenCV's own reader is not used: it does not check a matrix's header (an ``openc
 ``cols`` corrupts the heap) and ends the process where lists nest deeply.
 """
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import replace
@@ -13,21 +14,149 @@ from xml.etree import ElementTree
 import numpy as np
 
 from lsvision.errors import UnreadableFile
+from lsvision.files.json_text import parse_json
 from lsvision.geometry import FloatArray
 from lsvision.io.profiles.column_roles import has_known_role
 from lsvision.io.profiles.columns import profiles_from_table
-from lsvision.io.profiles.json_points import flat_width
+from lsvision.io.profiles.matrix import is_monotonic
 from lsvision.io.profiles.named_columns import profiles_from_named
-from lsvision.io.profiles.number_cells import numbers_from_cells
-from lsvision.io.profiles.opencv_matrix import (
-    TRIPLES,
-    matrix_from_node,
-    parse_opencv_json,
-    table_from_points,
-)
+from lsvision.io.profiles.number_table import NumberTable, numbers_from_cells
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.text_encoding import decode_text
 from lsvision.io.profiles.unit_statements import find_lost_values, find_unit_statements
+
+MIN_PAIRS = 3
+"""Smallest number of points of a list; a shorter one is a matrix or a size."""
+TRIPLES = "scan_line"
+"""Name of a list that holds x, y, z after one another."""
+_MATRIX_TYPE = re.compile(r"(\d{1,3})?[ucwsifdh]")
+"""Entry ``dt`` of a matrix: the number of channels, if not 1, and the type of a number."""
+_OPENCV_NUMBER = re.compile(
+    r"(?<![\w.\"])([-+]?)\.(nan|inf)\b|(?<=[0-9])\.(?=[\s,\]}e])", re.IGNORECASE
+)
+"""Numbers of OpenCV's JSON that JSON does not have: .Nan, -.Inf and 1."""
+_MAX_DIMENSIONS = 32  # of numpy's and OpenCV's arrays
+
+
+def parse_opencv_json(text: str) -> Any:
+    """Return the value of a JSON text, which may contain the numbers .Nan, -.Inf and 1. of OpenCV.
+
+    Raises
+    ------
+    ValueError
+        As `parse_json`.
+    """
+    return parse_json(_OPENCV_NUMBER.sub(_plain_number, text), allow_nan=True)
+
+
+def _plain_number(match: re.Match[str]) -> str:
+    """Return a number of OpenCV's JSON as JSON has it."""
+    if match[2] is None:
+        return ".0"
+    return "NaN" if match[2].lower() == "nan" else f"{match[1].replace('+', '')}Infinity"
+
+
+def matrix_from_node(key: str, node: Mapping[str, Any]) -> FloatArray:
+    """Return the array of an ``opencv-matrix`` or ``opencv-nd-matrix``, its size checked.
+
+    (rows, columns, channels), with all sizes before the channels if there are more than two. The
+    key is for messages and may be empty.
+
+    Raises
+    ------
+    UnreadableFile
+        If an entry is missing or not understood, or the sizes do not match the number of its data.
+    """
+    try:
+        sizes = (
+            node["sizes"]
+            if "sizes" in node
+            else [_scalar_text(node["rows"]), _scalar_text(node["cols"])]
+        )
+        match = _MATRIX_TYPE.fullmatch(_scalar_text(node["dt"]).strip("\"'"))
+        if match is None:
+            raise ValueError(f"dt {_scalar_text(node['dt'])!r}")
+        shape = [int(size) for size in sizes] + [int(match[1] or 1)]
+        data = node["data"]
+        if not isinstance(data, list):
+            raise TypeError("data, which is no list")
+        if min(shape) < 0 or len(shape) > _MAX_DIMENSIONS:
+            raise ValueError(f"sizes {shape}")
+    except (KeyError, ValueError, TypeError) as error:
+        raise UnreadableFile(
+            f"{_prefix(key)}a matrix with a bad or missing {error}: write it again with "
+            "cv2.FileStorage"
+        ) from None
+    if math.prod(shape) != len(data):
+        raise UnreadableFile(
+            f"{_prefix(key)}a matrix of {' x '.join(map(str, shape))} numbers, got {len(data)}: "
+            "write it again with cv2.FileStorage"
+        )
+    return numbers_from_cells([str(item) for item in data]).reshape(shape)
+
+
+def _scalar_text(value: Any) -> str:
+    """Return the text of a scalar; XML gives it as a list of one word."""
+    if isinstance(value, list) and len(value) == 1:
+        value = value[0]
+    if isinstance(value, str | int | float):
+        return str(value)
+    raise ValueError(f"{value!r:.40}")
+
+
+def table_from_points(key: str, values: FloatArray) -> NumberTable:
+    """Return the table of points, under their usual names.
+
+    They are numbers in turn, (n,): triples under the key ``scan_line`` if their number is a
+    multiple of 3; or rows (n, k), or (k, n) if n is larger.
+
+    Raises
+    ------
+    UnreadableFile
+        If a list is neither one of pairs nor one of triples, or an array has more dimensions.
+    """
+    if values.ndim == 2:
+        rows = values if values.shape[1] <= values.shape[0] else values.T
+    elif values.ndim > 2:
+        raise UnreadableFile(
+            f"{_prefix(key)}expected points of n x 2 or n x 3 numbers, got "
+            f"{' x '.join(map(str, values.shape))}"
+        )
+    elif values.size % 3 == 0 and (key == TRIPLES or values.size % 2 or is_constant(values[1::3])):
+        rows = values.reshape(-1, 3)
+    elif values.size % 2 == 0:
+        rows = values.reshape(-1, 2)
+    else:
+        raise UnreadableFile(
+            f"expected pairs or triples, as [x, y, z, x, ...], got {values.size} numbers"
+        )
+    return NumberTable.of_points(rows)
+
+
+def flat_width(key: str, values: FloatArray) -> int | None:
+    """Return how many numbers of a flat list, (n,), are one point; None if it has no points.
+
+    A list under the key ``scan_line`` holds triples if its length is a multiple of 3.
+    """
+    if key == TRIPLES and values.size % 3 == 0:
+        return 3
+    for width in (3, 2):
+        if values.size % width == 0 and values.size >= MIN_PAIRS * width:
+            rows = values.reshape(-1, width)
+            in_plane = width == 2 or is_constant(rows[:, 1])
+            if in_plane and is_monotonic(rows[:, 0]):
+                return width
+    return None
+
+
+def is_constant(values: FloatArray) -> bool:
+    """Return whether all numbers that are not lost are the same."""
+    return len(np.unique(values[np.isfinite(values)])) <= 1
+
+
+def _prefix(key: str) -> str:
+    return f"{key}: " if key else ""
+
 
 _POINT_KEYS = (TRIPLES, "profile", "points", "line")
 _MIN_NUMBERS = 30  # a shorter list under another name may be a pose or a matrix

@@ -13,7 +13,7 @@ from lsvision.files.limited_reading import current_size_limit
 from lsvision.geometry import FloatArray
 from lsvision.io.profiles.column_roles import column_role
 from lsvision.io.profiles.named_columns import profiles_from_named
-from lsvision.io.profiles.number_cells import floats_from
+from lsvision.io.profiles.number_table import floats_from
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.unit_statements import UnitStatement, find_unit_statements
 from lsvision.io.profiles.units import split_label

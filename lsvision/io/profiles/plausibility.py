@@ -32,13 +32,8 @@ def find_extent(profiles: tuple[Profile, ...]) -> tuple[FloatArray, FloatArray] 
 def find_unit_warnings(low: FloatArray, high: FloatArray, stated: str) -> tuple[str, ...]:
     """Return a note if coordinates exceed the range of any sensor, or the width is below its field.
 
-    Parameters
-    ----------
-    low, high : (2,) ndarray
-        Smallest and largest x and height. Units: mm.
-    stated : str
-        Unit that the file or the caller states, which the note then suggests to check; empty if
-        none is stated: the note then suggests another unit.
+    `low` and `high` are the smallest and largest x and height in mm, `stated` the unit that the
+    file or the caller states, which the note then suggests to check; if it is empty, another unit.
     """
     farthest = float(np.abs([low, high]).max())
     if farthest > _MAX_RANGE_MM:
@@ -62,15 +57,8 @@ def find_other_problems(
 ) -> tuple[str, ...]:
     """Return notes on points of a lidar, exchanged columns and empty profiles.
 
-    Parameters
-    ----------
-    low, high : (2,) ndarray
-        Smallest and largest x and height. Units: mm.
-    profiles : tuple of Profile
-        Section frame.
-    assumed : bool
-        Whether the units are assumed. If not, the file probably names its columns, and only empty
-        profiles are noted.
+    `low` and `high` are as for `find_unit_warnings`. If the units are not `assumed`, the file
+    probably names its columns, and only empty profiles are noted.
     """
     size = f"{high[0] - low[0]:.3g} x {high[1] - low[1]:.3g}"
     notes = []

@@ -9,8 +9,7 @@ import numpy.typing as npt
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
 from lsvision.io.profiles.columns import profiles_from_rows_of_points, profiles_from_table
-from lsvision.io.profiles.number_cells import floats_from, numbers_from_cells
-from lsvision.io.profiles.number_table import NumberTable
+from lsvision.io.profiles.number_table import NumberTable, floats_from, numbers_from_cells
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.unit_statements import find_lost_values, find_unit_statements
 

@@ -1,11 +1,18 @@
-"""Keys of profiles: columns of a table of points whose values separate the profiles."""
+"""Columns of a table of points that separate, number or describe profiles."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray, IntArray
-from lsvision.io.profiles.column_roles import column_role, columns_by_role, is_part_name
+from lsvision.io.profiles.column_roles import (
+    HEIGHT_ROLES,
+    column_role,
+    columns_by_role,
+    has_known_role,
+    is_part_name,
+)
 from lsvision.io.profiles.number_table import NumberTable
 
 MIN_POINTS_PER_PROFILE = 5
@@ -15,26 +22,11 @@ MIN_POINTS_PER_PROFILE = 5
 def separate_profiles(
     table: NumberTable, key: int, coordinates: Sequence[int], *, is_travel: bool
 ) -> tuple[list[IntArray], tuple[float, ...] | None]:
-    """Return the rows of each profile, and the positions of the profiles.
+    """Return the rows of each profile, and the value of the key of each if it is a position.
 
-    Parameters
-    ----------
-    table : NumberTable
-        One point per row.
-    key : int
-        Column that separates the profiles; combined with other columns of profiles and parts,
-        because its numbers may start again for each part.
-    coordinates : sequence of int
-        Columns of the points.
-    is_travel : bool
-        Whether the key is a position along the travel, which is never combined.
-
-    Returns
-    -------
-    rows : list of (n,) ndarray
-        In the order in which the profiles begin.
-    positions : tuple of float, optional
-        Value of the key of each profile if it is a position.
+    The profiles are in the order in which they begin. The key is combined with other columns of
+    profiles and parts, because its numbers may start again for each part; a position along the
+    travel is not. `coordinates` are the columns of the points.
     """
     codes = _without_gaps(_codes(table, key))
     if not is_travel:
@@ -128,3 +120,76 @@ def _without_gaps(key: FloatArray) -> FloatArray:
     known = np.isfinite(key)
     rows = np.where(known, np.arange(len(key)), np.argmax(known))
     return np.where(known.any(), key[np.maximum.accumulate(rows)], 0.0)
+
+
+def find_profile_attributes(
+    table: NumberTable,
+    rows: Sequence[IntArray],
+    *,
+    points: Sequence[int],
+    key: int | None,
+    excluded: Sequence[int],
+) -> tuple[tuple[Mapping[str, float | str], ...], tuple[str, ...]]:
+    """Return the attributes of each profile, and the labels of the columns that are not used.
+
+    An attribute is a column, also the key, that has one value in each profile; without names there
+    are none. `rows` are those of each profile, `points` the columns of the coordinates, `key` the
+    one that identifies profiles, `excluded` those that are never attributes.
+    """
+    other_columns = [c for c in range(table.values.shape[1]) if c not in points]
+    by_profile: list[dict[str, float | str]] = [{} for _ in rows]
+    ignored = []
+    for column in other_columns:
+        values = [_common_value(table, column, r) for r in rows] if table.names else [None]
+        if all(value is not None for value in values) and column not in excluded:
+            for attributes, value in zip(by_profile, values, strict=True):
+                if value is not None:
+                    attributes[table.label(column)] = value
+        elif column != key:
+            ignored.append(table.label(column))
+    has_attributes = any(by_profile)
+    return tuple(by_profile) if has_attributes else (), tuple(ignored)
+
+
+def _common_value(table: NumberTable, column: int, rows: IntArray) -> float | str | None:
+    """Return the common value of all points of a profile; None if they differ or are all NaN."""
+    if column in table.texts:
+        texts = {table.texts[column][r] for r in rows.tolist()}
+        return texts.pop() if len(texts) == 1 else None
+    values = table.values[rows, column]
+    values = values[np.isfinite(values)]
+    return float(values[0]) if len(values) and bool(np.all(values == values[0])) else None
+
+
+def numbers_points(table: NumberTable, column: int) -> bool:
+    """Return whether a named column is no coordinate, but 0, 1, 2, ... or 1, 2, 3, ...."""
+    unit = table.units[column]
+    is_length = unit is not None and unit.unit is not None
+    values = table.values[:, column]
+    return (
+        (column_role(table.names[column]) == "scan" or not has_known_role(table.names[column]))
+        and not is_length
+        and len(values) >= MIN_POINTS_PER_PROFILE
+        and values[0] in (0, 1)
+        and np.array_equal(values, values[0] + np.arange(len(values)))
+    )
+
+
+def require_x(table: NumberTable, columns: Sequence[int], numbering: Sequence[int]) -> None:
+    """Raise an error if heights, or numbers of the points beside them, would be read as x.
+
+    None or one of the names of the table is that of a coordinate. `columns` may be coordinates,
+    `numbering` are those that number the points.
+    """
+    roles = [column_role(table.names[c]) for c in columns]
+    if len(columns) == 1 and any(not table.names[c] or roles[0] in HEIGHT_ROLES for c in numbering):
+        label = table.names[numbering[0]] or "without a name"
+        problem = f"column {label} numbers the points"
+    elif len(columns) == 2 and roles[0] == "height" and not has_known_role(roles[1]):
+        problem = f"columns {' and '.join(table.names[c] for c in columns)}, and no x"
+    else:
+        return
+    raise UnreadableFile(
+        f"{problem}: name the columns of x and height with --columns, or state x of the heights "
+        "with --x0 and --dx"
+    )

@@ -15,16 +15,14 @@ from lsvision.io.file_names import PROFILE_SUFFIXES, find_files
 from lsvision.io.profiles.detection import detect_format
 from lsvision.io.profiles.fitted_plane import fit_section_plane
 from lsvision.io.profiles.gocator import read_gocator, read_gocator_points
-from lsvision.io.profiles.height_map import read_height_map
 from lsvision.io.profiles.json_points import read_json
-from lsvision.io.profiles.keyence import read_keyence, read_keyence_raw
 from lsvision.io.profiles.laser_scan import read_laser_scan
 from lsvision.io.profiles.lost_points import AllPointsLost, LostMarker, remove_lost
-from lsvision.io.profiles.matrix import read_matrix
+from lsvision.io.profiles.matrix import read_height_map, read_matrix
 from lsvision.io.profiles.numpy_arrays import read_npy, read_npz
 from lsvision.io.profiles.opencv_storage import read_opencv_storage
 from lsvision.io.profiles.parquet import read_parquet
-from lsvision.io.profiles.plain_text import read_plain_text
+from lsvision.io.profiles.plain_text import read_keyence, read_keyence_raw, read_plain_text
 from lsvision.io.profiles.plausibility import (
     find_extent,
     find_other_problems,
@@ -272,17 +270,6 @@ def convert_to_section_frame(
     path: Path, reader: str, raw: RawProfiles, settings: ReadSettings
 ) -> ProfileFile:
     """Return the profiles of a file in the section frame: mm, Y towards the sensor, NaN where lost.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    reader : str
-        Name of the file's format.
-    raw : RawProfiles
-        Content of the file.
-    settings : ReadSettings
-        Reading options of the caller.
 
     Raises
     ------

@@ -24,19 +24,11 @@ _BLOCK_LENGTH = 1 << 16
 
 
 @dataclass(frozen=True, eq=False)
-class RegularRows:
-    """A table that ends with its text and holds numbers only.
+class _RegularRows:
+    """A table that ends with its text and holds numbers only, and the lines above it.
 
-    Parameters
-    ----------
-    above : list of str
-        The lines above the table.
-    rows : str
-        The table itself.
-    layout : Layout
-        Its `stop` counts the lines at the beginning of the text only.
-    values : (n, k) ndarray
-        NaN where a cell is empty or nan.
+    The layout's `stop` counts the lines at the beginning of the text only. Values, (n, k), are NaN
+    where a cell is empty or nan.
     """
 
     above: list[str]
@@ -45,16 +37,11 @@ class RegularRows:
     values: FloatArray
 
 
-def find_regular_rows(text: str) -> RegularRows | None:
+def find_regular_rows(text: str) -> _RegularRows | None:
     r"""Return the table of a text whose lines, from the first numbers on, have the same layout.
 
     None for every other text (other words, quotes, decimal commas, comments or empty lines among
     the numbers, blanks that align columns, a footer), which is then read line by line.
-
-    Parameters
-    ----------
-    text : str
-        The whole file.
 
     Examples
     --------
@@ -73,21 +60,14 @@ def find_regular_rows(text: str) -> RegularRows | None:
         return None
     above = head.splitlines(keepends=True)[: layout.first]
     rows = text[sum(map(len, above)) :]
-    values = parse_regular_rows(rows, layout.separator or " ", layout.width)
-    return None if values is None else RegularRows(lines[: layout.first], rows, layout, values)
+    values = _parse_regular_rows(rows, layout.separator or " ", layout.width)
+    return None if values is None else _RegularRows(lines[: layout.first], rows, layout, values)
 
 
-def parse_regular_rows(rows: str, separator: str, width: int) -> FloatArray | None:
-    """Return the numbers of lines with `width` cells each; None if they hold anything else.
+def _parse_regular_rows(rows: str, separator: str, width: int) -> FloatArray | None:
+    """Return the numbers of lines, at least one, with `width` cells each; None if anything else.
 
-    Parameters
-    ----------
-    rows : str
-        The lines, at least one; empty ones at the end are left out.
-    separator : str
-        Character between two cells.
-    width : int
-        Cells in a line.
+    Empty lines at the end are left out.
     """
     if not rows.isascii():
         return None

@@ -17,22 +17,10 @@ _REMEDY = "state it, as --units um or --units 0.1mm"
 def resolve_units(
     table: NumberTable, x: int, height: int, settings: ReadSettings
 ) -> tuple[str | None, str | None]:
-    """Return the units of two columns of a table.
+    """Return the units of two columns of a table, x and height.
 
-    Parameters
-    ----------
-    table : NumberTable
-        Table with the units in its header and those that other lines state.
-    x, height : int
-        Indices of the columns.
-    settings : ReadSettings
-        Reading options of the user.
-
-    Returns
-    -------
-    x_unit, height_unit : str or None
-        None where the file states none, or the user states one of all coordinates; with a size of
-        counts (`z_unit`) that is the unit of the height, and that of x is mm if none is stated.
+    They are None where the file states none, or the user states one of all coordinates; with a size
+    of counts (`z_unit`) that is the unit of the height, and that of x is mm if none is stated.
 
     Raises
     ------

@@ -35,16 +35,10 @@ next parts: each is compared with all points, which takes time."""
 
 @dataclass(frozen=True, eq=False)
 class ProfilePart:
-    """Consecutive profiles of a file.
+    """Consecutive profiles of a file; `first` is the index of its first one in the file, from 0.
 
-    Parameters
-    ----------
-    first : int
-        Index of the first profile in the file, from 0.
-    file : ProfileFile
-        The profiles of this part.
-    columns : pyarrow.Table, optional
-        Columns of a Parquet file other than the points, with their types, one row per profile.
+    `columns` are those of a Parquet file other than the points, with their types, one row per
+    profile.
     """
 
     first: int

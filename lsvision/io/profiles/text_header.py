@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from lsvision.io.profiles.column_roles import column_role, has_known_role
-from lsvision.io.profiles.number_cells import COMMENT_MARKS
+from lsvision.io.profiles.number_table import COMMENT_MARKS
 from lsvision.io.profiles.text_layout import (
     are_column_numbers,
     drop_blank_cells,
@@ -33,14 +33,8 @@ _RULE = re.compile(r"[-:=|+\s]+")
 class Header:
     """Names and units above the columns of a table.
 
-    Parameters
-    ----------
-    names : tuple of str
-        Lower-case name of each column without its unit; empty where the file has no names.
-    units : tuple of (StatedUnit or None)
-        Unit of each column where one is stated over it.
-    name_count : int
-        Number of names in a line of coordinates' names that are not as many as the columns; else 0.
+    Names are in lower case and without the unit, empty where the file has none; `name_count` is the
+    number of names in a line of coordinates' names that are not as many as the columns, else 0.
     """
 
     names: tuple[str, ...]
@@ -49,21 +43,12 @@ class Header:
 
 
 def read_header(preamble: Sequence[str], separator: str | None, width: int) -> Header:
-    """Return the names and units of the columns.
+    """Return the names and units of the columns above the numbers.
 
     The lines are read upwards from the numbers: the lowest row of units counts, and the lowest row
     with one word per column that names coordinates. A row of other words counts only directly
     above the numbers or the units, unless the row above it names coordinates: it may hold units.
     A unit in a row of units has priority over one in a label.
-
-    Parameters
-    ----------
-    preamble : sequence of str
-        Lines above the numbers.
-    separator : str or None
-        Separator of the cells that hold the numbers.
-    width : int
-        Number of columns.
     """
     names: list[str] = []
     units: list[StatedUnit | None] = []

@@ -9,7 +9,7 @@ from itertools import islice
 
 from lsvision.errors import UnreadableFile
 from lsvision.io.profiles.lost_points import AllPointsLost
-from lsvision.io.profiles.number_cells import (
+from lsvision.io.profiles.number_table import (
     COMMA_NUMBER,
     COMMENT_MARKS,
     POINT_NUMBER,
@@ -46,16 +46,9 @@ _NO_NUMBERS = "expected x and height in mm, one point per line, got no line of n
 class Layout:
     """Position of the numbers in a text.
 
-    Parameters
-    ----------
-    separator : str or None
-        Separator of the cells; None for blanks.
-    first, stop : int
-        Half-open span of lines with numbers; what follows is a footer.
-    width : int
-        Cells in each line.
-    numeric : tuple of int
-        Columns that hold numbers; others hold text.
+    The separator of the cells is None for blanks; numbers are in the lines from `first` to before
+    `stop`, then comes a footer; `width` is the number of cells in each line, `numeric` the columns
+    that hold numbers, not text.
     """
 
     separator: str | None
@@ -123,12 +116,7 @@ def is_comment(line: str) -> bool:
 
 
 def find_layout(lines: Sequence[str]) -> Layout:
-    """Return the layout of the table of numbers in a text.
-
-    Parameters
-    ----------
-    lines : sequence of str
-        The whole text.
+    """Return the layout of the table of numbers in the lines of a text.
 
     Raises
     ------

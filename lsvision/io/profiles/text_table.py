@@ -8,14 +8,14 @@ import numpy as np
 
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
-from lsvision.io.profiles.number_cells import (
+from lsvision.io.profiles.number_table import (
     MIN_GROUPED_CELLS,
     POINT_NUMBER,
     InvalidCell,
+    NumberTable,
     parse_column,
     uses_decimal_comma,
 )
-from lsvision.io.profiles.number_table import NumberTable
 from lsvision.io.profiles.regular_rows import fill_empty_cells, find_regular_rows
 from lsvision.io.profiles.text_header import Header, read_header
 from lsvision.io.profiles.text_layout import (
@@ -55,14 +55,7 @@ _MIN_TEXT_FRACTION = 0.5
 
 
 def parse_table(text: str, lost_words: frozenset[str] = frozenset()) -> NumberTable:
-    r"""Return the table of numbers in a text.
-
-    Parameters
-    ----------
-    text : str
-        The whole file.
-    lost_words : frozenset of str
-        Words, in lower case, that mark lost points.
+    r"""Return the table of numbers in a text; `lost_words`, in lower case, mark lost points.
 
     Raises
     ------

@@ -110,14 +110,10 @@ _CONVERSION = re.compile(
 
 @dataclass(frozen=True)
 class UnitStatement:
-    """Unit stated by a line without numbers of points.
+    """Unit stated by a line without numbers of points; its text is the line if not understood.
 
-    Parameters
-    ----------
-    unit : StatedUnit
-        The unit; its text is the whole line where it is not understood.
-    axis : str or None
-        ``"x"``, ``"y"`` or ``"height"``; None where the line states the unit of all lengths.
+    The axis is ``"x"``, ``"y"`` or ``"height"``; None where the line states the unit of all
+    lengths.
     """
 
     unit: StatedUnit
@@ -126,11 +122,6 @@ class UnitStatement:
 
 def find_unit_statements(lines: Iterable[str]) -> tuple[UnitStatement, ...]:
     """Return the units that comments and ``key: value`` lines state.
-
-    Parameters
-    ----------
-    lines : iterable of str
-        Lines without numbers: preamble, comments, footer.
 
     Examples
     --------

@@ -100,15 +100,7 @@ _SHORT = re.compile(r"^([xyzhrd])(mm|um|µm|μm|nm|cm)$")
 
 @dataclass(frozen=True)
 class StatedUnit:
-    """A unit of length as a file states it.
-
-    Parameters
-    ----------
-    text : str
-        Text in the file.
-    unit : str or None
-        Name that `mm_per_unit` takes; None if the text is not understood.
-    """
+    """A unit of length in a file, and its name in `mm_per_unit`, None if not understood."""
 
     text: str
     unit: str | None
@@ -138,12 +130,7 @@ def parse_unit(text: str) -> str | None:
 
 
 def mm_per_unit(unit: str) -> float:
-    """Return the length of a unit. Units: mm.
-
-    Parameters
-    ----------
-    unit : str
-        Unit from `parse_unit`, or any text that it understands.
+    """Return the length in mm of a unit from `parse_unit`, or of any text that it understands.
 
     Raises
     ------

@@ -33,7 +33,7 @@ def read_yaml(content: bytes, settings: ReadSettings) -> RawProfiles:
         is not understood.
     """
     parts = [part for part in _DOCUMENT_END.split(decode_text(content)) if part.strip()]
-    documents = [document for part in parts if (document := parse_plain_yaml(part))]
+    documents = [document for part in parts if (document := _parse_plain_yaml(part))]
     if not documents:
         raise UnreadableFile("YAML without a key: expected ranges, or lists x and z")
     document = documents[0] if len(documents) == 1 else documents
@@ -44,7 +44,7 @@ def read_yaml(content: bytes, settings: ReadSettings) -> RawProfiles:
     return profiles
 
 
-def parse_plain_yaml(text: str) -> dict[str, Any] | list[Any]:
+def _parse_plain_yaml(text: str) -> dict[str, Any] | list[Any]:
     r"""Return the keys of the top level with their numbers, texts and lists; or a list of items.
 
     Raises
@@ -54,7 +54,7 @@ def parse_plain_yaml(text: str) -> dict[str, Any] | list[Any]:
 
     Examples
     --------
-    >>> parse_plain_yaml("unit: um\nx: [1, 2]\nz:\n- 3\n- .nan\n")["z"]
+    >>> _parse_plain_yaml("unit: um\nx: [1, 2]\nz:\n- 3\n- .nan\n")["z"]
     [3, nan]
     """
     document: dict[str, Any] = {}
