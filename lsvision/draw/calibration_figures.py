@@ -11,9 +11,8 @@ from lsvision.calibration.hand_eye_parts import Sphere
 from lsvision.calibration.hand_eye_result import HandEye
 from lsvision.calibration.intrinsics import CameraCalibration
 from lsvision.calibration.laser_plane_result import LaserPlaneCalibration
-from lsvision.draw.figure_files import new_figure
+from lsvision.draw.figures import make_printable, new_figure
 from lsvision.draw.space import fit_into_area, scale_axes
-from lsvision.draw.titles import make_printable
 from lsvision.geometry import FloatArray, Plane, Pose
 from lsvision.geometry.arrays import rms
 from lsvision.results.palette import BOARD, FRAME_AXES, INLIER, LASER_PLANE, OUTLIER
@@ -64,17 +63,8 @@ def draw_bars(
 ) -> "Figure":
     """Return a figure of residuals as bars, one group for each view or pose.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Names of the groups.
-    series : sequence of (str, sequence of float)
-        Name of each series, and a value for each group; NaN leaves a gap. Each group has one bar
-        per series; those of the first are opaque.
-    outliers : sequence of int
-        Positions of the groups whose bars have the colour of outliers.
-    axis_label : str
-        Label of the values' axis, with unit.
+    Each series is a name and a value for each group, NaN for a gap; bars of the first series are
+    opaque. The groups at the positions `outliers` have the colour of outliers.
     """
     figure = new_figure((9.5, 3.4), layout="constrained")
     axes = figure.subplots()
@@ -98,14 +88,8 @@ def draw_bars(
 def draw_laser_plane(calibration: LaserPlaneCalibration, board: FloatArray) -> "Figure":
     """Return a figure of camera, laser plane and boards, in space and from the side.
 
-    The camera frame is drawn with y downwards; in space its z axis is horizontal.
-
-    Parameters
-    ----------
-    calibration : LaserPlaneCalibration
-        Calibration to draw.
-    board : (4, 3) ndarray
-        Corners of the pattern in order around it, board frame. Units: mm.
+    The camera frame is drawn with y downwards; in space its z axis is horizontal. `board` are the
+    (4, 3) corners of the pattern in order around it, board frame, in mm.
     """
     figure = new_figure((9.5, 4.6))
     side = figure.add_axes((0.075, 0.13, 0.4, 0.73))
@@ -133,12 +117,7 @@ def draw_laser_plane(calibration: LaserPlaneCalibration, board: FloatArray) -> "
 def draw_poses(calibration: HandEye, flanges: Sequence[Pose]) -> "Figure":
     """Return a figure of the sensor's poses, and of the target's positions in its view.
 
-    Parameters
-    ----------
-    calibration : HandEye
-        Calibration to draw.
-    flanges : sequence of Pose
-        ``base_from_flange`` of each observation, also of the rejected ones.
+    `flanges` are ``base_from_flange`` of each observation, also of the rejected ones.
     """
     figure = new_figure((9.5, 4.6))
     space: Any = figure.add_axes(SPACE, projection="3d")

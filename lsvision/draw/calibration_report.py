@@ -20,7 +20,7 @@ from lsvision.draw.calibration_figures import (
     draw_poses,
     rms_of_views,
 )
-from lsvision.draw.figure_files import svg_element
+from lsvision.draw.figures import svg_element
 from lsvision.draw.view_photos import ViewPhoto, arrow_factor, photo_svg
 from lsvision.geometry import FloatArray, Points, Pose
 from lsvision.geometry.arrays import rms
@@ -42,18 +42,10 @@ class _Detections(NamedTuple):
 class ReportContent:
     """Content of the page of any calibration, other than its figures.
 
-    Parameters
-    ----------
-    rows : sequence of (str, str, str)
-        Name, number with standard deviation, unit.
-    warnings : sequence of str
-        Rejected images, outliers, and warnings about the result, one text each.
-    names : sequence of str
-        Name of each image or pose, also of the rejected ones.
-    provenance : mapping of str to str
-        Method, date, version, inputs and their hash.
-    images : sequence of images
-        Photo for each of `names`; empty for a hand-eye calibration without photos.
+    Rows are name, number with standard deviation, and unit. Warnings are about rejected images,
+    outliers and the result; `names` are those of all images or poses, also of the rejected ones,
+    each with a photo unless it is a hand-eye calibration without; the provenance is method, date,
+    version, inputs and their hash.
     """
 
     rows: Sequence[tuple[str, str, str]]
@@ -64,20 +56,7 @@ class ReportContent:
 
 
 def camera_page(calibration: CameraCalibration, page: ReportContent) -> str:
-    """Return the page of a camera calibration.
-
-    Parameters
-    ----------
-    calibration : CameraCalibration
-        Calibration to report.
-    page : ReportContent
-        Values, warnings, names, provenance and images of the page.
-
-    Returns
-    -------
-    str
-        HTML without references to other files.
-    """
+    """Return the page of a camera calibration, HTML without references to other files."""
     names, outliers = _names_and_outliers(calibration, page)
     sizes = [view.rms_px for view in calibration.views]
     covered = covered_cells(
@@ -105,17 +84,7 @@ def camera_page(calibration: CameraCalibration, page: ReportContent) -> str:
 def laser_plane_page(
     calibration: LaserPlaneCalibration, board_points: Points, page: ReportContent
 ) -> str:
-    """Return the page of a laser-plane calibration; see `camera_page`.
-
-    Parameters
-    ----------
-    calibration : LaserPlaneCalibration
-        Calibration to report.
-    board_points : (n, 3) ndarray
-        Points of the board, board frame. Units: mm.
-    page : ReportContent
-        Values, warnings, names, provenance and images of the page.
-    """
+    """Return the page of a laser-plane calibration; `board_points`, (n, 3), are in mm."""
     names, outliers = _names_and_outliers(calibration, page)
     line, corners = rms_of_views(calibration)
     bars = draw_bars(names, [("laser line", line), ("corners", corners)], outliers, "rms, px")
@@ -165,19 +134,11 @@ def hand_eye_page(
     page: ReportContent,
     corners: Sequence[tuple[Points, FloatArray]] = (),
 ) -> str:
-    """Return the page of a hand-eye calibration; see `camera_page`.
+    """Return the page of a hand-eye calibration.
 
-    Parameters
-    ----------
-    calibration : HandEye
-        Calibration to report.
-    flanges : sequence of Pose
-        ``base_from_flange`` of each observation.
-    page : ReportContent
-        Values, warnings, names and provenance; for a board also its photos.
-    corners : sequence of ((n, 2) ndarray, (n, 2) ndarray)
-        For a board, the corners found in each photo, and their residuals (predicted by the robot's
-        pose and the result, minus found). Units: px.
+    `flanges` are ``base_from_flange`` of each observation. For a board, `corners` are the corners
+    found in each photo and their residuals (predicted by the robot's pose and the result, minus
+    found), both (n, 2) in px.
     """
     rejected = [pose.index for pose in calibration.rejected]
     series = [

@@ -7,9 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.draw.figure_files import new_figure
-from lsvision.draw.photo import show_photo
-from lsvision.draw.titles import draw_legend, get_figure, make_printable, set_title
+from lsvision.draw.figures import (
+    draw_legend,
+    get_figure,
+    make_printable,
+    new_figure,
+    set_title,
+    show_photo,
+)
 from lsvision.geometry import BoolArray, FloatArray, Points
 from lsvision.laser_line.extraction import LaserLine
 from lsvision.results.palette import LASER_LINE, SATURATED

@@ -8,16 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lsvision.draw.figure_files import new_figure
-from lsvision.draw.panel import draw_panel
-from lsvision.draw.rejected import RejectedArc, rejected_arcs
-from lsvision.draw.titles import (
+from lsvision.draw.figures import (
     draw_legend,
     format_summary_title,
     get_figure,
     label_once,
+    new_figure,
     set_title,
 )
+from lsvision.draw.panel import RejectedArc, draw_panel, rejected_arcs
 from lsvision.ellipse.section import CylinderSection
 from lsvision.geometry import FloatArray, Points
 from lsvision.measure import Measurement
@@ -86,17 +85,7 @@ def draw_measurement(
 
 
 def draw_on_axes(axes: Axes, profile: Profile, measurement: Measurement) -> None:
-    """Draw a measurement into axes: all points, the cylinders' points, ellipses and rejected arcs.
-
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-        Axes in mm; x and y get the same scale.
-    profile : Profile
-        Measured profile.
-    measurement : Measurement
-        Measurement of the profile.
-    """
+    """Draw a measurement into axes in mm: points, ellipses and rejected arcs, at one scale."""
     points = profile.points
     rejected = rejected_arcs(points, measurement)
     axes.plot(*points.T, ".", color=POINTS, ms=2.5, label="measured points",

@@ -8,18 +8,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.draw.figure_files import new_figure
-from lsvision.draw.measurement import draw_on_axes, label_rejected
-from lsvision.draw.panel import draw_panel
-from lsvision.draw.photo import show_photo
-from lsvision.draw.rejected import rejected_arcs
-from lsvision.draw.titles import (
+from lsvision.draw.figures import (
     draw_legend,
     format_summary_title,
     get_figure,
     label_once,
+    new_figure,
     set_title,
+    show_photo,
 )
+from lsvision.draw.measurement import draw_on_axes, label_rejected
+from lsvision.draw.panel import draw_panel, rejected_arcs
 from lsvision.ellipse.section import CylinderSection
 from lsvision.geometry import Points
 from lsvision.measure import Measurement
@@ -105,15 +104,7 @@ def draw_overlay(
 def draw_on_photo(
     axes: Axes, light_section: LightSection, profile: Profile, measurement: Measurement
 ) -> None:
-    """Draw a measurement into axes that show the image from which it was made.
-
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-        Axes in px of the image; their limits are kept.
-    light_section, profile, measurement
-        As for `draw_overlay`.
-    """
+    """Draw a measurement into axes that show its image; their limits are kept."""
     limits = axes.axis()
     pixels = light_section.project(profile.points)
     axes.plot(*pixels.T, ".", color=POINTS, ms=2.5, zorder=2, label="measured points")

@@ -1,16 +1,61 @@
-"""Panel next to a drawing: values of each cylinder, and reasons of the rejected arcs."""
+"""Panel next to a drawing: values of each cylinder, letters and reasons of rejected arcs."""
 
 import textwrap
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from lsvision.draw.rejected import RejectedArc
+import numpy as np
+
 from lsvision.ellipse.section import CylinderSection
+from lsvision.geometry import IntArray, Points
+from lsvision.measure import Measurement
 from lsvision.results.number_format import with_minus_signs
-from lsvision.results.palette import cylinder_colour
+from lsvision.results.palette import REJECTED, cylinder_colour
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class RejectedArc:
+    """A rejected arc in a picture, with its label there: A to Z, then A1 to Z1, and so on.
+
+    Indices are those of the valid points of the arc that belong to no cylinder, at least one.
+    """
+
+    letter: str
+    indices: IntArray
+    reason: str
+    colour: str
+
+
+def rejected_arcs(points: Points, measurement: Measurement) -> tuple[RejectedArc, ...]:
+    """Return the rejected arcs in the order of the profile; of several with one span the first.
+
+    `points` are all points of the profile, (n, 2) in mm. A rejection whose points all belong to
+    cylinders is omitted.
+    """
+    unassigned = np.isfinite(points[:, 0])
+    for cylinder in measurement.cylinders:
+        unassigned[cylinder.indices] = False
+    reasons: dict[tuple[int, int], str] = {}
+    for rejection in measurement.rejections:
+        reasons.setdefault((rejection.arc.start, rejection.arc.stop), rejection.reason)
+    arcs: list[RejectedArc] = []
+    for (start, stop), reason in sorted(reasons.items()):
+        indices = start + np.flatnonzero(unassigned[start:stop])
+        if len(indices):
+            colour = REJECTED[len(arcs) % len(REJECTED)]
+            arcs.append(RejectedArc(_letter(len(arcs)), indices, reason, colour))
+    return tuple(arcs)
+
+
+def _letter(number: int) -> str:
+    """Return A to Z for 0 to 25, then A1 to Z1, A2 to Z2, ..."""
+    suffix, letter = divmod(number, 26)
+    return chr(ord("A") + letter) + (str(suffix) if suffix else "")
+
 
 HEADING = "black"
 """Colour of headings, by which they are recognised and written in bold."""
@@ -33,17 +78,7 @@ SYMBOLS = (
 def draw_panel(
     figure: "Figure", cylinders: Sequence[CylinderSection], rejected: Sequence[RejectedArc]
 ) -> None:
-    """Write the panel into the right third of a figure.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        Figure to write into.
-    cylinders : sequence of CylinderSection
-        Cylinders, numbered from 1 in this order.
-    rejected : sequence of RejectedArc
-        Rejected arcs in the order of their letters.
-    """
+    """Write the panel into the right third of a figure; cylinders are numbered from 1."""
     lines = [*_cylinder_lines(cylinders), *_rejected_lines(rejected)]
     if len(lines) > MAX_LINES:
         left_out = len(lines) - MAX_LINES + 1

@@ -6,13 +6,18 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from lsvision.draw.figure_files import new_figure
+from lsvision.draw.figures import (
+    format_summary_title,
+    get_figure,
+    label_once,
+    new_figure,
+    set_title,
+)
 from lsvision.draw.space import fit_into_area, scale_axes
-from lsvision.draw.titles import format_summary_title, get_figure, label_once, set_title
 from lsvision.geometry import FloatArray, Points
 from lsvision.results.number_format import format_std, format_value, with_minus_signs
 from lsvision.results.palette import POINTS, cylinder_colour
-from lsvision.results.space_picture import AZIMUTH_DEG, ELEVATION_DEG
+from lsvision.results.picture import AZIMUTH_DEG, ELEVATION_DEG
 from lsvision.results.summaries import counted
 from lsvision.scan import ScanMeasurement, ScannedCylinder
 from lsvision.scan.shape import triangulate_tube

@@ -20,14 +20,9 @@ def scale_axes(
     axes: "Axes3D",
     names: Sequence[str] = ("X / mm", "Y / mm", "Z / mm"),
 ) -> None:
-    """Give all axes the same scale, a name, and ticks in proportion to their length.
+    """Give all axes the same scale, a name with its unit, and ticks in proportion to their length.
 
-    Parameters
-    ----------
-    axes : mpl_toolkits.mplot3d.Axes3D
-        Axes with their complete content.
-    names : (3,) sequence of str
-        Labels of the axes, with units.
+    The axes must have their complete content.
     """
     from matplotlib.ticker import MaxNLocator
 
@@ -44,12 +39,8 @@ def scale_axes(
 def fit_into_area(axes: "Axes3D", area: tuple[float, float, float, float]) -> None:
     """Scale and move axes until their drawing, including all labels, fills an area.
 
-    Parameters
-    ----------
-    axes : mpl_toolkits.mplot3d.Axes3D
-        Axes of a figure without automatic layout.
-    area : tuple of float
-        Area to fill: left, bottom, width, height, as fractions of the figure.
+    The area is left, bottom, width and height as fractions of the figure, whose layout is not
+    automatic.
     """
     left, bottom, width, height = area
     figure = axes.figure

@@ -31,16 +31,9 @@ LINE_ARROWS = 30
 class ViewPhoto:
     """Photo with the points detected in it and their residuals.
 
-    Parameters
-    ----------
-    name : str
-        Name of the file, with which the caption begins.
-    image : (height, width) or (height, width, 3) ndarray
-        Image of 8 or 16 bit; channels in the order blue, green, red.
-    corners, corner_residuals : (n, 2) ndarray
-        Points of the board found, and residuals (predicted minus found). Units: px.
-    line, line_residuals : (m, 2) ndarray
-        Points of the laser line found, and residuals (predicted minus found). Units: px.
+    The name of the file begins the caption. The image, of 8 or 16 bit, is grey or blue, green, red.
+    Found corners of the board, (n, 2), and points of the laser line, (m, 2), have residuals
+    (predicted minus found). Units: px.
     """
 
     name: str
@@ -54,12 +47,7 @@ class ViewPhoto:
 def arrow_factor(residuals: Sequence[FloatArray], width: int) -> float:
     """Return the magnification of the arrows that show residuals; 1 if the median is 0.
 
-    Parameters
-    ----------
-    residuals : sequence of (n, 2) ndarray
-        Residuals in all photos. Units: px.
-    width : int
-        Width of the widest photo. Units: px.
+    `residuals` are those of each photo, (n, 2), `width` is that of the widest photo. Units: px.
     """
     lengths = np.concatenate([np.hypot(*residual.T) for residual in residuals] or [np.zeros(0)])
     median = float(np.median(lengths)) if len(lengths) else 0.0
@@ -89,12 +77,8 @@ def combine_photos(
 def photo_svg(photo: ViewPhoto, factors: tuple[float, float]) -> str:
     """Return an ``<svg>`` element: the photo, its points, and residuals as arrows.
 
-    Parameters
-    ----------
-    photo : ViewPhoto
-        Photo, whose pixel coordinates are those of the element: (0, 0) is the centre of a pixel.
-    factors : tuple of float
-        Magnification of the corners' arrows and of the laser line's; from `arrow_factor`.
+    Its coordinates are pixels: (0, 0) is the centre of a pixel. `factors` are the magnifications of
+    the corners' arrows and of the laser line's, from `arrow_factor`.
     """
     height, width = photo.image.shape[:2]
     stroke = width / PHOTO_WIDTH  # one px of the page at the largest size

@@ -11,13 +11,8 @@ if TYPE_CHECKING:
 def html_environment(package: str = "lsvision.results") -> "Environment":
     """Return an environment with the templates of a package and those of `lsvision.results`.
 
-    Pages extend ``base.html.j2``, a template of `lsvision.results`. The values of a template are
-    escaped; an undefined name is an error.
-
-    Parameters
-    ----------
-    package : str
-        Package with a folder ``templates``.
+    Templates are in the package's folder ``templates``. Pages extend ``base.html.j2`` of
+    `lsvision.results`. The values of a template are escaped; an undefined name is an error.
 
     Examples
     --------

@@ -26,13 +26,6 @@ def with_minus_signs(text: str) -> str:
 def format_value(value: float, std: float) -> str:
     """Return a number with the decimals of `decimals_for`, and its std as by `format_std`.
 
-    Parameters
-    ----------
-    value : float
-        Number in any unit.
-    std : float
-        Standard uncertainty in the same unit.
-
     Examples
     --------
     >>> format_value(19.0234, 0.0512), format_value(359.4, 12.3), format_value(-0.01, 2.0)

@@ -1,12 +1,14 @@
-"""Small pictures of results as SVG text, for the cells of a notebook."""
+"""Small pictures of results as SVG text, for the cells of a notebook: in a plane or in space."""
 
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from lsvision.geometry import Ellipse, FloatArray, Points
-from lsvision.results.palette import POINTS, cylinder_colour
+from lsvision.results.number_format import with_minus_signs
+from lsvision.results.palette import EDGES, POINTS, cylinder_colour
 
 WIDTH_PX, MAX_HEIGHT_PX = 420, 320
 """Largest width and height of a picture. Units: px."""
@@ -26,19 +28,8 @@ OUTLINE_POINTS = 73
 def draw_svg(points: Points, cylinders: Sequence[tuple[Points, Ellipse]], description: str) -> str:
     """Return an ``<svg>`` of points in a plane and the cylinders among them, numbered.
 
-    Parameters
-    ----------
-    points : (n, 2) ndarray
-        All points; NaN rows are left out. Units: mm.
-    cylinders : sequence of ((k, 2) ndarray, Ellipse)
-        Points and ellipse of each cylinder. Units: mm.
-    description : str
-        Alternative text of the picture, for screen readers.
-
-    Returns
-    -------
-    str
-        SVG element with +y upwards; empty text without points.
+    +y is upwards. NaN rows of the points, (n, 2), are left out; each cylinder is its points and its
+    ellipse, in mm. The description is for screen readers. Without points the text is empty.
 
     Examples
     --------
@@ -61,16 +52,16 @@ def draw_svg(points: Points, cylinders: Sequence[tuple[Points, Ellipse]], descri
         pixels: FloatArray = (coordinates - middle) * (scale, -scale) + (width / 2, height / 2)
         return pixels
 
-    elements = [svg_dots(to_pixels(points), POINTS)]
+    elements = [_svg_dots(to_pixels(points), POINTS)]
     for number, ((arc, ellipse), outline) in enumerate(zip(cylinders, outlines, strict=True), 1):
         colour = cylinder_colour(number)
-        elements.append(svg_dots(to_pixels(arc), colour))
-        elements.append(svg_line(to_pixels(outline), colour))
-        elements.append(svg_text(str(number), to_pixels(np.array(ellipse.centre)), colour))
-    return svg_element(elements, width, height, description)
+        elements.append(_svg_dots(to_pixels(arc), colour))
+        elements.append(_svg_line(to_pixels(outline), colour))
+        elements.append(_svg_text(str(number), to_pixels(np.array(ellipse.centre)), colour))
+    return _svg_element(elements, width, height, description)
 
 
-def svg_element(elements: Sequence[str], width: float, height: float, description: str) -> str:
+def _svg_element(elements: Sequence[str], width: float, height: float, description: str) -> str:
     """Return an ``<svg>`` of a size in px with the given elements, on white.
 
     `description` is the alternative text; it is not escaped, nor are the elements.
@@ -82,13 +73,13 @@ def svg_element(elements: Sequence[str], width: float, height: float, descriptio
     )
 
 
-def svg_line(pixels: FloatArray, colour: str, dashes: str = "none") -> str:
+def _svg_line(pixels: FloatArray, colour: str, dashes: str = "none") -> str:
     """Return a line through points (px), with dashes as in ``stroke-dasharray``."""
     path = "L".join(f"{x:.1f},{y:.1f}" for x, y in pixels)
     return f'<path d="M{path}" fill="none" stroke="{colour}" stroke-dasharray="{dashes}"/>'
 
 
-def svg_text(
+def _svg_text(
     text: str, pixel: FloatArray, colour: str, size_px: int = 14, anchor: str = "middle"
 ) -> str:
     """Return a text with a white border.
@@ -104,9 +95,119 @@ def svg_text(
     )
 
 
-def svg_dots(pixels: FloatArray, colour: str) -> str:
+def _svg_dots(pixels: FloatArray, colour: str) -> str:
     """Return at most `MAX_POINTS` of the points (px) as dots: lines of length 0 with round ends."""
     valid = pixels[np.isfinite(pixels).all(axis=1)]
     sample = valid[:: max(1, math.ceil(len(valid) / MAX_POINTS))]
     path = "".join(f"M{x:.1f},{y:.1f}h0" for x, y in sample)
     return f'<path d="{path}" stroke="{colour}" stroke-width="2.5" stroke-linecap="round"/>'
+
+
+AZIMUTH_DEG, ELEVATION_DEG = -55.0, 25.0
+"""Direction from the drawing to the viewer: from X towards Y, and above the XY plane. In the
+picture X runs to the right and a little downwards, Y to the right and upwards, Z upwards."""
+BORDER_PX = 46.0
+"""Space around the drawing for numbers and names of the axes. Units: px."""
+LABEL_PX = 11
+"""Size of the letters of the axes. Units: px."""
+AXIS_DASHES = "8 3 2 3"
+"""Dashes and gaps of a cylinder's axis. Units: px."""
+NUMBER_RISE_PX = 4.0
+"""Distance from the end of an axis up to the number of its cylinder. Units: px."""
+CAPTION_PX = (6.0, 14.0)
+"""Position of the text that states the view. Units: px."""
+EDGE_ENDS = {"X": ((0, 0, 0), (1, 0, 0)), "Y": ((1, 0, 0), (1, 1, 0)), "Z": ((0, 0, 0), (0, 0, 1))}
+"""Edges of the box along which the axes are drawn: the lower two in front, and the vertical one on
+the left; 0 is the lower end of a coordinate, 1 the upper end."""
+LABEL_POSITIONS: dict[str, tuple[float, float, str]] = {
+    "X": (-4.0, 18.0, "end"),
+    "Y": (7.0, 14.0, "start"),
+    "Z": (-8.0, 4.0, "end"),
+}
+"""Offset (px) from an end of an axis to its number, away from the box, and anchor of the text:
+numbers of two axes at one corner do not overlap."""
+
+MIN_LENGTH_MM = 0.01
+"""Length of an axis below which its numbers get no more decimals."""
+
+DrawnCylinder = tuple[Points, Sequence[Points], Points]
+"""Measured points, circles at the ends of the cylinder, and the two ends of its axis, in mm."""
+
+
+def draw_space_svg(cylinders: Sequence[DrawnCylinder], description: str) -> str:
+    """Return an ``<svg>`` of cylinders, at least one, and their points, from above and Z upwards.
+
+    The view is a parallel projection along a constant direction, `AZIMUTH_DEG` and `ELEVATION_DEG`,
+    with one scale for all directions. Three edges of a box around all points are the axes, in mm.
+    The description is for screen readers; the view is added.
+
+    Examples
+    --------
+    >>> ends = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 9.0]])
+    >>> draw_space_svg([(ends + 2.0, [ends + 1.0], ends)], "a rod").count("<text")
+    11
+    """
+    all_points = np.concatenate(
+        [array for points, rings, axis in cylinders for array in (points, *rings, axis)]
+    )
+    box = np.stack([all_points.min(axis=0), all_points.max(axis=0)])
+    corners = np.array(list(itertools.product(*box.T))) @ _projection().T
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    drawing_size = np.array([WIDTH_PX, MAX_HEIGHT_PX]) - 2 * BORDER_PX
+    scale = float((drawing_size / (high - low)).min())
+    width, height = (high - low) * scale + 2 * BORDER_PX
+
+    def to_pixels(points: Points) -> FloatArray:
+        pixels: FloatArray = (points @ _projection().T - low) * scale + BORDER_PX
+        return pixels
+
+    elements = [_svg_text("base frame, Z up", np.array(CAPTION_PX), EDGES, LABEL_PX, "start")]
+    elements += _axes(box, to_pixels)
+    for number, cylinder in enumerate(cylinders, 1):
+        elements += _cylinder(cylinder, number, to_pixels)
+    return _svg_element(elements, width, height, f"{description}, Z up; X, Y, Z in mm")
+
+
+def _projection() -> FloatArray:
+    """Return the (2, 3) matrix that projects a point to the picture: to the right, downwards."""
+    azimuth, elevation = math.radians(AZIMUTH_DEG), math.radians(ELEVATION_DEG)
+    cos, sin = math.cos(azimuth), math.sin(azimuth)
+    right = (-sin, cos, 0.0)
+    down = (cos * math.sin(elevation), sin * math.sin(elevation), -math.cos(elevation))
+    return np.array([right, down])
+
+
+def _axes(box: FloatArray, to_pixels: Callable[[Points], FloatArray]) -> list[str]:
+    """Return the axes along edges of the box, each with the numbers of its ends."""
+    elements = []
+    for axis, (name, ends) in enumerate(EDGE_ENDS.items()):
+        edge = to_pixels(np.array([[box[k, j] for j, k in enumerate(end)] for end in ends]))
+        numbers = _end_numbers(*box[:, axis])
+        *offset, anchor = LABEL_POSITIONS[name]
+        positions = edge + np.array(offset)
+        elements.append(_svg_line(edge, EDGES))
+        for text, position in zip(
+            (*numbers, f"{name} mm"), (*positions, positions.mean(axis=0)), strict=True
+        ):
+            elements.append(_svg_text(text, position, EDGES, LABEL_PX, anchor))
+    return elements
+
+
+def _end_numbers(low: float, high: float) -> list[str]:
+    """Return both ends of an axis with at least two digits of their distance."""
+    decimals = max(0, 1 - math.floor(math.log10(max(high - low, MIN_LENGTH_MM))))
+    return [with_minus_signs(f"{value:z.{decimals}f}") for value in (low, high)]  # z: no -0.0
+
+
+def _cylinder(
+    cylinder: DrawnCylinder, number: int, to_pixels: Callable[[Points], FloatArray]
+) -> list[str]:
+    """Return points, circles, axis and number of a cylinder."""
+    points, rings, axis = cylinder
+    colour = cylinder_colour(number)
+    return [
+        _svg_dots(to_pixels(points), colour),
+        *(_svg_line(to_pixels(ring), colour) for ring in rings),
+        _svg_line(to_pixels(axis), colour, AXIS_DASHES),
+        _svg_text(str(number), to_pixels(axis)[1] - (0.0, NUMBER_RISE_PX), colour),
+    ]

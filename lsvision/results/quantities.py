@@ -1,8 +1,8 @@
 """Numbers of a result in the units of output, each with its uncertainty."""
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass
 from typing import Any, Literal
 
 from lsvision.results.number_format import decimals_for, format_value
@@ -141,22 +141,28 @@ def json_numbers(values: Iterable[float]) -> list[float | None]:
     return [finite_or_none(float(value)) for value in values]
 
 
+def plain_value(value: Any) -> Any:
+    """Return a value ready for JSON: dataclasses and mappings as dicts, tuples as lists.
+
+    NaN and infinity are None; a value of another kind is its text.
+    """
+    if is_dataclass(value) and not isinstance(value, type):
+        return {field.name: plain_value(getattr(value, field.name)) for field in fields(value)}
+    if isinstance(value, Mapping):
+        return {str(name): plain_value(member) for name, member in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain_value(member) for member in value]
+    if isinstance(value, float):
+        return finite_or_none(value)
+    return value if value is None or isinstance(value, bool | int | str) else str(value)
+
+
 def flat_row(record: Record, quantities: Sequence[Quantity] = ()) -> Record:
     """Return a record as one row of a table, without nested values.
 
-    Parameters
-    ----------
-    record : dict
-        Record of one cylinder, or of another item.
-    quantities : sequence of Quantity
-        Quantities whose intervals become columns.
-
-    Returns
-    -------
-    dict
-        Numbers and text unchanged; the ends of the intervals of `quantities` as ``*_low_95_*`` and
-        ``*_high_95_*``; three coordinates as ``*_x``, ``*_y``, ``*_z``, before the unit. Other
-        lists, and records within the record, are left out.
+    The ends of the intervals of `quantities` become ``*_low_95_*`` and ``*_high_95_*``; three
+    coordinates ``*_x``, ``*_y``, ``*_z``, before the unit. Other lists, and records within the
+    record, are left out.
 
     Examples
     --------

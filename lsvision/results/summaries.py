@@ -32,11 +32,6 @@ def counted(count: int, noun: str) -> str:
 def cylinder_summary(cylinders: Sequence[HasRadius]) -> str:
     """Return the number of cylinders and their radii.
 
-    Parameters
-    ----------
-    cylinders : sequence
-        Objects with ``radius`` and ``radius_std``. Units: mm.
-
     Examples
     --------
     >>> cylinder_summary(())
@@ -49,14 +44,7 @@ def cylinder_summary(cylinders: Sequence[HasRadius]) -> str:
 def rejection_notes(rejections: Sequence[object], noun: str, *, has_cylinders: bool) -> list[str]:
     """Return lines with the number of rejections, and each of them if no cylinder was found.
 
-    Parameters
-    ----------
-    rejections : sequence
-        Rejections; ``str`` of each states which points were rejected, and why.
-    noun : str
-        Noun for a rejected item, in the singular.
-    has_cylinders : bool
-        Whether a cylinder was found.
+    The noun is that of a rejected item, in the singular.
 
     Examples
     --------

@@ -9,13 +9,7 @@ Cells = Sequence[Sequence[str]]
 def text_table(rows: Cells, left: int = 0) -> list[str]:
     r"""Return rows of cells as lines, the columns aligned and two spaces between them.
 
-    Parameters
-    ----------
-    rows : sequence of sequence of str
-        Cells, the same number in each row.
-    left : int
-        Number of columns, from the first, that are aligned to the left; the others are aligned to
-        the right.
+    The first `left` columns are aligned to the left, the others to the right.
 
     Examples
     --------

@@ -12,9 +12,9 @@ from lsvision.cylinder.fit_result import CylinderFit
 from lsvision.geometry import Cylinder, FloatArray, IntArray, Points, Pose
 from lsvision.geometry.cylinder import WithCylinder
 from lsvision.measure import Measurement
+from lsvision.results.picture import draw_space_svg
 from lsvision.results.quantities import Record, json_numbers
 from lsvision.results.result import Result
-from lsvision.results.space_picture import draw_space_svg
 from lsvision.results.summaries import counted, cylinder_summary, rejection_notes
 from lsvision.scan.pose_errors import PoseErrors
 from lsvision.scan.scan_table import format_ranges, tube_cells, twin_notes

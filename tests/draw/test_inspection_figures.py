@@ -7,8 +7,8 @@ import pytest
 from matplotlib.colors import same_color
 
 from lsvision.draw.calibration_figures import draw_bars
-from lsvision.draw.figure_files import figure_bytes
-from lsvision.draw.inspection_figures import draw_judged_profile, draw_series
+from lsvision.draw.figures import figure_bytes
+from lsvision.draw.inspection_page import draw_judged_profile, draw_series
 from lsvision.inspection.inspected import JudgedMeasurement, collect_series
 from lsvision.inspection.job import Job
 from lsvision.inspection.judge import judge

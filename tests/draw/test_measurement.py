@@ -12,8 +12,7 @@ from matplotlib.colors import same_color
 from lsvision.detection.arcs import Rejection
 from lsvision.draw import draw_measurement, figure_bytes
 from lsvision.draw.measurement import LABEL_GAP_PX
-from lsvision.draw.panel import MAX_LINES
-from lsvision.draw.rejected import rejected_arcs
+from lsvision.draw.panel import MAX_LINES, rejected_arcs
 from lsvision.measure import Measurement, measure_cylinders
 from lsvision.profile import Arc, Profile
 from tests.draw.borders import has_white_border

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from lsvision.detection.arcs import Rejection
 from lsvision.draw import draw_laser_line, draw_on_photo, draw_overlay, figure_bytes
-from lsvision.draw.photo import show_photo
+from lsvision.draw.figures import show_photo
 from lsvision.io.images import read_image
 from lsvision.laser_line.extraction import LineSettings, extract_laser_line
 from lsvision.measure import Measurement, measure_cylinders

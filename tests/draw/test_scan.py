@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from mpl_toolkits.mplot3d.proj3d import proj_transform
 
-from lsvision.draw.figure_files import figure_bytes
+from lsvision.draw.figures import figure_bytes
 from lsvision.draw.scan import MAX_POINTS, MIN_FACING, draw_scan
 from lsvision.geometry import FloatArray, Points, Pose
 from lsvision.io.ply import UNASSIGNED_RGB, colour_points, colour_surfaces, cylinder_rgb

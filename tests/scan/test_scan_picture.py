@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lsvision.geometry import Pose
-from lsvision.results.space_picture import draw_space_svg
+from lsvision.results.picture import draw_space_svg
 from lsvision.scan import measure_scan
 from lsvision.simulate import SCENE_SENSOR, Scene, SectionSettings, Tube, simulate_scan
 from lsvision.simulate.hand_eye import rotation_from_vector
