@@ -88,8 +88,8 @@ def inspect(
       lsvision inspect fixtures/jobs/scan_welded_pair.toml fixtures/scan_welded_pair
       lsvision inspect job.toml golden.csv --golden
     """  # noqa: D301 - the backspace makes click keep the line breaks
-    from lsvision.inspection.append_only import read_records
     from lsvision.inspection.golden import find_blocking_reason, golden_path
+    from lsvision.inspection.history import read_records
     from lsvision.inspection.job import Job
 
     if report is not None and report.suffix.lower() not in (".html", ".htm"):
@@ -328,8 +328,8 @@ def _check_golden(
 
     Return the exit code; a file that cannot be measured does not stop the others.
     """
-    from lsvision.inspection.append_only import append_record
     from lsvision.inspection.golden import check_golden
+    from lsvision.inspection.history import append_record
 
     if run.job.golden is None:
         raise LsvisionError(f"{run.path}: the job names no golden part: add a [golden] table to it")

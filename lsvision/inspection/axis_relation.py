@@ -56,23 +56,13 @@ class ObservedCylinder:
 def relate_axes(
     first: ObservedCylinder, second: ObservedCylinder, up: FloatArray | None = None
 ) -> Relation:
-    """Return distance, angle, gap and flush of two cylinders in space.
+    """Return distance, angle, gap and flush of two cylinders in the same frame, and their seam.
 
-    Parameters
-    ----------
-    first, second : ObservedCylinder
-        Two cylinders in the same frame; their errors are taken as independent.
-    up : (3,) ndarray, optional
-        Unit vector along which flush is measured; without it flush is not measured.
-
-    Returns
-    -------
-    Relation
-        At the common perpendicular of the axes if it lies within the observed length of both, or
-        the angle of the axes exceeds `MAX_ANGLE_SIDE_BY_SIDE`; else in the middle of the length
-        along which both were observed: distance of the axes, gap of the surfaces, flush, angle and
-        seam. Covariances are propagated to first order: a common perpendicular moves with the axes,
-        positions in the middle of the length are kept fixed.
+    They are compared at the common perpendicular of the axes if it lies within the observed length
+    of both, or the angle of the axes exceeds `MAX_ANGLE_SIDE_BY_SIDE`; else in the middle of the
+    length along which both were observed. Covariances, of independent errors, are propagated to
+    first order: a common perpendicular moves with the axes, positions in the middle of the length
+    are kept fixed. Flush is measured along the unit vector `up`, (3,), if it is given.
 
     Raises
     ------
@@ -136,20 +126,10 @@ def _build_seam(pair: _Pair, values: FloatArray, covariance: FloatArray) -> Seam
 
 
 def angle_between(fit: CylinderFit, direction: FloatArray) -> Length:
-    """Return the angle between an axis, in either sense, and an exact direction.
+    """Return the angle between an axis, in either sense, and an exact direction, (3,).
 
-    Parameters
-    ----------
-    fit : CylinderFit
-        Cylinder with the axis.
-    direction : (3,) ndarray
-        Direction of any length above 0, in the frame of the fit.
-
-    Returns
-    -------
-    Length
-        Tilt from the axis to the direction along both rows of ``fit.tangent_basis``; its length is
-        the angle, at most 90 deg. Units: rad.
+    The vector is the tilt from the axis to the direction along both rows of ``fit.tangent_basis``;
+    its length is the angle, at most 90 deg. Units: rad.
     """
     unit = direction / np.abs(direction).max()  # so that its norm does not overflow
     unit = unit / np.linalg.norm(unit)
@@ -167,19 +147,11 @@ def angle_between(fit: CylinderFit, direction: FloatArray) -> Length:
 class _Pair:
     """Two cylinders, and the positions along their axes at which they are compared.
 
-    Parameters
-    ----------
-    first, second : CylinderFit
-        The cylinders.
-    sign : float
-        1 if the angle between both directions is at most 90 deg, else -1.
-    along : (float, float)
-        Position on each axis, from ``point`` along ``direction``. Units: mm.
-    offset_basis : (2, 3) ndarray
-        Vectors along which the offset of the axes is resolved: an orthonormal basis perpendicular
-        to the mean direction; for crossing axes, their common unit normal and a row of zeros.
-    crossing : bool
-        Whether they are compared at the common perpendicular.
+    `sign` is 1 if the angle between both directions is at most 90 deg, else -1; `along` the
+    position on each axis from ``point`` along ``direction``, in mm. The rows of `offset_basis`, (2,
+    3), are vectors along which the offset of the axes is resolved: an orthonormal basis
+    perpendicular to the mean direction; for axes compared at the common perpendicular (`crossing`),
+    their common unit normal and a row of zeros.
     """
 
     first: CylinderFit

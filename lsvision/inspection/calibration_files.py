@@ -20,12 +20,7 @@ CALIBRATION_KEYS = ("light_section", "flange_from_section")
 def check_calibration_files(job: Job, job_path: Path) -> dict[str, dict[str, str | None]]:
     """Return ``file``, ``date`` and ``sha256`` of each calibration file of a job, by its key.
 
-    Parameters
-    ----------
-    job : Job
-        The job.
-    job_path : Path
-        File of the job; paths in it are relative to its folder.
+    Paths in the job are relative to the folder of its file.
 
     Raises
     ------
@@ -57,12 +52,8 @@ def calibration_age_days(
 ) -> float | None:
     """Return the age of the oldest calibration in days; None if no file has a date.
 
-    Parameters
-    ----------
-    files : mapping
-        Result of `check_calibration_files`; a date without a time zone is taken as UTC.
-    now : datetime
-        Present time with its time zone.
+    The files are those of `check_calibration_files`; a date without a time zone is taken as UTC.
+    The present time has a time zone.
     """
     dates = [
         datetime.datetime.fromisoformat(date)

@@ -125,12 +125,7 @@ def estimate_capability(
 def binomial_interval(hits: int, count: int, level: float = 0.95) -> tuple[float, float]:
     """Return the confidence interval of a probability from counts, after Clopper and Pearson.
 
-    Parameters
-    ----------
-    hits, count : int
-        Number of hits, and number of trials; without trials the interval is (0, 1).
-    level : float
-        Level of confidence; the interval contains the probability at least that often.
+    It contains the probability with `level` at least; without trials it is (0, 1).
 
     Raises
     ------

@@ -1,12 +1,15 @@
-"""Decision OK, NG or undecided by the guard band of ISO 14253-1."""
+"""Decision OK, NG or undecided on a quantity, by the guard band of ISO 14253-1, with the reason."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import dataclass
 from enum import StrEnum
 
 from lsvision.inspection.uncertain import two_sided_factor
+from lsvision.results.quantities import Estimate, Record, finite_or_none
+from lsvision.results.result import Result
 
 
 class Decision(StrEnum):
@@ -34,13 +37,8 @@ def worst(decisions: Iterable[Decision]) -> Decision:
 def decide(interval: tuple[float, float], limits: tuple[float, float]) -> Decision:
     """Return the decision: OK if the interval lies inside the limits, NG outside, else undecided.
 
-    Parameters
-    ----------
-    interval : (float, float)
-        Contains the true value at the job's level; with a level of 0.95 each false answer has a
-        probability of at most 2.5 %.
-    limits : (float, float)
-        Smallest and largest good value; infinite where there is none.
+    The interval contains the true value at the job's level: with 0.95 each false answer has a
+    probability of at most 2.5 %. Limits are infinite where there is none.
 
     Examples
     --------
@@ -59,22 +57,9 @@ def widen_interval(
 ) -> tuple[float, float]:
     """Return an interval whose half widths include a further uncertainty, added in quadrature.
 
-    Parameters
-    ----------
-    value : float
-        The estimate.
-    interval : (float, float)
-        Its interval at `level`, which need not be symmetric about it.
-    extra_std : float
-        Standard uncertainty that the fit does not contain and that is independent of it, such as
-        the effect of temperature.
-    level : float
-        Level of confidence of the interval.
-
-    Returns
-    -------
-    (float, float)
-        ``value - hypot(value - low, z extra_std)`` and likewise above, with the normal quantile z.
+    Definition: ``value - hypot(value - low, z extra_std)`` and likewise above, with the normal
+    quantile z of the level. The interval need not be symmetric about the value; `extra_std` is what
+    the fit does not contain and is independent of it, such as the effect of temperature.
 
     Examples
     --------
@@ -85,3 +70,132 @@ def widen_interval(
     low, high = interval
     extra = two_sided_factor(level) * extra_std
     return value - math.hypot(value - low, extra), value + math.hypot(high - value, extra)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class QuantityVerdict(Result):
+    """Verdict on one quantity, in the unit of its estimate.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        Value, standard uncertainty and interval at the job's level, both with the job's
+        ``extra_std``; a periodic angle is shifted next to its limits.
+    limits : (float, float)
+        Smallest and largest permissible value; infinite if there is none.
+    decision : Decision
+        OK or NG if the interval lies inside or outside the limits, else undecided.
+    reason : str
+        Reason with numbers.
+    level : float
+        Level of confidence of the interval.
+    """
+
+    estimate: Estimate
+    limits: tuple[float, float]
+    decision: Decision
+    reason: str
+    level: float = 0.95
+
+    @property
+    def key(self) -> str:
+        """Key of the quantity in the job: name and unit, such as ``phi_deg``."""
+        return f"{self.estimate.quantity.name}_{self.estimate.quantity.unit}"
+
+    @property
+    def margin(self) -> float:
+        """Distance of the value from the nearer limit, over its std; negative outside.
+
+        Infinite if the std is 0.
+        """
+        lower, upper = self.limits
+        distance = min(self.estimate.value - lower, upper - self.estimate.value)
+        if self.estimate.std == 0:
+            return math.copysign(math.inf, distance)
+        return distance / self.estimate.std
+
+    @property
+    def limits_text(self) -> str:
+        """Limits as text, such as ``18.9 .. 19.1`` or ``<= 2``."""
+        lower, upper = self.limits
+        if lower == -math.inf:
+            return f"<= {upper:.9g}"
+        return f">= {lower:.9g}" if upper == math.inf else f"{lower:.9g} .. {upper:.9g}"
+
+    def to_dict(self) -> Record:
+        """Return value, interval, limits, margin, decision and reason, ready for JSON.
+
+        Returns
+        -------
+        dict
+            Values in the unit that the key in ``quantity`` ends with.
+        """
+        low, high = self.estimate.interval
+        return {
+            "quantity": self.key,
+            "value": finite_or_none(self.estimate.value),
+            "std": finite_or_none(self.estimate.std),
+            "low": finite_or_none(low),
+            "high": finite_or_none(high),
+            "level": self.level,
+            "min": finite_or_none(self.limits[0]),
+            "max": finite_or_none(self.limits[1]),
+            "margin_sigmas": finite_or_none(self.margin),
+            "decision": str(self.decision),
+            "reason": self.reason,
+        }
+
+    def _summary(self) -> str:
+        return f"{self.key} {self.estimate.text}: {self.decision}, {self.reason}"
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        return [QUANTITY_HEADER, quantity_cells("", self)]
+
+
+QUANTITY_HEADER = ("", "quantity", "value", "interval", "limits", "margin", "")
+"""Header of a table of verdicts; the first column is the item, the last the decision."""
+
+
+def quantity_cells(name: str, verdict: QuantityVerdict) -> tuple[str, ...]:
+    """Return the row of a quantity, with the columns of `QUANTITY_HEADER`."""
+    estimate = verdict.estimate
+    margin = f"{verdict.margin:+.1f} sigma" if estimate.determined else ""
+    interval = estimate.interval_text if estimate.determined else ""
+    return (
+        name, estimate.quantity.heading, estimate.text, interval, verdict.limits_text, margin,
+        str(verdict.decision),
+    )  # fmt: skip
+
+
+def judge_quantity(
+    estimate: Estimate, limits: tuple[float, float], level: float
+) -> QuantityVerdict:
+    """Return the verdict of a quantity, with its reason.
+
+    The estimate has its interval at `level`, including the job's ``extra_std``; the limits are in
+    its unit. Undecided if the value is not determined or an end of its interval is not finite.
+    """
+    if not estimate.determined or not all(map(math.isfinite, estimate.interval)):
+        reason = "not determinable from this measurement"
+        return QuantityVerdict(estimate, limits, Decision.UNDECIDED, reason, level)
+    decision = decide(estimate.interval, limits)
+    return QuantityVerdict(estimate, limits, decision, _reason(estimate, limits, decision), level)
+
+
+def _reason(estimate: Estimate, limits: tuple[float, float], decision: Decision) -> str:
+    """Return how the interval lies relative to the limits, with numbers."""
+    low, high = estimate.interval
+    lower, upper = limits
+    interval, unit = estimate.interval_text, estimate.quantity.unit_text
+    if decision == Decision.OK:
+        return f"interval {interval} {unit} lies inside the limits"
+    if decision == Decision.NG:
+        side = f"below {lower:.9g}" if high < lower else f"above {upper:.9g}"
+        return f"interval {interval} {unit} lies wholly {side}"
+    crossed = [
+        f"{limit:.9g}"
+        for limit, is_crossed in ((lower, low < lower <= high), (upper, low <= upper < high))
+        if is_crossed
+    ]
+    word = "limits" if len(crossed) > 1 else "limit"
+    return f"interval {interval} {unit} contains the {word} {' and '.join(crossed)}"

@@ -29,22 +29,9 @@ def check_golden(
 ) -> Record:
     """Return the record of a measurement of the golden part, compared with its known radius.
 
-    Parameters
-    ----------
-    cylinders : sequence of CylinderSection or ScannedCylinder
-        Measured cylinders; the one nearest to the known radius is the golden part.
-    job : Job
-        Job with a ``[golden]`` table.
-    source : str
-        Name of the measured file.
-    now : datetime
-        Time of the measurement with its time zone.
-
-    Returns
-    -------
-    dict
-        Record for the log. ``passed`` is true only if the interval of the radius lies within the
-        tolerance: an undecided check does not pass.
+    The golden part is the cylinder nearest to the known radius. ``passed`` is true only if the
+    interval of the radius lies within the tolerance: an undecided check does not pass. `now` has a
+    time zone.
 
     Raises
     ------
@@ -83,14 +70,7 @@ def _decision_rule(job: Job) -> tuple[float, float]:
 def find_blocking_reason(job: Job, log: Sequence[Record], now: datetime.datetime) -> str:
     """Return the reason why the golden part blocks all decisions; empty if it does not.
 
-    Parameters
-    ----------
-    job : Job
-        Job; without a ``[golden]`` table the result is empty.
-    log : sequence of dict
-        Records of `check_golden`, the oldest first.
-    now : datetime
-        Present time with its time zone.
+    The log has the records of `check_golden`, the oldest first; `now` has a time zone.
     """
     if job.golden is None:
         return ""

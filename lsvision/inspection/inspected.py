@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from lsvision.inspection.capability import Capability, binomial_interval, estimate_capability
-from lsvision.inspection.decision import Decision
-from lsvision.inspection.quantity_verdict import QuantityVerdict
+from lsvision.inspection.decision import Decision, QuantityVerdict
 from lsvision.inspection.remedies import Remedy
 from lsvision.inspection.verdict import Verdict, verdict_rows
 from lsvision.measure import Measurement
@@ -20,18 +19,8 @@ from lsvision.scan.scan_result import ScanMeasurement
 class JudgedMeasurement:
     """A measurement with its verdict.
 
-    Parameters
-    ----------
-    source : str
-        Name of the file, or of the folder of a scan.
-    profile : int
-        Index of the profile in its file; 0 for a scan.
-    measurement : Measurement or ScanMeasurement
-        Measurement that was judged.
-    verdict : Verdict
-        Verdict on the measurement.
-    remedies : tuple of Remedy
-        Measurements that would decide the undecided quantities.
+    `source` is the file, or the folder of a scan; `profile` the index of the profile in its file, 0
+    for a scan. The remedies are measurements that would decide the undecided quantities.
     """
 
     source: str
@@ -63,17 +52,7 @@ class JudgedMeasurement:
 
 @dataclass(frozen=True)
 class VerdictCount:
-    """Number of verdicts of one kind.
-
-    Parameters
-    ----------
-    decision : Decision
-        Kind of verdict.
-    count : int
-        Number of such verdicts.
-    interval : (float, float)
-        95 % confidence interval of the probability of this verdict.
-    """
+    """Number of verdicts of one kind, and the 95 % confidence interval of their probability."""
 
     decision: Decision
     count: int
@@ -84,21 +63,9 @@ class VerdictCount:
 class Series:
     """A quantity of a part or relation in all measurements that determine it.
 
-    Parameters
-    ----------
-    item : str
-        Part or relation.
-    quantity : Quantity
-        Name and unit.
-    limits : (float, float)
-        Lower and upper limit; infinite without a limit.
-    numbers : tuple of int
-        Numbers of these measurements among all, from 1.
-    values, stds, lows, highs : tuple of float
-        Values, standard uncertainties and interval ends in the order of the measurements, in the
-        unit of the quantity.
-    decisions : tuple of Decision
-        Decision of each measurement.
+    `numbers` are those of these measurements among all, from 1. Values, standard uncertainties and
+    interval ends are in their order and in the unit of the quantity, as are the limits, which are
+    infinite if there is none.
     """
 
     item: str

@@ -33,14 +33,9 @@ _MAX_SHOWN_CHARACTERS = 60
 
 @dataclass(frozen=True)
 class Mistake:
-    """Mistake in a job file.
+    """Mistake in a job file: what was expected, what was found, and the remedy.
 
-    Parameters
-    ----------
-    line : int or None
-        Line of the mistake, from 1; None if something is missing.
-    message : str
-        What was expected, what was found, and the remedy.
+    The line is counted from 1; None if something is missing.
     """
 
     line: int | None
@@ -51,13 +46,7 @@ class Mistake:
 
 
 class MistakesError(ValueError):
-    """Mistakes in several tables, each with its location.
-
-    Parameters
-    ----------
-    mistakes : sequence of (location, message)
-        See `Location`.
-    """
+    """Mistakes in several tables, each with its `Location`."""
 
     def __init__(self, mistakes: Sequence[tuple[Location, str]]) -> None:
         super().__init__("; ".join(message for _, message in mistakes))
@@ -77,14 +66,7 @@ def syntax_mistake(error: tomllib.TOMLDecodeError) -> Mistake:
 def describe_mistakes(error: ValidationError, text: str, model: type[BaseModel]) -> list[Mistake]:
     """Return all mistakes of a job, in the order of its lines.
 
-    Parameters
-    ----------
-    error : ValidationError
-        Error from the validation of the job's model.
-    text : str
-        The file.
-    model : type
-        Model of the job, with the known keys.
+    The error is that of the job's model, which has the known keys; the text is that of the file.
     """
     lines = _lines_of_keys(text)
     mistakes: list[Mistake] = []
@@ -173,7 +155,7 @@ def _describe_mistake(location: Location, detail: Any, model: type[BaseModel]) -
     if kind == "too_short":
         return f"expected at least one [[{_format_location(location)}]], got none: add it"
     if kind == "extra_forbidden":
-        return _unknown_key(key, location, known_keys(location, model))
+        return _unknown_key(key, location, _known_keys(location, model))
     if kind == "value_error":
         return f"{_format_location(location)}: {detail['ctx']['error']}"
     return (
@@ -219,7 +201,7 @@ def _unknown_key(key: str, location: Location, known: list[str]) -> str:
     return f"{_format_location(location)}: unknown key: {remedy}"
 
 
-def known_keys(location: Location, model: type[BaseModel]) -> list[str]:
+def _known_keys(location: Location, model: type[BaseModel]) -> list[str]:
     """Return the keys that are allowed in the table around a location; none if it is no table."""
     for key in location[:-1]:
         if isinstance(key, str):

@@ -58,23 +58,12 @@ undecided = "ng"  # how an output of one bit (OK or NG) shows an undecided verdi
 
 
 def build_job_text(name: str, cylinders: Sequence[CylinderSection], tolerance: float) -> str:
-    """Return the text of a job whose limits contain the measured cylinders.
+    """Return the text of a job, in TOML, whose limits contain the measured cylinders.
 
-    Parameters
-    ----------
-    name : str
-        Name of the job; its first 80 characters are written.
-    cylinders : sequence of CylinderSection
-        Measured cylinders from left to right, at least one.
-    tolerance : float
-        Permissible deviation of the radius, up and down, above 0. Units: mm.
-
-    Returns
-    -------
-    str
-        TOML; nominal radii are rounded to the power of ten at or below a tenth of the tolerance,
-        windows in x extend to the middle between neighbours, gaps between neighbours may exceed the
-        measured ones by the tolerance (rounded to 1 um or to the same power of ten).
+    Nominal radii are rounded to the power of ten at or below a tenth of the tolerance (above 0, in
+    mm), windows in x extend to the middle between neighbours, gaps between neighbours may exceed
+    the measured ones by the tolerance (rounded to 1 um or to the same power of ten). The cylinders,
+    at least one, are from left to right; of the name 80 characters are written.
     """
     radii = [cylinder.radius for cylinder in cylinders]
     tables = [
@@ -149,17 +138,7 @@ def _max_gap(relation: Relation, tolerance: float) -> float:
 def find_needed_tolerance(job: Job, cylinders: Sequence[CylinderSection]) -> float | None:
     """Return the smallest tolerance with which radii and gaps of a job are OK; None if they are.
 
-    Parameters
-    ----------
-    job : Job
-        Job of these cylinders, each with a nominal radius, from `build_job_text`.
-    cylinders : sequence of CylinderSection
-        The measured cylinders, in the order of the parts.
-
-    Returns
-    -------
-    float or None
-        Rounded up to two digits. Units: mm.
+    The job is that of `build_job_text` for these cylinders. Rounded up to two digits. Units: mm.
     """
     lower, upper = job.parts[0].limits["radius_mm"].ends
     # Rounded, since with 0.09999999999999964 for 0.1 the nominal would have another step.

@@ -14,13 +14,12 @@ from lsvision.ellipse.fit import with_known_radius
 from lsvision.ellipse.prior_check import contradicting_radius
 from lsvision.ellipse.problem import Priors
 from lsvision.ellipse.section import CylinderSection
-from lsvision.inspection.decision import Decision, widen_interval
+from lsvision.inspection.decision import Decision, QuantityVerdict, judge_quantity, widen_interval
 from lsvision.inspection.job import Job
 from lsvision.inspection.job_tables import Part, RelationLimits
 from lsvision.inspection.limits import POSSIBLE_RANGES, quantity_from_key
 from lsvision.inspection.matching import Matching, match_parts
 from lsvision.inspection.quantities import measure_quantity
-from lsvision.inspection.quantity_verdict import QuantityVerdict, judge_quantity
 from lsvision.inspection.relate import MeasuredCylinder, relate
 from lsvision.inspection.verdict import ItemVerdict, Provenance, Verdict
 from lsvision.measure import Measurement

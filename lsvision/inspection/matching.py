@@ -20,14 +20,9 @@ RADIUS_TOLERANCE = 0.2
 class Matching:
     """Assignment of cylinders to parts.
 
-    Parameters
-    ----------
-    cylinders : mapping of str to int
-        Index of the cylinder of each part that was found.
-    additional : tuple of int
-        Indices of the cylinders that are not parts of the job.
-    owners : mapping of str to str
-        For each part whose cylinder was already assigned to an earlier part: that part.
+    `cylinders` are the index of the cylinder of each part that was found, `additional` those of
+    cylinders that are not parts of the job; `owners` the earlier part of each part whose cylinder
+    was already assigned to it.
     """
 
     cylinders: Mapping[str, int]
@@ -38,15 +33,10 @@ class Matching:
 def match_parts(parts: Sequence[Part], cylinders: Sequence[MeasuredCylinder]) -> Matching:
     """Return the assignment of cylinders to parts.
 
-    Parameters
-    ----------
-    parts : sequence of Part
-        A part with windows is assigned the cylinder that lies in them and nearest to their middle;
-        a part with an order, the cylinder of that number. Of the remaining cylinders as many as
-        possible are assigned to the other parts, each with a relative deviation of the radius of at
-        most 20 %, such that the sum of the deviations is smallest.
-    cylinders : sequence of CylinderSection or ScannedCylinder
-        In the order of the measurement, that is from left to right in a profile.
+    A part with windows is assigned the cylinder that lies in them and nearest to their middle; a
+    part with an order, the cylinder of that number, from left to right in a profile. Of the
+    remaining cylinders as many as possible are assigned to the other parts, each with a relative
+    deviation of the radius of at most 20 %, such that the sum of the deviations is smallest.
     """
     matched: dict[str, int] = {}
     owners: dict[str, str] = {}
@@ -66,51 +56,21 @@ def match_parts(parts: Sequence[Part], cylinders: Sequence[MeasuredCylinder]) ->
     return Matching(matched, additional, owners)
 
 
-def reference_position(cylinder: MeasuredCylinder) -> tuple[float, ...]:
-    """Return the centre in the section, (2,), or ``point`` in the base frame, (3,). Units: mm."""
-    position = cylinder.centre if isinstance(cylinder, CylinderSection) else cylinder.point
-    return tuple(map(float, position))
-
-
-def lies_in_windows(part: Part, position: Sequence[float]) -> bool:
-    """Return whether a position is in the part's windows of all axes that the position has."""
-    return all(
-        low <= coordinate <= high
-        for coordinate, (low, high) in _coordinates_and_windows(part, position)
-    )
-
-
-def _coordinates_and_windows(
-    part: Part, position: Sequence[float]
-) -> list[tuple[float, tuple[float, float]]]:
-    """Return coordinate and window for each axis that both the position and the windows have."""
-    return [
-        (coordinate, part.windows[axis])
-        for axis, coordinate in zip("xyz", position, strict=False)
-        if axis in part.windows
-    ]
-
-
 def _match_by_position_or_order(part: Part, cylinders: Sequence[MeasuredCylinder]) -> int | None:
     """Return the index of the part's cylinder; None without one, or without position and order."""
     if part.order is not None:
         return part.order - 1 if part.order <= len(cylinders) else None
     if not part.windows:
         return None
-    positions = [reference_position(cylinder) for cylinder in cylinders]
-    candidates = [
-        index for index, position in enumerate(positions) if lies_in_windows(part, position)
-    ]
-
-    def distance_from_middle(index: int) -> float:
-        return math.hypot(
-            *(
-                coordinate - (low / 2 + high / 2)
-                for coordinate, (low, high) in _coordinates_and_windows(part, positions[index])
-            )
-        )
-
-    return min(candidates, key=distance_from_middle, default=None)
+    distances: dict[int, float] = {}
+    for index, cylinder in enumerate(cylinders):
+        position = cylinder.centre if isinstance(cylinder, CylinderSection) else cylinder.point
+        axes = zip("xyz", map(float, position), strict=False)  # a section has no z
+        pairs = [(coordinate, part.windows[a]) for a, coordinate in axes if a in part.windows]
+        if all(low <= coordinate <= high for coordinate, (low, high) in pairs):
+            middles = (coordinate - (low / 2 + high / 2) for coordinate, (low, high) in pairs)
+            distances[index] = math.hypot(*middles)
+    return min(distances, key=distances.__getitem__, default=None)
 
 
 def _match_by_radius(

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from lsvision.cylinder.robot_frame import SectionMount
 
 
-def noise_model_from_job(job: Job) -> NoiseModel | None:
+def _noise_model_from_job(job: Job) -> NoiseModel | None:
     """Return the noise model that the job names or describes; None if it does neither."""
     measure = job.measure
     if measure.sensor is not None:
@@ -41,7 +41,7 @@ def measure_profiles_of_job(profiles: Sequence[Profile], job: Job) -> list[Measu
         radius=job.measure.radius_mm,
         known_radius=job.measure.known_radius_mm,
         known_phi=phi,
-        sensor=noise_model_from_job(job),
+        sensor=_noise_model_from_job(job),
     )
 
 
@@ -58,7 +58,7 @@ def measure_scan_of_job(
         base_from_sections,
         radius=job.measure.radius_mm,
         known_radius=job.measure.known_radius_mm,
-        sensor=noise_model_from_job(job),
+        sensor=_noise_model_from_job(job),
         pose_std=scan.pose_std_mm,
         feed_std=math.radians(scan.feed_std_deg),
         calibration=calibration,

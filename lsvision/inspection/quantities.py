@@ -24,26 +24,12 @@ KEYS_OF_AXIS = ("direction_deg", "position_mm", "point_x_mm", "point_y_mm", "poi
 
 
 def measure_quantity(cylinder: MeasuredCylinder, part: Part, key: str, level: float) -> Estimate:
-    """Return a quantity of a cylinder with its interval, in the unit of its key.
+    """Return a quantity of a cylinder with its interval at `level`, in the unit of its key.
 
-    Parameters
-    ----------
-    cylinder : CylinderSection or ScannedCylinder
-        Measured cylinder.
-    part : Part
-        Part to which it is assigned: its nominal direction and point are those from which
-        ``direction_deg`` and ``position_mm`` are measured.
-    key : str
-        One of `SECTION_KEYS` for a section, of `SCAN_KEYS` for a scan.
-    level : float
-        Level of confidence of the interval.
-
-    Returns
-    -------
-    Estimate
-        Not determined: theta whose interval contains every direction; bow, taper and ovality of a
-        tube in fewer than three sections, which are NaN; direction and position of a tube in one
-        section, whose twin fits equally well.
+    The key is one of `SECTION_KEYS` for a section, of `SCAN_KEYS` for a scan. Not determined: theta
+    whose interval contains every direction; bow, taper and ovality of a tube in fewer than three
+    sections, which are NaN; direction and position of a tube in one section, whose twin fits
+    equally well.
 
     Raises
     ------

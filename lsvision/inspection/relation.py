@@ -233,22 +233,10 @@ class Relation(Result):
         seam = self.seam
         if seam is None:
             return []
-        point = format_point(seam.point)
+        point = " ".join(f"{coordinate:z.3f}" for coordinate in seam.point)
         x, y, z = seam.direction
         where = "nearest approach" if seam.crossing else "middle of the common length"
         return [
             f"seam ({point}) ± {format_std(seam.point_std)} mm, direction ({x:+z.4f} {y:+z.4f} "
             f"{z:+z.4f}) ± {format_std(math.degrees(seam.direction_std))} deg, at the {where}"
         ]
-
-
-def format_point(point: FloatArray) -> str:
-    """Return three coordinates as text for a table.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> format_point(np.array([1.0, 2.5, -3.0]))
-    '1.000 2.500 -3.000'
-    """
-    return " ".join(f"{coordinate:z.3f}" for coordinate in point)

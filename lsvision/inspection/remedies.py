@@ -9,9 +9,8 @@ import numpy as np
 
 from lsvision.ellipse.section import CylinderSection
 from lsvision.errors import LsvisionError
-from lsvision.inspection.decision import Decision
+from lsvision.inspection.decision import Decision, QuantityVerdict
 from lsvision.inspection.job import Job
-from lsvision.inspection.quantity_verdict import QuantityVerdict
 from lsvision.inspection.uncertain import two_sided_factor
 from lsvision.inspection.verdict import Verdict
 from lsvision.measure import Measurement
@@ -62,21 +61,9 @@ class Remedy:
 def plan_remedies(verdict: Verdict, measurement: Measurement, job: Job) -> tuple[Remedy, ...]:
     """Plan a scan that would decide each undecided quantity of a profile's parts.
 
-    Parameters
-    ----------
-    verdict : Verdict
-        Verdict of the measurement.
-    measurement : Measurement
-        Measurement of one profile.
-    job : Job
-        Job of the verdict.
-
-    Returns
-    -------
-    tuple of Remedy
-        One for each undecided radius, diameter, theta and phi. The planner is given the noise,
-        pitch and position of the measured part; its predictions are scaled such that, for one
-        section, the std of the radius is at least the measured one.
+    The quantities are radius, diameter, theta and phi. The planner is given the noise, pitch and
+    position of the measured part; its predictions are scaled such that, for one section, the std of
+    the radius is at least the measured one.
     """
     remedies = []
     for item in verdict.parts:

@@ -25,18 +25,9 @@ UP = np.array([0.0, 1.0])
 def relate_sections(first: CylinderSection, second: CylinderSection) -> Relation:
     """Return distance, angle, gap and flush of two cylinders in the plane of their section.
 
-    The covariances of both fits, which share no points, are propagated to first order.
-
-    Parameters
-    ----------
-    first, second : CylinderSection
-        Two cylinders measured in the same profile.
-
-    Returns
-    -------
-    Relation
-        Distance of the centres; gap of the ellipses in the plane, negative where they overlap;
-        flush, the height of the second's crest over the first's along Y; angle of the axes.
+    Distance of the centres; gap of the ellipses in the plane, negative where they overlap; flush,
+    the height of the second's crest over the first's along Y; angle of the axes. The covariances of
+    both fits, which share no points, are propagated to first order.
     """
     offset = np.subtract(second.centre, first.centre)
     dof = _smaller_dof(first, second)
@@ -46,7 +37,7 @@ def relate_sections(first: CylinderSection, second: CylinderSection) -> Relation
     return Relation(
         {
             "distance": Length(offset, covariance + other_covariance, dof),
-            "angle": AngleOfSections(first, second),
+            "angle": _AngleOfSections(first, second),
             "gap": _separation(first, second, _direction_of_gap(first, second)),
             "flush": _crest_height(first, second),
         }
@@ -54,7 +45,7 @@ def relate_sections(first: CylinderSection, second: CylinderSection) -> Relation
 
 
 @dataclass(frozen=True)
-class AngleOfSections:
+class _AngleOfSections:
     """Angle between two axes, of which one section does not determine the signs of the tilts.
 
     Parameters

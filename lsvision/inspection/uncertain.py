@@ -197,13 +197,7 @@ def _lower_length_bound(length: float, unit: FloatArray, stds: FloatArray, tail:
 def two_sided_factor(level: float, degrees_of_freedom: float = math.inf) -> float:
     """Return the ratio of the half width of an interval to the standard uncertainty.
 
-    Parameters
-    ----------
-    level : float
-        Level of confidence of the interval.
-    degrees_of_freedom : float
-        Degrees of freedom of the standard uncertainty, at least 1. Infinite: the normal quantile;
-        else Student's.
+    The normal quantile, or Student's for finite degrees of freedom, which are at least 1.
 
     Examples
     --------

@@ -17,18 +17,7 @@ QUANTITIES_BY_REFERENCE = {
 
 
 def describe_unused_keys(job: Job) -> str | None:
-    """Return a message on all that a job states and no command uses; None if all is used.
-
-    Parameters
-    ----------
-    job : Job
-        Job, already validated.
-
-    Returns
-    -------
-    str or None
-        One line: the tables and keys, each with the reason.
-    """
+    """Return a line on all that a job states and no command uses; None if all is used."""
     unused = [
         (
             [f"[{name}]" for name in UNATTENDED_TABLES if getattr(job, name) is not None],
@@ -59,18 +48,7 @@ def describe_unused_keys(job: Job) -> str | None:
 
 
 def describe_rejected_keys(job: Job) -> str | None:
-    """Return a message on what a job states and ``lsvision inspect`` rejects; None if nothing.
-
-    Parameters
-    ----------
-    job : Job
-        Job, already validated.
-
-    Returns
-    -------
-    str or None
-        One line: the keys, each with the reason.
-    """
+    """Return a line on what a job states and ``lsvision inspect`` rejects; None if nothing."""
     allowed = SCAN_KEYS if job.scan else SECTION_KEYS
     other_kind = [
         f"{key} of part {part.name!r}" for part in job.parts for key in part.limits

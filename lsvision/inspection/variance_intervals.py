@@ -27,18 +27,8 @@ def mean_square_interval(
 ) -> tuple[float, float]:
     """Return the confidence interval of a linear combination of expected mean squares.
 
-    Parameters
-    ----------
-    coefficients, mean_squares, degrees_of_freedom : sequence of float
-        Coefficient, observed mean square and its degrees of freedom for each term; coefficients may
-        be negative.
-    level : float
-        Level of confidence. The interval is exact for a single mean square, else approximate.
-
-    Returns
-    -------
-    low, high : float
-        Limits of the interval. A negative limit is set to 0, since the combination is a variance.
+    It is exact for a single mean square, else approximate; a negative limit is set to 0, since the
+    combination is a variance. Coefficients may be negative.
 
     Examples
     --------
@@ -69,13 +59,9 @@ def _squared_distance_to_limit(
 ) -> float:
     """Return the squared distance from the estimate to one limit of its interval.
 
-    Parameters
-    ----------
-    decreased, increased : sequence of (float, float)
-        Absolute value of coefficient times mean square, and degrees of freedom: of the terms that
-        are smaller at this limit than observed, and of those that are larger.
-    tail : float
-        Probability that the true value lies beyond this limit.
+    Terms are the absolute value of coefficient times mean square, and degrees of freedom: of the
+    terms that are smaller at this limit than observed, and of those that are larger. `tail` is the
+    probability that the true value lies beyond this limit.
     """
     from scipy.stats import f
 
@@ -118,15 +104,8 @@ def require_finite_values(values: FloatArray) -> None:
 def sums_of_squares(values: FloatArray) -> tuple[float, float, float, float]:
     """Return the sums of squares of parts, operators, interaction and repeatability.
 
-    Parameters
-    ----------
-    values : (parts, operators, trials) ndarray
-        Measured values of a study in which each operator measures each part equally often.
-
-    Returns
-    -------
-    parts, operators, interaction, repeatability : float
-        Sums of squares, in the square of the measured unit.
+    The values, (parts, operators, trials), are of a study in which each operator measures each part
+    equally often; the sums are in the square of their unit.
     """
     parts, operators, trials = values.shape
     # From the first value, so that equal values have no spread by rounding errors of their mean.

@@ -5,9 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from lsvision.inspection.decision import Decision, worst
+from lsvision.inspection.decision import (
+    QUANTITY_HEADER,
+    Decision,
+    QuantityVerdict,
+    quantity_cells,
+    worst,
+)
 from lsvision.inspection.job_tables import find_part
-from lsvision.inspection.quantity_verdict import QUANTITY_HEADER, QuantityVerdict, quantity_cells
 from lsvision.results.quantities import Record
 from lsvision.results.result import Result
 

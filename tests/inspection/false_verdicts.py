@@ -11,10 +11,9 @@ import numpy as np
 from scipy.special import ndtr
 
 from lsvision.errors import DegenerateGeometry
-from lsvision.inspection.decision import Decision
+from lsvision.inspection.decision import Decision, judge_quantity
 from lsvision.inspection.job_tables import Part
 from lsvision.inspection.quantities import measure_quantity
-from lsvision.inspection.quantity_verdict import judge_quantity
 from lsvision.measure import measure_cylinders
 from lsvision.planning import section_bound
 from lsvision.simulate import TubeRanges, random_section

@@ -2,9 +2,8 @@ import math
 
 import pytest
 
-from lsvision.inspection.decision import Decision, decide, widen_interval, worst
+from lsvision.inspection.decision import Decision, decide, judge_quantity, widen_interval, worst
 from lsvision.inspection.limits import quantity_from_key
-from lsvision.inspection.quantity_verdict import judge_quantity
 from lsvision.results.quantities import Estimate
 
 OPEN = -math.inf

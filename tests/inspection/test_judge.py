@@ -10,9 +10,9 @@ import pytest
 
 import lsvision as lsv
 from lsvision.detection.arcs import Rejection
+from lsvision.inspection.decision import judge_quantity
 from lsvision.inspection.judge import _judge_periodic_angle
 from lsvision.inspection.limits import quantity_from_key
-from lsvision.inspection.quantity_verdict import judge_quantity
 from lsvision.measure import Measurement, measure_cylinders
 from lsvision.profile import Arc
 from lsvision.results.quantities import Estimate

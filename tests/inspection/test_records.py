@@ -11,10 +11,15 @@ import pytest
 
 import lsvision as lsv
 from lsvision.errors import LsvisionError, UnreadableFile
-from lsvision.inspection.append_only import append_record, read_records
 from lsvision.inspection.calibration_files import calibration_age_days, check_calibration_files
 from lsvision.inspection.golden import check_golden, find_blocking_reason
-from lsvision.inspection.history import describe_unrecorded_change, history_path, record_revision
+from lsvision.inspection.history import (
+    append_record,
+    describe_unrecorded_change,
+    history_path,
+    read_records,
+    record_revision,
+)
 from lsvision.inspection.job_template import build_job_text, find_needed_tolerance
 from lsvision.inspection.remedies import plan_remedies
 from lsvision.measure import measure_cylinders
