@@ -35,22 +35,11 @@ class _TaskError(Exception):
 def run_on_cluster(
     function: Callable[[Task], Value], tasks: Iterable[Task], address: str
 ) -> Iterator[Finished[Task, Value]]:
-    """Yield the results of tasks as they finish on a cluster.
+    """Yield the results of tasks as they finish on the cluster of a scheduler.
 
-    Parameters
-    ----------
-    function : callable
-        Function in a module that is installed on all workers.
-    tasks : iterable
-        Tasks, read lazily as results arrive.
-    address : str
-        Address of the scheduler, such as ``tcp://192.168.0.10:8786``.
-
-    Yields
-    ------
-    Finished
-        Result of each task. If a worker ends, other workers repeat its tasks; a task that has ended
-        several workers has the value `EndedProcess`.
+    Tasks are read lazily. If a worker ends, other workers repeat its tasks; a task that has ended
+    several workers has the value `EndedProcess`. The function is in a module that is installed on
+    all workers; the address is such as ``tcp://192.168.0.10:8786``.
 
     Raises
     ------

@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from lsvision import __version__
-from lsvision.batch.job import BatchJob
-from lsvision.batch.measure_file import TEMPORARY, FileOutcome, FileTask, file_version
+from lsvision.batch.measure_file import TEMPORARY, BatchJob, FileOutcome, FileTask, file_version
 from lsvision.errors import LsvisionError, UnreadableFile, UnwritableFile
 from lsvision.results.summaries import counted
 
@@ -22,21 +21,11 @@ SCHEMA = "lsvision.batch/1"
 
 @dataclass(frozen=True)
 class Status:
-    """State of a batch.
+    """State of a batch, with the settings of its job and their hash.
 
-    Parameters
-    ----------
-    job_hash : str
-        Hash of the batch's settings, `BatchJob.hash`.
-    settings : dict
-        Settings of the batch's job.
-    files : int
-        Number of files of the last run.
-    outcomes : dict
-        Last outcome of each file, by its name in the results.
-    set_aside : frozenset of str
-        Names of files whose measurement ended its process twice (out of memory, a crash), which are
-        not measured again.
+    `files` is the number of files of the last run, `outcomes` the last outcome of each by its name
+    in the results; `set_aside` names the files whose measurement ended its process twice (out of
+    memory, a crash), which are not measured again.
     """
 
     job_hash: str
@@ -146,14 +135,9 @@ def _parse_record(line: str) -> dict[str, Any] | None:
 
 
 class Manifest:
-    """Manifest that is being written, a context manager: it is open and locked within the block.
+    """Manifest in the folder of the results, a context manager: open and locked within its block.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder of the results; it is created.
-    job : BatchJob
-        Job of the batch.
+    The folder is created.
     """
 
     def __init__(self, folder: Path, job: BatchJob) -> None:
@@ -275,13 +259,8 @@ def _lock_file(file: TextIO, folder: Path) -> None:
 def summary(status: Status, names: Iterable[str] = ()) -> str:
     """Return the counts of a batch in one line.
 
-    Parameters
-    ----------
-    status : Status
-        State of the batch.
-    names : iterable of str
-        Names of the files that are counted; by default all files of the batch: those of the last
-        run, and those that earlier runs have finished.
+    They are those of the files `names`, or else of all files of the batch: those of the last run,
+    and those that earlier runs have finished.
     """
     counted_names = set(names)
     outcomes = [

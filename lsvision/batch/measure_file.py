@@ -1,26 +1,84 @@
-"""A task of a batch: measures one file of profiles and writes one Parquet file of cylinders."""
+"""A task of a batch, with its settings: measures one file of profiles, and writes its cylinders."""
 
+import hashlib
+import json
 import os
 import secrets
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, fields, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from lsvision.batch.job import BatchJob
 from lsvision.batch.measure_group import measure_group, require_measurement
 from lsvision.batch.result_table import result_table
 from lsvision.ellipse.section import compute_intervals
 from lsvision.errors import LsvisionError, UnreadableFile, UnwritableFile
 from lsvision.files.limited_reading import MAX_SIZE, size_limit
 from lsvision.io.profiles.reading import ProfileFile, require_plausible_units
+from lsvision.io.profiles.settings import ReadOptions, ReadSettings
 from lsvision.io.profiles.streaming import ProfilePart, iterate_profiles
+from lsvision.measure import Measurement, measure_profiles
+from lsvision.results.quantities import plain_value
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
+    from lsvision.inspection.job import Job
     from lsvision.measure import Measurement
+
+_READING_DEFAULTS = {setting.name: setting.default for setting in fields(ReadSettings)}
+
+
+@dataclass(frozen=True, eq=False)
+class BatchJob:
+    """Settings of a batch; the same for each of its files.
+
+    Parameters
+    ----------
+    measure : functools.partial
+        Function that measures profiles, such as `measure_profiles`, with its keyword arguments.
+    reading : ReadOptions
+        Options for reading the files.
+    inspection : Job, optional
+        Job by which each profile is judged; `measure` then measures by this job.
+
+    Examples
+    --------
+    >>> from functools import partial
+    >>> BatchJob(partial(measure_profiles, radius=19.0)).settings["radius"]
+    19.0
+    """
+
+    measure: partial[list[Measurement]] = field(default_factory=lambda: partial(measure_profiles))
+    reading: ReadOptions = field(default_factory=ReadOptions)
+    inspection: "Job | None" = None
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Settings that determine the results, without unset ones, as plain numbers and text.
+
+        Keys: ``measure``, the name of the function; its keyword arguments; ``reading``, the options
+        that differ from their defaults; with an inspection ``job`` and ``job_hash``.
+        """
+        settings: dict[str, Any] = {"measure": self.measure.func.__name__}
+        settings |= {name: plain_value(value) for name, value in self.measure.keywords.items()}
+        settings["reading"] = {
+            name: plain_value(value)
+            for name, value in self.reading.items()
+            if value != _READING_DEFAULTS[name]
+        }
+        if self.inspection is not None:
+            settings |= {"job": self.inspection.name, "job_hash": self.inspection.hash}
+        return {name: value for name, value in settings.items() if value is not None}
+
+    @property
+    def hash(self) -> str:
+        """Hash of the settings (16 hex digits); all results in a folder have the same."""
+        canonical = json.dumps(self.settings, sort_keys=True, allow_nan=False)
+        return hashlib.sha256(canonical.encode()).hexdigest()[:16]
+
 
 TEMPORARY = ".lsvision."
 """Beginning of the name of an output that is being written."""
@@ -28,18 +86,10 @@ TEMPORARY = ".lsvision."
 
 @dataclass(frozen=True)
 class FileTask:
-    """A file to be measured.
+    """A file of profiles to be measured, and the Parquet file of its cylinders.
 
-    Parameters
-    ----------
-    source, output : Path
-        File of profiles, and Parquet file of its cylinders.
-    name : str
-        Name of the source in the results and the manifest.
-    job : BatchJob
-        Settings with which the file is read and measured.
-    max_size : int
-        Largest size of a file that is read. Units: bytes.
+    `name` is that of the source in the results and the manifest; larger files than `max_size`, in
+    bytes, are not read.
     """
 
     source: Path
@@ -53,20 +103,9 @@ class FileTask:
 class FileOutcome:
     """Outcome of a file; one that could not be measured has only its name and the error.
 
-    Parameters
-    ----------
-    name : str
-        Name of the source in the results and the manifest.
-    profiles, cylinders, rejections : int
-        Numbers of profiles, cylinders and rejected arcs.
-    seconds : float
-        Time that reading and measuring took. Units: s.
-    version : (int, int)
-        Size and time of the last change of the source, from `file_version`.
-    notes : tuple of str
-        Assumptions and omissions in reading the file.
-    error : str
-        Reason why the file could not be measured; empty if it was.
+    `name` is that of the source in the results and the manifest, `seconds` the time that reading
+    and measuring took, `version` that of `file_version`; `rejections` counts rejected arcs, `notes`
+    are assumptions and omissions in reading the file.
     """
 
     name: str
@@ -80,17 +119,9 @@ class FileOutcome:
 
 
 def measure_file(task: FileTask) -> FileOutcome:
-    """Measure a file, and write its results completely or not at all.
+    """Measure a file, and write its results completely or not at all; return counts and notes.
 
-    Parameters
-    ----------
-    task : FileTask
-        File to measure, and its output.
-
-    Returns
-    -------
-    FileOutcome
-        Counts and notes; for a file that cannot be read or measured, the error.
+    The outcome of a file that cannot be read or measured is its error.
 
     Raises
     ------

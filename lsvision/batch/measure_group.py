@@ -18,20 +18,10 @@ MeasureFunction = Callable[[Sequence[Profile]], list[Measurement]]
 def measure_group(
     measure: MeasureFunction, profiles: Sequence[Profile]
 ) -> list[Measurement | Exception]:
-    """Measure profiles at once; if one of them fails, one by one.
+    """Measure profiles, if any, at once; if one of them fails, one by one.
 
-    Parameters
-    ----------
-    measure : MeasureFunction
-        Function that measures profiles.
-    profiles : sequence of Profile
-        Profiles to measure; there may be none.
-
-    Returns
-    -------
-    list of Measurement or Exception
-        For each profile its measurement, or the exception that was raised; see
-        `require_measurement`.
+    Return for each profile its measurement, or the exception that was raised; see
+    `require_measurement`.
     """
     if not profiles:
         return []
@@ -48,17 +38,7 @@ def require_measurement(
 ) -> Measurement:
     """Return a measurement from `measure_group`, or raise the exception in its place.
 
-    Parameters
-    ----------
-    result : Measurement or Exception
-        Result for one profile.
-    file, profile
-        File of the profile, and its index there from 0, for the message of a `LsvisionError`.
-
-    Raises
-    ------
-    Exception
-        If `result` is one; a `LsvisionError` then names file and profile.
+    The message of a `LsvisionError` names the file, and the index of the profile in it, from 0.
     """
     if isinstance(result, LsvisionError):
         raise LsvisionError(f"{file}, profile {profile}: {result}") from result

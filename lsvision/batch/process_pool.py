@@ -84,24 +84,13 @@ def default_jobs() -> int:
 def run_tasks(
     function: Callable[[Task], Value], tasks: Iterable[Task], jobs: int, *, ordered: bool
 ) -> Iterator[Finished[Task, Value]]:
-    """Run tasks in several processes, and yield the results.
+    """Run tasks in several processes, or with 1 job in the calling process, and yield the results.
 
-    Parameters
-    ----------
-    function : callable
-        Function that is defined in a module; its tasks and values can be pickled.
-    tasks : iterable
-        Tasks; they are read lazily, at most `IN_FLIGHT_PER_JOB` per process ahead of the results.
-    jobs : int
-        Number of processes; with 1 the tasks run in the calling process.
-    ordered : bool
-        Whether the results are yielded in the order of the tasks, or else as they finish.
-
-    Yields
-    ------
-    Finished
-        Result of each task. If a process ends (terminated, out of memory, a crash), the task that
-        it was running is repeated once; if its process ends again, the value is `EndedProcess`.
+    Tasks are read lazily, at most `IN_FLIGHT_PER_JOB` per process ahead of the results, which are
+    in the order of the tasks if `ordered`, else as they finish. If a process ends (terminated, out
+    of memory, a crash), the task that it was running is repeated once; if its process ends again,
+    the value is `EndedProcess`. The function is defined in a module; its tasks and values can be
+    pickled.
 
     Raises
     ------

@@ -27,25 +27,12 @@ def result_table(
 ) -> "pa.Table":
     """Return the results of consecutive profiles as a table of one row for each cylinder.
 
-    Parameters
-    ----------
-    source : str
-        Name of the file.
-    part : ProfilePart
-        The profiles, each with its attributes.
-    measurements : sequence of Measurement or None
-        Result of each profile; None for one without a valid point.
-    inspection : Job, optional
-        Job by which each profile is judged.
-
-    Returns
-    -------
-    pyarrow.Table
-        ``source``, ``profile`` and ``cylinder`` (both from 0), the columns of ``lsvision measure
-        --csv``, the other columns of the file with their types, ``decision`` with a job (OK, NG or
-        undecided), ``reason`` and ``rejections``. A column of the file that has the name of one of
-        these gets the suffix ``_in_file``. A profile without cylinders is one row with the reason
-        and no numbers; the rejections of a profile are in its first row.
+    The columns are ``source``, ``profile`` and ``cylinder`` (both from 0), those of ``lsvision
+    measure --csv``, the other columns of the file with their types, ``decision`` with an inspection
+    job (OK, NG or undecided), ``reason`` and ``rejections``. A column of the file that has the name
+    of one of these gets the suffix ``_in_file``. A profile without cylinders, also one without a
+    valid point, whose measurement is None, is one row with the reason and no numbers; the
+    rejections of a profile are in its first row.
     """
     import pyarrow as pa
 

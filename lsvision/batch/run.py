@@ -7,9 +7,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 from lsvision.batch.cluster import run_on_cluster
-from lsvision.batch.job import BatchJob
 from lsvision.batch.manifest import Manifest, Status, read_status
-from lsvision.batch.measure_file import FileOutcome, FileTask, measure_file
+from lsvision.batch.measure_file import BatchJob, FileOutcome, FileTask, measure_file
 from lsvision.batch.process_pool import EndedProcess, Finished, run_tasks
 from lsvision.errors import LsvisionError, UnwritableFile
 from lsvision.files.file_kinds import exists
@@ -89,25 +88,9 @@ def run_batch(
     """Measure the files that have no valid results yet, and record the outcome of each.
 
     Files that failed in an earlier run are measured again, except those that ended their process
-    twice, which are set aside.
-
-    Parameters
-    ----------
-    tasks : sequence of FileTask
-        At least one file; all of the same job.
-    folder : Path
-        Folder of the results and the manifest.
-    jobs : int
-        Number of processes on this machine.
-    scheduler : str, optional
-        Address of a Dask scheduler, whose workers measure the files instead of `jobs` processes.
-    report : callable
-        Function that is called as soon as the outcome of a file is in the manifest.
-
-    Returns
-    -------
-    Status
-        State of the batch after the run.
+    twice, which are set aside. `jobs` is the number of processes on this machine, `scheduler` the
+    address of a Dask scheduler whose workers measure the files instead; `report` is called as soon
+    as the outcome of a file is in the manifest. Return the state after the run.
 
     Raises
     ------

@@ -28,9 +28,8 @@ from lsvision.files.limited_reading import STDIN
 from lsvision.results.summaries import counted
 
 if TYPE_CHECKING:
-    from lsvision.batch.job import BatchJob
     from lsvision.batch.manifest import Status
-    from lsvision.batch.measure_file import FileOutcome
+    from lsvision.batch.measure_file import BatchJob, FileOutcome
     from lsvision.io.profiles import ReadOptions
     from lsvision.measure import Measurement
 
@@ -164,7 +163,7 @@ def _batch_job(
     LsvisionError
         If the job file cannot be used, or is one for scans or images.
     """
-    from lsvision.batch.job import BatchJob
+    from lsvision.batch.measure_file import BatchJob
 
     if path is None:
         return BatchJob(measuring, options)

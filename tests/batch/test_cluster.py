@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from lsvision.batch.cluster import run_on_cluster
-from lsvision.batch.job import BatchJob
+from lsvision.batch.measure_file import BatchJob
 from lsvision.batch.run import plan_tasks, run_batch
 from lsvision.errors import LsvisionError
 from tests.batch.sources import profiles, write_parquet

@@ -10,9 +10,8 @@ import pytest
 
 import lsvision as lsv
 from lsvision.batch import manifest
-from lsvision.batch.job import BatchJob
 from lsvision.batch.manifest import MANIFEST, SCHEMA, read_status, summary
-from lsvision.batch.measure_file import TEMPORARY, FileOutcome, measure_file
+from lsvision.batch.measure_file import TEMPORARY, BatchJob, FileOutcome, measure_file
 from lsvision.batch.run import plan_tasks, run_batch
 from lsvision.errors import LsvisionError, UnreadableFile, UnwritableFile
 from lsvision.measure import measure_profiles
