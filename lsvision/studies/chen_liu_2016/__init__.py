@@ -3,13 +3,17 @@
 `paper_pipeline` follows the paper's text. The experiments repeat Tables 1-5 and Figures 5-16 on
 the simulator: `cases` and `scenes` make the data, `methods` measures them in five ways, `tables`,
 `repeatability`, `steps`, `ablation`, `achievability` and `paper_pitfalls` evaluate them, and
-`report` runs all. `page`, `pictures`, `report_tables` and `json_report` present the results.
+`report` runs all and writes JSON; `page`, `pictures` and `report_tables` present the results.
 """
 
-from lsvision.studies.chen_liu_2016.json_report import report_json
 from lsvision.studies.chen_liu_2016.page import report_page
 from lsvision.studies.chen_liu_2016.paper_pipeline import PaperSettings, measure_cylinders_paper
-from lsvision.studies.chen_liu_2016.report import ExperimentSizes, PaperReport, run_experiments
+from lsvision.studies.chen_liu_2016.report import (
+    ExperimentSizes,
+    PaperReport,
+    report_json,
+    run_experiments,
+)
 from lsvision.studies.chen_liu_2016.report_tables import readme_table
 
 __all__ = [

@@ -26,7 +26,7 @@ from lsvision.simulate import (
     TubeTruth,
     random_section,
 )
-from lsvision.studies.chen_liu_2016.arc_detection import detect_arcs
+from lsvision.studies.chen_liu_2016.steps import detect_arcs
 from lsvision.studies.chen_liu_2016.tables import ProgressCallback
 from lsvision.studies.chen_liu_2016.variants import VARIANTS, AblationArc, Variant, VariantFit
 
@@ -80,18 +80,10 @@ class _Outcome:
 def run_ablation(
     scenes: int, *, noise_mm: float, seed: int = 0, progress: ProgressCallback = lambda _: None
 ) -> tuple[AblationResult, ...]:
-    """Measure the errors of every variant on the same random sections.
+    """Measure the errors of every variant on the same random sections, `scenes` of each kind.
 
-    Parameters
-    ----------
-    scenes : int
-        Number of scenes of each kind: single, welded pair, complex.
-    noise_mm : float
-        Standard deviation along the ray at 400 mm. Units: mm.
-    seed : int
-        Random seed of the first scene.
-    progress : callable
-        Function that is called with a text before each kind.
+    `noise_mm` is the standard deviation along the ray at 400 mm, `seed` that of the first scene;
+    `progress` is called with a text before each kind.
     """
     outcomes: dict[str, list[_Outcome | None]] = {variant.name: [] for variant in VARIANTS}
     for kind in KINDS:

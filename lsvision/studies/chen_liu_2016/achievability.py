@@ -81,12 +81,7 @@ class Achievability:
 def compare_with_bound(rows: Sequence[TableRow], *, noise_mm: float) -> tuple[Achievability, ...]:
     """Return the errors of each quantity in each table, compared with the bound of one section.
 
-    Parameters
-    ----------
-    rows : sequence of TableRow
-        All rows of the tables.
-    noise_mm : float
-        Standard deviation along the ray for which the bounds are valid. Units: mm.
+    The rows are those of all tables; the bounds are valid for the noise along the ray, in mm.
     """
     tables = sorted({row.printed.table for row in rows})
     return tuple(

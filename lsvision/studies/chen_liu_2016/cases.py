@@ -102,18 +102,10 @@ def simulate_case(
     *,
     noise_mm: float,
 ) -> tuple[SimulatedSection, ...]:
-    """Simulate sections of a case; the same arguments give the same sections.
+    """Simulate the sections of a case at poses in the base frame.
 
-    Parameters
-    ----------
-    case : Case
-        Pipe or welded pair.
-    seed : int
-        Random seed of the measurement.
-    poses : tuple of Pose
-        Poses of the sections in the base frame.
-    noise_mm : float
-        Standard deviation along the ray. Units: mm.
+    The same arguments give the same sections. The noise is the standard deviation along the ray, in
+    mm.
     """
     row = case.rows[0]
     numbers = [seed, row.table, row.number, round(row.phi_deg), len(poses)]

@@ -63,23 +63,10 @@ Estimate = tuple[float, float, float]
 def measure_case(
     case: Case, method: Method, seed: int, *, noise_mm: float
 ) -> tuple[Estimate | None, ...]:
-    """Measure all pipes of a case once.
+    """Measure all pipes of a case once; return the estimate of each, None if it was not found.
 
-    Parameters
-    ----------
-    case : Case
-        Pipe or welded pair. Every method gets its nominal radius, as the paper's fit does.
-    method : str
-        Key of `METHODS`; all methods with one section get the same section.
-    seed : int
-        Random seed of the measurement.
-    noise_mm : float
-        Standard deviation along the ray. Units: mm.
-
-    Returns
-    -------
-    tuple
-        Estimate of each pipe; None if it was not found.
+    Every method gets the nominal radius, as the paper's fit does; all methods with one section get
+    the same one, of the random seed. The noise is the standard deviation along the ray, in mm.
     """
     sections = simulate_case(case, seed, METHODS[method].poses, noise_mm=noise_mm)
     if len(sections) > 1:
@@ -99,16 +86,8 @@ def measure_case(
 def case_bound(case: Case, method: Method, *, noise_mm: float) -> tuple[Triple, ...]:
     """Return the Cramer-Rao bound for each pipe: the smallest stds of any unbiased estimate.
 
-    It is that of the points of one simulated measurement.
-
-    Parameters
-    ----------
-    case : Case
-        Pipe or welded pair.
-    method : str
-        Key of `METHODS`; the bound of the paper's pipeline is that of any use of one section.
-    noise_mm : float
-        Standard deviation along the ray. Units: mm.
+    It is that of the points of one simulated measurement; for the paper's pipeline, that of any use
+    of one section. The noise is the standard deviation along the ray, in mm.
     """
     poses = METHODS[method].poses
     sections = simulate_case(case, 0, poses, noise_mm=noise_mm)

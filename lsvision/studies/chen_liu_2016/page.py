@@ -49,13 +49,7 @@ MAX_COST_RATIO = 1.1
 
 
 def report_page(report: PaperReport) -> str:
-    """Return the report as one self-contained HTML page: pictures inline, no other files.
-
-    Parameters
-    ----------
-    report : PaperReport
-        Result of `run_experiments`.
-    """
+    """Return the report as one self-contained HTML page: pictures inline, no other files."""
 
     def pooled(method: Method, table: int) -> ErrorStatistics:
         """Return the errors of a method over all pipes of a table."""

@@ -151,16 +151,8 @@ def measure_cylinders_paper(
     return build_measurement(cylinders, rejections, prepared, profile)
 
 
-def initial_ellipse(points: Points, radius: float) -> Ellipse:
-    """Return the initial guess of the paper (section 2.3): a circle below the highest point.
-
-    Parameters
-    ----------
-    points : (n, 2) ndarray
-        Points in the section frame. Units: mm.
-    radius : float
-        Radius of the circle. Units: mm.
-    """
+def _initial_ellipse(points: Points, radius: float) -> Ellipse:
+    """Return the initial guess of the paper (section 2.3): a circle below the highest point."""
     top = points[np.argmax(points[:, 1])]
     return Ellipse((float(top[0]), float(top[1]) - radius), radius, radius, 0.0)
 
@@ -168,39 +160,22 @@ def initial_ellipse(points: Points, radius: float) -> Ellipse:
 def largest_window_residual(window: Points, radius: float) -> float:
     """Return the largest abs(r_j) of a window's ellipse in mm; inf if no ellipse fits.
 
-    Parameters
-    ----------
-    window : (k, 2) ndarray
-        Consecutive points of a profile. Units: mm.
-    radius : float
-        Radius of the initial circle. Units: mm.
+    The window has consecutive points of a profile; the fit starts at a circle of the radius, in mm.
     """
     try:
-        fit = fit_ellipse(window, initial_ellipse(window, radius), settings=RADIAL_FITTING)
+        fit = fit_ellipse(window, _initial_ellipse(window, radius), settings=RADIAL_FITTING)
     except LsvisionError:
         return math.inf
     return float(np.abs(fit.residuals).max())
 
 
 def smooth_profile_paper(points: Points, window_fraction: float = 0.3) -> Points:
-    """Return an arc with y(x) smoothed by local quadratics (section 3.3.1).
+    """Return an arc with y(x) smoothed by local quadratics (section 3.3.1); (n, 2) in mm.
 
-    In a window of one or two different x, such as a vertical flank, it is a mean or a line.
-
-    Parameters
-    ----------
-    points : (n, 2) ndarray
-        Points of an arc, ordered by x. Units: mm.
-    window_fraction : float
-        Window as a fraction of the points.
-
-    Returns
-    -------
-    (n, 2) ndarray
-        Points with the same x and smoothed y. Biased: the radius of an ellipse fitted to them is
-        too large, also without noise: for a pipe of 19 mm by 0.4 to 0.8 mm at phi = 10 deg, by 0.8
-        to 1.2 mm at 30 deg.
-        Units: mm.
+    The points are ordered by x; the window is a fraction of them. In one of one or two different x,
+    such as a vertical flank, it is a mean or a line. Biased: the radius of an ellipse fitted to the
+    result is too large, also without noise: for a pipe of 19 mm by 0.4 to 0.8 mm at phi = 10 deg,
+    by 0.8 to 1.2 mm at 30 deg.
 
     Raises
     ------
@@ -221,20 +196,9 @@ def smooth_profile_paper(points: Points, window_fraction: float = 0.3) -> Points
 
 
 def homogenise_profile_paper(points: Points, step_mm: float = 0.5) -> Points:
-    """Return a smoothed arc at equal steps of x, by the spline y = S(x) (section 3.3.2).
+    """Return a smoothed arc at equal steps of x, by the spline y = S(x) (section 3.3.2), in mm.
 
-    Parameters
-    ----------
-    points : (n, 2) ndarray
-        Smoothed arc. Points whose x does not increase are left out, since S(x) needs increasing x.
-        Units: mm.
-    step_mm : float
-        Spacing along x. Units: mm.
-
-    Returns
-    -------
-    (m, 2) ndarray
-        Points at equal steps of x. Units: mm.
+    Points whose x does not increase are left out, since S(x) needs increasing x.
 
     Raises
     ------
@@ -277,7 +241,7 @@ def _screen(points: Points, indices: IntArray, radius: float, settings: PaperSet
     """Return the indices after screening (Figure 9): without end points beyond the sensor error."""
     end_points = settings.end_points(len(points))
     middle = points[end_points : len(points) - end_points]
-    ellipse = fit_ellipse(middle, initial_ellipse(middle, radius), settings=RADIAL_FITTING).ellipse
+    ellipse = fit_ellipse(middle, _initial_ellipse(middle, radius), settings=RADIAL_FITTING).ellipse
     inliers = np.abs(radial_residuals(points, ellipse)) < settings.sensor_error_mm
     inliers[end_points : len(points) - end_points] = True
     return indices[inliers]
@@ -287,4 +251,4 @@ def _fit_arc(points: Points, radius: float, settings: PaperSettings) -> EllipseF
     """Return the ellipse of screened points, smoothed and homogenised (sections 3.3 and 2.3)."""
     smooth = smooth_profile_paper(points, settings.smoothing_fraction)
     homogenised = homogenise_profile_paper(smooth, settings.step_mm)
-    return fit_ellipse(homogenised, initial_ellipse(homogenised, radius), settings=RADIAL_FITTING)
+    return fit_ellipse(homogenised, _initial_ellipse(homogenised, radius), settings=RADIAL_FITTING)

@@ -66,18 +66,8 @@ def check_pitfalls() -> tuple[Pitfall, ...]:
 def printed_equation_one(points: Points, ellipse: Ellipse, theta: float) -> FloatArray:
     """Return the left-hand side of the paper's Eq. (1) as printed; it should be 1 on the ellipse.
 
-    Parameters
-    ----------
-    points : (n, 2) ndarray
-        Points of a section. Units: mm.
-    ellipse : Ellipse
-        Ellipse of which centre and semi-axes are used.
-    theta : float
-        Angle in the equation. Units: rad.
-
-    Returns
-    -------
-    (n,) ndarray
+    The points are (n, 2) in mm; of the ellipse, centre and semi-axes are used; theta in rad is the
+    angle in the equation.
     """
     dx, dy = (points - ellipse.centre).T
     first = dx * math.sin(theta) - dy * math.cos(theta)
@@ -91,7 +81,7 @@ def printed_equation_one(points: Points, ellipse: Ellipse, theta: float) -> Floa
 def printed_equation_four(points: Points, ellipse: Ellipse, theta: float) -> FloatArray:
     """Return the paper's r_j, Eq. (4) as printed, in mm; it should be 0 on the ellipse.
 
-    Parameters are those of `printed_equation_one`. NaN for a point with the x of the centre.
+    See `printed_equation_one`. NaN for a point with the x of the centre.
     """
     dx, dy = (points - ellipse.centre).T
     a, b = ellipse.semi_major, ellipse.semi_minor
@@ -169,12 +159,12 @@ def _two_axes() -> Pitfall:
     )  # fmt: skip
 
 
-def _section_by_rays(axis: FloatArray, radius: float = 19.0) -> FloatArray:
-    """Return the distance (mm) in z = 0 from a pipe's axis to its surface in 360 directions."""
+def _section_by_rays(axis: FloatArray) -> FloatArray:
+    """Return the distance (mm) in z = 0 from the axis of a 19 mm pipe to its surface, (360,)."""
     angles = np.radians(np.arange(360))
     directions = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(360)])
     perpendicular = directions - (directions @ axis)[:, None] * axis
-    distances: FloatArray = radius / np.linalg.norm(perpendicular, axis=1)
+    distances: FloatArray = 19.0 / np.linalg.norm(perpendicular, axis=1)
     return distances
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lsvision.draw import draw_on_axes
+from lsvision.draw.figures import new_figure
 from lsvision.geometry import FloatArray, Points, orthogonal_residuals
 from lsvision.results.palette import CYLINDERS, REJECTED
 from lsvision.studies.chen_liu_2016.methods import METHODS, Method
@@ -52,7 +53,7 @@ MAX_RESIDUAL_MM = 3.0
 
 def draw_tables(rows: Sequence[TableRow]) -> str:
     """Return a picture of the rms error of each method by table, with printed errors and bound."""
-    figure = new_page_figure(6.6)
+    figure = new_figure((WIDTH_INCH, 6.6), layout="constrained")
     panels = figure.subplots(3, 1, sharex=True)
     tables = sorted({row.printed.table for row in rows})
     by_table = [[row for row in rows if row.printed.table == table] for table in tables]
@@ -68,7 +69,7 @@ def draw_tables(rows: Sequence[TableRow]) -> str:
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=2, fontsize=7.5,
                   frameon=False, columnspacing=1, handletextpad=0.3)  # fmt: skip
-    return inline_svg(
+    return _inline_svg(
         figure, "tables",
         "Errors of radius, theta and phi in Tables 1 to 4 for five ways to measure, beside the "
         "paper's printed errors and the best possible, on a logarithmic scale",
@@ -102,20 +103,15 @@ def _tick_label(printed: PublishedRow) -> str:
 def draw_scene(scene: SceneFigure, number: int) -> str:
     """Return a picture of a scene of Figures 14 and 15 with the pipes found in it.
 
-    Parameters
-    ----------
-    scene : SceneFigure
-        Measured scene.
-    number : int
-        Number of the scene on the page, which makes the ids in the SVG unique.
+    The number of the scene on the page makes the ids in the SVG unique.
     """
-    figure = new_page_figure(3.8)
+    figure = new_figure((WIDTH_INCH, 3.8), layout="constrained")
     axes = figure.subplots()
     draw_on_axes(axes, scene.section.profile, scene.measurement)
     axes.margins(y=0.15)  # space for the letters above the points
     _draw_legend_above(axes)
     content = "measured points and the pipes found, each with its ellipse and major axis"
-    return inline_svg(figure, f"scene{number}", f"{scene.title}: {content}")
+    return _inline_svg(figure, f"scene{number}", f"{scene.title}: {content}")
 
 
 def _draw_legend_above(axes: "Axes") -> None:
@@ -125,7 +121,7 @@ def _draw_legend_above(axes: "Axes") -> None:
 
 def draw_repeatability(repeatability: Repeatability) -> str:
     """Return Figure 16: repeated centres, their bounding box, the paper's box, and the bound."""
-    figure = new_page_figure(4.6)
+    figure = new_figure((WIDTH_INCH, 4.6), layout="constrained")
     axes = figure.subplots()
     centres = repeatability.ellipses[:, :2]
     axes.plot(*centres.T, ".", color=BLUE, ms=2.5, alpha=0.6, label="centres measured")
@@ -140,7 +136,7 @@ def draw_repeatability(repeatability: Repeatability) -> str:
     axes.set(xlabel="X off the true centre / mm", ylabel="Y off the true centre / mm")
     axes.grid(visible=True, lw=0.4, alpha=0.5)
     axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
-    return inline_svg(figure, "repeatability",
+    return _inline_svg(figure, "repeatability",
                       "Centres of repeated measurements, the box around them, the paper's box, "
                       "and the best possible at three sigma")  # fmt: skip
 
@@ -161,7 +157,7 @@ def _box(low: FloatArray, high: FloatArray) -> FloatArray:
 
 def draw_recognition(steps: StepExample) -> str:
     """Return Figures 5-7: the section, and below it the largest abs(r_j) of the paper's windows."""
-    figure = new_page_figure(5.6)
+    figure = new_figure((WIDTH_INCH, 5.6), layout="constrained")
     section_axes, residual_axes = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     draw_on_axes(section_axes, steps.section.profile, steps.measurement)
     section_axes.set_aspect("equal", adjustable="box")
@@ -182,7 +178,7 @@ def draw_recognition(steps: StepExample) -> str:
         ylabel="largest |rⱼ| of the window / mm",
     )
     residual_axes.legend(fontsize=8, loc="upper right")
-    return inline_svg(
+    return _inline_svg(
         figure, "recognition",
         "A section with two welded pipes among clutter, and below it the largest residual of "
         "each window of the paper's rough identification",
@@ -191,7 +187,7 @@ def draw_recognition(steps: StepExample) -> str:
 
 def draw_screening(steps: StepExample) -> str:
     """Return Figures 8 and 9: residuals of one arc from the ellipse of its middle part."""
-    figure = new_page_figure(3.0)
+    figure = new_figure((WIDTH_INCH, 3.0), layout="constrained")
     axes = figure.subplots()
     profile, identified, screened = steps.profile, steps.identified, steps.screened
     points = profile.points[identified.indices]
@@ -214,7 +210,7 @@ def draw_screening(steps: StepExample) -> str:
     axes.set(ylim=(-RESIDUAL_LIMIT_MM, RESIDUAL_LIMIT_MM), xlabel="X / mm",
              ylabel="off the middle part's ellipse / mm")  # fmt: skip
     _draw_legend_above(axes)
-    return inline_svg(
+    return _inline_svg(
         figure, "screening",
         "Residuals of an arc's points to the ellipse of its middle part; end points beyond "
         "the noise are dropped",
@@ -223,7 +219,7 @@ def draw_screening(steps: StepExample) -> str:
 
 def draw_smoothing(steps: StepExample) -> str:
     """Return Figure 10: distance of measured and smoothed points from the true ellipse."""
-    figure = new_page_figure(3.4)
+    figure = new_figure((WIDTH_INCH, 3.4), layout="constrained")
     axes = figure.subplots()
     points = steps.profile.points[steps.screened.indices]
     inliers = steps.smoothed.inliers
@@ -244,40 +240,18 @@ def draw_smoothing(steps: StepExample) -> str:
     axes.axhline(0.0, color=GREEN, lw=0.8, label="the true pipe")
     axes.set(xlabel="X / mm", ylabel="off the true ellipse / mm")
     _draw_legend_above(axes)
-    return inline_svg(
+    return _inline_svg(
         figure, "smoothing",
         "Distance from the true ellipse of measured points, of points smoothed along the arc, "
         "and of points smoothed as y over x",
     )  # fmt: skip
 
 
-def new_page_figure(height_inch: float) -> "Figure":
-    """Return an empty figure of the page's width, without pyplot.
-
-    Parameters
-    ----------
-    height_inch : float
-        Height. Units: inch.
-    """
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(WIDTH_INCH, height_inch), layout="constrained")
-    FigureCanvasSVG(figure)
-    return figure
-
-
-def inline_svg(figure: "Figure", name: str, description: str) -> str:
+def _inline_svg(figure: "Figure", name: str, description: str) -> str:
     """Return a figure as an ``<svg>`` element; the same figure gives the same text.
 
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        Figure, as from `new_page_figure`.
-    name : str
-        Prefix of every id, which makes the ids of all figures on a page unique.
-    description : str
-        Content of the picture, for screen readers.
+    The name is the prefix of every id, which makes the ids of all figures on a page unique; the
+    description is for screen readers.
     """
     import matplotlib as mpl
 

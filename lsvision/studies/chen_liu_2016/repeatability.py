@@ -64,16 +64,9 @@ class Repeatability:
 
 
 def measure_repeatedly(repeats: int, *, noise_mm: float, seed: int = 0) -> Repeatability:
-    """Measure one pipe many times with one section each.
+    """Measure one pipe many times with one section each, from a random seed on.
 
-    Parameters
-    ----------
-    repeats : int
-        Number of measurements.
-    noise_mm : float
-        Standard deviation along the ray. Units: mm.
-    seed : int
-        Random seed of the first measurement.
+    The noise is the standard deviation along the ray, in mm.
 
     Raises
     ------
@@ -133,15 +126,7 @@ def expected_range(count: int) -> float:
 
 
 def phi_std_of_axes(axis_std_mm: float, radius_mm: float, phi_deg: float) -> float:
-    """Return the std of phi = arccos(b / a) in deg, for equal, independent stds of a and b.
-
-    Parameters
-    ----------
-    axis_std_mm : float
-        Standard deviation of either semi-axis. Units: mm.
-    radius_mm, phi_deg : float
-        Radius and tilt of the pipe. Units: mm, deg.
-    """
+    """Return the std of phi = arccos(b / a) in deg, for equal, independent stds of a and b."""
     phi = math.radians(phi_deg)
     a, b = radius_mm / math.cos(phi), radius_mm
     ratio_std = axis_std_mm * math.hypot(1 / a, b / a**2)

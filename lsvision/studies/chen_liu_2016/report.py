@@ -1,15 +1,18 @@
 """Run all experiments: their sizes and their results."""
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
+from lsvision.results.quantities import plain_value
 from lsvision.studies.chen_liu_2016.ablation import AblationResult, run_ablation
 from lsvision.studies.chen_liu_2016.achievability import Achievability, compare_with_bound
 from lsvision.studies.chen_liu_2016.cases import paper_cases
 from lsvision.studies.chen_liu_2016.methods import METHODS, Method
 from lsvision.studies.chen_liu_2016.paper_pitfalls import Pitfall, check_pitfalls
 from lsvision.studies.chen_liu_2016.repeatability import Repeatability, measure_repeatedly
+from lsvision.studies.chen_liu_2016.report_tables import readme_table
 from lsvision.studies.chen_liu_2016.scenes import (
     SceneFigure,
     Timing,
@@ -122,26 +125,13 @@ def run_experiments(
 ) -> PaperReport:
     """Run all experiments of the paper on the simulator.
 
-    Parameters
-    ----------
-    sizes : ExperimentSizes
-        Number of measurements and scenes.
-    noise_mm : float
-        Standard deviation along the ray at 400 mm. Units: mm.
-    seed : int
-        Random seed; the same seed gives the same results except for the times.
-    progress : callable
-        Function that is called with a short text before each experiment.
-
-    Returns
-    -------
-    PaperReport
-        Results of all experiments.
+    The same seed gives the same results except for the times; `progress` is called with a short
+    text before each experiment.
 
     Raises
     ------
     ValueError
-        If the noise is not in [0.001, 0.3] mm.
+        If the noise (standard deviation along the ray at 400 mm) is not in [0.001, 0.3] mm.
     """
     if not MIN_NOISE_MM <= noise_mm <= MAX_NOISE_MM:
         raise ValueError(
@@ -175,3 +165,53 @@ def run_experiments(
 def _ordered_runs(runs: Mapping[str, int]) -> dict[Method, int]:
     """Return the number of measurements by each method, in the order of `METHODS`."""
     return {method: runs[method] for method in METHODS}
+
+
+SCHEMA = "lsvision.paper/1"
+"""Name and version of the file."""
+
+
+def report_json(report: PaperReport) -> str:
+    """Return the report as JSON text; the same report gives the same text.
+
+    Lengths are in ``*_mm``, angles in ``*_deg``, times in ``*seconds``; NaN and infinity are null.
+    Numbers of `Achievability` without a unit in their key are in that of its quantity. The keys
+    "ways", "places_mm", "reach" and "traps" are those of the first version of the file.
+    """
+    document = {
+        "schema": SCHEMA,
+        "noise_mm": report.noise_mm,
+        "effort": plain_value(report.sizes),
+        "ways": {key: {"letter": info.letter, "name": info.name, "places_mm": info.positions_mm}
+                 for key, info in METHODS.items()},
+        "tables_1_to_4": [plain_value(row) for row in report.rows],
+        "readme_table": readme_table(report.rows),
+        "reach": [
+            {**plain_value(result), "chance": result.chance, "reachable": result.reachable}
+            for result in report.achievability
+        ],
+        "table_5": [{**plain_value(timing), "ratio": timing.ratio} for timing in report.timings],
+        "figures_14_and_15": [_scene(scene) for scene in report.scenes],
+        "figure_16": _repeatability(report.repeatability),
+        "ablation_in_units_of_the_bound": [plain_value(result) for result in report.ablation],
+        "traps": [plain_value(pitfall) for pitfall in report.pitfalls],
+    }  # fmt: skip
+    return json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def _scene(scene: SceneFigure) -> dict[str, Any]:
+    return {"title": scene.title, "false": scene.false, "pipes": plain_value(scene.pipes)}
+
+
+def _repeatability(repeatability: Repeatability) -> dict[str, Any]:
+    """Return the results of Figure 16 as a JSON object."""
+    order = ("centre_x_mm", "centre_y_mm", "semi_major_mm", "semi_minor_mm")
+    return {
+        "measurements": len(repeatability.ellipses),
+        "missed": repeatability.missed,
+        "std": plain_value(dict(zip(order, repeatability.stds_mm, strict=True))),
+        "bound": dict(zip(order, repeatability.bound_stds_mm, strict=True)),
+        "box_mm": repeatability.box_mm,
+        "expected_box_mm": repeatability.expected_box_mm,
+        "noise_of_printed_box_mm": repeatability.noise_of_printed_box_mm,
+    }

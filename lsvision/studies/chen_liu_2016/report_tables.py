@@ -105,17 +105,8 @@ def format_significant(value: float, digits: int = 2) -> str:
 def readme_table(rows: Sequence[TableRow]) -> str:
     """Return the rms errors of Tables 1-4, as in ``.github/ACCURACY.md``, as a Markdown table.
 
-    Parameters
-    ----------
-    rows : sequence of TableRow
-        Result of `measure_tables`. The numbers in brackets are the Cramer-Rao bound, which
-        depends on geometry and noise only: a test compares them with that file without
-        measuring.
-
-    Returns
-    -------
-    str
-        Markdown text that ends with a newline.
+    The numbers in brackets are the Cramer-Rao bound, which depends on geometry and noise only: a
+    test compares them with that file without measuring.
     """
     lines = [_markdown_row(*README_HEAD), "|---|---|---|---|---|"]
     for table in sorted({row.printed.table for row in rows}):
@@ -149,15 +140,7 @@ def _markdown_row(*cells: str) -> str:
 
 
 def error_table(rows: Sequence[TableRow], number: int) -> Table:
-    """Return one of Tables 1-4: printed errors, one section's bound, rms errors of the methods.
-
-    Parameters
-    ----------
-    rows : sequence of TableRow
-        Rows of all tables.
-    number : int
-        Number of the paper's table.
-    """
+    """Return one of Tables 1-4: printed errors, one section's bound, rms errors of the methods."""
     table_rows = [row for row in rows if row.printed.table == number]
     lines: list[Row] = []
     for quantity in QUANTITIES:

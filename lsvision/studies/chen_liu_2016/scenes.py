@@ -86,18 +86,10 @@ class Timing:
 def time_conditions(
     scenes: int, *, noise_mm: float, seed: int = 0, progress: ProgressCallback = lambda _: None
 ) -> tuple[Timing, ...]:
-    """Return the times of both pipelines on the same random scenes of each condition.
+    """Return the times of both pipelines on the same random scenes, so many of each condition.
 
-    Parameters
-    ----------
-    scenes : int
-        Number of scenes of each condition.
-    noise_mm : float
-        Standard deviation along the ray at 400 mm. Units: mm.
-    seed : int
-        Random seed of the first scene.
-    progress : callable
-        Function that is called with a text before each condition.
+    The noise is the standard deviation along the ray at 400 mm, `seed` that of the first scene;
+    `progress` is called with a text before each condition.
     """
     timings = []
     for printed in PUBLISHED_TIMES:
@@ -114,15 +106,7 @@ def time_conditions(
 
 
 def count_matches(measurement: Measurement, truth: SectionTruth) -> tuple[int, int]:
-    """Return the number of pipes that were reported, and of results that match no pipe.
-
-    Parameters
-    ----------
-    measurement : Measurement
-        Result of a pipeline.
-    truth : SectionTruth
-        True pipes and labels of the points.
-    """
+    """Return the number of true pipes that were reported, and of results that match no pipe."""
     unmatched = {tube.label for tube in truth.tubes}
     false = 0
     for cylinder in measurement.cylinders:
@@ -195,13 +179,7 @@ class SceneFigure:
 
 
 def measure_scenes(*, noise_mm: float) -> tuple[SceneFigure, ...]:
-    """Measure one scene of each kind in Figures 14 and 15.
-
-    Parameters
-    ----------
-    noise_mm : float
-        Standard deviation along the ray at 400 mm. Units: mm.
-    """
+    """Measure one scene of each kind in Figures 14 and 15; the noise is along the ray at 400 mm."""
     scenes = []
     for printed in PUBLISHED_TIMES[1:]:  # without the single pipe, which no figure shows
         section = random_section(printed.kind, FIGURE_SEED, noise_mm=noise_mm, tubes=TUBES)

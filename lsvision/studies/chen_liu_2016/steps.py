@@ -5,7 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.detection.arcs import IdentifiedArc, ScreenedArc
+from lsvision.detection.candidates import Candidate, find_candidates
+from lsvision.detection.identification import identify_arcs
 from lsvision.detection.profile_preparation import prepare_profile
+from lsvision.detection.range_image import build_range_image, connected_components
 from lsvision.detection.screening import screen_arcs
 from lsvision.ellipse.homogenising import HomogenisedArc, homogenise_arcs
 from lsvision.ellipse.smoothing import SmoothedArc, smooth_arcs
@@ -13,13 +16,26 @@ from lsvision.geometry import FloatArray, Points
 from lsvision.measure import Measurement, measure_cylinders
 from lsvision.profile import PreparedProfile
 from lsvision.simulate import SimulatedSection, TubeRanges, random_section
-from lsvision.studies.chen_liu_2016.arc_detection import RADIUS_RANGE, detect_arcs
 from lsvision.studies.chen_liu_2016.paper_pipeline import (
     PaperSettings,
     homogenise_profile_paper,
     largest_window_residual,
     smooth_profile_paper,
 )
+
+RADIUS_RANGE = (10.0, 40.0)
+"""Search range of the radius. Units: mm."""
+MIN_COMPONENT_POINTS = 10
+"""Smallest number of points of a connected component."""
+
+
+def detect_arcs(profile: PreparedProfile) -> tuple[list[IdentifiedArc], list[Candidate]]:
+    """Return the identified arcs of a profile, and the candidates from which they grew."""
+    components = connected_components(build_range_image(profile), MIN_COMPONENT_POINTS)
+    (candidates,) = find_candidates([profile], [components], [RADIUS_RANGE])
+    ((arcs, _),) = identify_arcs([profile], [candidates], [RADIUS_RANGE])
+    return arcs, candidates
+
 
 KIND, SEED = "welded_complex", 2
 """Kind and seed of the scene."""
@@ -69,11 +85,6 @@ class StepExample:
 
 def run_steps(*, noise_mm: float) -> StepExample:
     """Return the results of all steps on one welded pair among clutter.
-
-    Parameters
-    ----------
-    noise_mm : float
-        Standard deviation along the ray at 400 mm. Units: mm.
 
     Raises
     ------

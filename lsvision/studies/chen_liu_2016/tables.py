@@ -70,23 +70,9 @@ def measure_tables(
 ) -> tuple[TableRow, ...]:
     """Measure the pipes of the paper's tables many times by every method.
 
-    Parameters
-    ----------
-    cases : sequence of Case
-        Cases, as from `paper_cases`.
-    runs : mapping of Method to int
-        Number of measurements of each case by each method.
-    noise_mm : float
-        Standard deviation along the ray. Units: mm.
-    seed : int
-        Random seed of the first measurement; the next ones follow it.
-    progress : callable
-        Function that is called with a text before each case.
-
-    Returns
-    -------
-    tuple of TableRow
-        Row of each pipe, in the order of the cases.
+    `runs` are the numbers of measurements of each case by each method, from a random seed on, with
+    the noise along the ray in mm; `progress` is called with a text before each case. Return a row
+    for each pipe, in the order of the cases.
     """
     rows: list[TableRow] = []
     for case in cases:
@@ -100,12 +86,9 @@ def measure_tables(
 
 
 def pool_errors(spreads: Sequence[ErrorStatistics]) -> ErrorStatistics:
-    """Return pooled statistics of several pipes: rms of rms and of bound, mean of the bias.
+    """Return pooled statistics of one method: rms of rms and of bound, mean of the bias.
 
-    Parameters
-    ----------
-    spreads : sequence of ErrorStatistics
-        Statistics of one method. Rms and bias are weighted by the measurements that found a pipe.
+    Rms and bias are weighted by the measurements that found a pipe.
     """
     found_counts = np.array([float(spread.runs - spread.missed) for spread in spreads])
     equal_weights = np.ones(len(spreads))

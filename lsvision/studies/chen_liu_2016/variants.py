@@ -84,6 +84,11 @@ class AblationArc:
         return self.screened.points[self.smoothed.inliers]
 
     @property
+    def ordered_inliers(self) -> Points:
+        """`inliers` (n, 2) ordered by x. Units: mm."""
+        return _order_by_x(as_vectors(self.inliers.z))
+
+    @property
     def initial_guess(self) -> Ellipse:
         """Ellipse after homogenising, at which the fit starts."""
         return _homogenise(self.smoothed)
@@ -170,11 +175,6 @@ def _without_smoothing(arc: AblationArc) -> VariantFit:
     return _fit(arc.screened.points, arc.screened.ellipse)
 
 
-def _without_homogenising(arc: AblationArc) -> VariantFit:
-    """Return the fit to the points without jumps, from the screened ellipse."""
-    return _fit(arc.inliers, arc.screened.ellipse)
-
-
 def _direct_fit(arc: AblationArc) -> VariantFit:
     """Return OpenCV's algebraic fit, relative to the centroid (it computes in float32).
 
@@ -188,11 +188,6 @@ def _direct_fit(arc: AblationArc) -> VariantFit:
     if not (math.isfinite(first) and min(first, second) > 0):
         return VariantFit(arc.screened.ellipse, 0)
     return VariantFit(Ellipse.from_axes(centre, first / 2, second / 2, math.radians(angle_deg)), 0)
-
-
-def _equal_weights(arc: AblationArc) -> VariantFit:
-    """Return the fit by orthogonal residuals without the points' covariances."""
-    return _unweighted(as_vectors(arc.inliers.z), arc.initial_guess)
 
 
 def _unweighted(points: Points, initial_guess: Ellipse) -> VariantFit:
@@ -218,18 +213,6 @@ def _fixed_sensor_error(arc: AblationArc) -> VariantFit:
     inliers = np.abs(radial_residuals(points, middle)) < settings.sensor_error_mm
     inliers[end_points:-end_points] = True
     return _fit_screened(arc.without_screening(IdentifiedArc(indices[inliers], middle)))
-
-
-def _smoothed_over_x(arc: AblationArc) -> VariantFit:
-    """Return the fit after smoothing y(x), as in the paper's section 3.3.1."""
-    smooth = smooth_profile_paper(_order_by_x(as_vectors(arc.inliers.z)))
-    return _unweighted(smooth, arc.initial_guess)
-
-
-def _homogenised_over_x(arc: AblationArc) -> VariantFit:
-    """Return the fit after resampling y(x) by a spline, as in the paper's section 3.3.2."""
-    homogenised = homogenise_profile_paper(_order_by_x(as_vectors(arc.inliers.z)))
-    return _unweighted(homogenised, arc.initial_guess)
 
 
 def _smoothing_to_fit_of_paper(arc: AblationArc) -> VariantFit:
@@ -260,12 +243,16 @@ VARIANTS = (
             lambda arc: _fit_screened(arc.with_jumps.screened)),
     Variant(LEFT_OUT, "that sensor error and smoothing",
             lambda arc: _without_smoothing(arc.with_jumps)),
-    Variant(LEFT_OUT, "homogenising", _without_homogenising),
+    Variant(LEFT_OUT, "homogenising", lambda arc: _fit(arc.inliers, arc.screened.ellipse)),
     Variant(LEFT_OUT, "iterative fit: a direct algebraic one instead", _direct_fit),
     Variant(AS_PAPER, "screening with one sensor error of 0.9 mm", _fixed_sensor_error),
-    Variant(AS_PAPER, "smoothing y over x", _smoothed_over_x),
-    Variant(AS_PAPER, "homogenising over x", _homogenised_over_x),
-    Variant(AS_PAPER, "all points of equal weight", _equal_weights),
+    Variant(AS_PAPER, "smoothing y over x",
+            lambda arc: _unweighted(smooth_profile_paper(arc.ordered_inliers), arc.initial_guess)),
+    Variant(AS_PAPER, "homogenising over x",
+            lambda arc: _unweighted(homogenise_profile_paper(arc.ordered_inliers),
+                                    arc.initial_guess)),
+    Variant(AS_PAPER, "all points of equal weight",
+            lambda arc: _unweighted(as_vectors(arc.inliers.z), arc.initial_guess)),
     Variant(AS_PAPER, "equal weights and radial residuals, Eq. (4)", _radial),
     Variant(AS_PAPER, "sections 3.3 and 2.3 to the letter", _smoothing_to_fit_of_paper),
 )  # fmt: skip
