@@ -10,8 +10,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lsvision.cli.measure_function import build_measure_function
-from lsvision.cli.messages import FAILED, print_error, print_lines, print_notes
+from lsvision.cli.measure_options import build_measure_function
+from lsvision.cli.messages import (
+    FAILED,
+    StatusLine,
+    duration_text,
+    print_error,
+    print_lines,
+    print_notes,
+)
 from lsvision.cli.option_groups import expand_option_groups
 from lsvision.cli.profile_options import (
     KnownPhi,
@@ -20,7 +27,6 @@ from lsvision.cli.profile_options import (
     ReadingOptions,
     SensorOptions,
 )
-from lsvision.cli.progress import StatusLine, duration_text
 from lsvision.cli.sources import find_sources, suffixes_of_profiles
 from lsvision.errors import LsvisionError
 from lsvision.files.file_kinds import is_directory
@@ -223,10 +229,7 @@ def _print_summary(status: "Status", names: Sequence[str] = ()) -> None:
 class _Report(StatusLine):
     """Progress on stderr, and a line per failure; a `Report` of `run_batch`.
 
-    Parameters
-    ----------
-    total : int
-        Number of files of the batch, including those that an earlier run has measured.
+    `total` includes the files that an earlier run has measured.
     """
 
     def __init__(self, total: int) -> None:

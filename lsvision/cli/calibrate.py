@@ -15,8 +15,6 @@ from lsvision.cli.calibrate_inputs import (
     add_file_names_to_errors,
     image_files,
     read_images,
-)
-from lsvision.cli.calibrate_tables import (
     value_lines,
     warning_lines,
 )

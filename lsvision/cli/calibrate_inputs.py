@@ -1,4 +1,4 @@
-"""Input files of calibrations: images and profiles, and their names in messages."""
+"""Input files of calibrations, their names in messages, and printed values and warnings."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
+from lsvision.calibration.result_tables import Row, rejection_lines
 from lsvision.cli.image_options import BayerPattern, Laser, parse_line_settings
 from lsvision.cli.image_sources import check_colours
 from lsvision.cli.messages import end_on_failures
@@ -23,9 +24,12 @@ from lsvision.errors import LsvisionError, UnreadableFile
 from lsvision.files.file_kinds import exists
 from lsvision.files.limited_reading import STDIN
 from lsvision.files.printable import printable
+from lsvision.results.tables import text_table
 
 if TYPE_CHECKING:
+    from lsvision.calibration.intrinsics import CameraCalibration
     from lsvision.calibration.laser_line_on_board import LineOnBoardSettings
+    from lsvision.calibration.laser_plane_result import LaserPlaneCalibration
     from lsvision.io.profiles import ReadOptions
     from lsvision.laser_line.mosaic import Bayer
     from lsvision.profile import Profile
@@ -94,13 +98,7 @@ def profile_files(names: Sequence[str], dx: float | None) -> list[Path]:
 
 
 def read_images(paths: Sequence[Path]) -> list[Any]:
-    """Return the images of files in their order.
-
-    Raises
-    ------
-    UnreadableFile
-        If a file cannot be read; the message states the file and the remedy.
-    """
+    """Return the images of files in their order; an error states the file and the remedy."""
     from lsvision.io.images import read_image
 
     return [read_image(path) for path in paths]
@@ -109,13 +107,7 @@ def read_images(paths: Sequence[Path]) -> list[Any]:
 def read_named_profiles(
     paths: Sequence[Path], options: "ReadOptions"
 ) -> "tuple[list[Profile], list[str]]":
-    """Return the profiles of all files in their order, and a name for each.
-
-    Raises
-    ------
-    UnreadableFile
-        If a file cannot be read; the message states the file and the remedy.
-    """
+    """Return the profiles of all files in their order, and a name for each."""
     files = read_sources(paths, options)
     profiles = [profile for file in files for profile in file.profiles]
     names = [name for file in files for name in profile_names(file, printable(file.path.name))]
@@ -146,13 +138,6 @@ def add_file_names_to_errors(**names: Sequence[str]) -> Iterator[None]:
 def add_file_names(text: str, **names: Sequence[str]) -> str:
     """Return a message with the name of its file after each ``image 3`` or ``pose 3``.
 
-    Parameters
-    ----------
-    text : str
-        Message with numbers from 0.
-    **names : sequence of str
-        File names by number; see `add_file_names_to_errors`.
-
     Examples
     --------
     >>> add_file_names("image 1 is blurred", image=["a.png", "b.png"])
@@ -182,3 +167,16 @@ def _find(names: Sequence[str], suffixes: frozenset[str]) -> list[Path]:
     ]
     end_on_failures(missing)
     return files
+
+
+def value_lines(rows: Sequence[Row]) -> list[str]:
+    """Return names and values as lines, with the unit after each value."""
+    return text_table([(name, f"{value} {unit}") for name, value, unit in rows], left=2)
+
+
+def warning_lines(
+    names: Sequence[str], calibration: "CameraCalibration | LaserPlaneCalibration"
+) -> list[str]:
+    """Return lines on rejected views, outliers and warnings, with the names of the images."""
+    lines = rejection_lines(calibration.rejected, calibration.outliers, calibration.warnings)
+    return [add_file_names(line, image=names) for line in lines]

@@ -38,7 +38,7 @@ def demo(
     """  # noqa: D301 - the backspace makes click keep the line breaks
     from lsvision.cli.file_part import PartOptions
     from lsvision.cli.measure_files import RunOptions, measure_sources
-    from lsvision.cli.measure_function import build_measure_function
+    from lsvision.cli.measure_options import build_measure_function
     from lsvision.cli.outputs import Pictures
 
     profile, picture = _write_profile(out), out / "profile.png"

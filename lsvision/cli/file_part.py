@@ -32,24 +32,10 @@ RANGE_WARNING_FACTOR = 3.0
 class PartOptions:
     """Options for reading and measuring files; can be pickled for another process.
 
-    Parameters
-    ----------
-    measuring : MeasureFunction
-        Function that measures profiles, with its options filled in.
-    sensor : ProfileSensor, optional
-        Sensor whose noise `measuring` uses.
-    reading : ReadOptions
-        Options of reading profile files.
-    imaging : ImagingOptions, optional
-        Rig and settings for converting images to profiles; without them an image is an error.
-    placing : RobotFrame, optional
-        Transformation of cylinders to the robot's frame; None leaves them in the section frame.
-    verbose : bool
-        Whether to list the rejected arcs, too.
-    debug : bool
-        Whether to print the tracebacks of exceptions.
-    max_size : int
-        Largest size of a file, for another process, which does not inherit it. Units: bytes.
+    `measuring` has its options filled in, also the noise of `sensor`. Without `imaging`, the rig
+    and the settings for converting images to profiles, an image is an error; without `placing`
+    cylinders stay in the section frame. `verbose` lists the rejected arcs, `debug` prints
+    tracebacks; `max_size`, in bytes, is for another process, which does not inherit it.
     """
 
     measuring: "MeasureFunction"
@@ -64,22 +50,12 @@ class PartOptions:
 
 @dataclass(frozen=True, eq=False)
 class FilePart:
-    """Consecutive profiles of a file.
+    """Consecutive profiles of a file: `file` has only those of this part.
 
-    Parameters
-    ----------
-    file : ProfileFile or ImageFile
-        The file, with the profiles of this part only.
-    first : int
-        Index of this part's first profile in the whole file, from 0.
-    several : bool
-        Whether the whole file has several profiles, so that each is printed with its number.
-    header : list of str
-        Summary of the file, or of a part of a large one, and notes; printed before the results.
-    flanges : list of Pose, optional
-        ``base_from_flange`` of each profile.
-    pictures : list of Path, optional
-        File of each profile's picture; None draws none.
+    `first` is the index of its first profile in the whole file, from 0; `several` whether that has
+    several profiles, so that each is printed with its number. The lines of the header, a summary
+    and notes, are printed before the results. Flanges are ``base_from_flange`` of each profile;
+    without `pictures`, a file for each profile, none are drawn.
     """
 
     file: "ProfileFile | ImageFile"
@@ -160,17 +136,11 @@ def _header(options: PartOptions, file: "ProfileFile | ImageFile", first: int = 
 
 
 def _range_warning(profile: "Profile", sensor: "ProfileSensor | None") -> str | None:
-    """Return a warning if the profile lies far outside the range of the sensor; else None.
+    """Return a warning if the profile lies far outside the sensor's range; None without a sensor.
 
-    The noise grows with the distance from the sensor; it is wrong if heights are not measured from
-    the sensor, but from the middle of its range, for example.
-
-    Parameters
-    ----------
-    profile : Profile
-        Profile with at least one point.
-    sensor : ProfileSensor, optional
-        Sensor with its range; None gives no warning.
+    The profile has at least one point. The noise grows with the distance from the sensor; it is
+    wrong if heights are not measured from the sensor, but from the middle of its range, for
+    example.
     """
     if sensor is None:
         return None

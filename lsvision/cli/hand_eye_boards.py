@@ -29,15 +29,9 @@ fourth one checks it."""
 class ReportData:
     """Data of a hand-eye calibration that its report shows beside the result.
 
-    Parameters
-    ----------
-    warnings : sequence of str
-        Warnings about the target, and about images and corners that were left out.
-    images : sequence of images
-        Photo of each pose; empty if the sensor measures profiles.
-    corners : sequence of ((n, 2) ndarray, (n, 2) ndarray)
-        Corners found in each photo, and residuals (predicted minus found); empty without photos.
-        Units: px.
+    Warnings are about the target, and about images and corners that were left out. For each photo,
+    if the sensor takes photos, `corners` are those found, (n, 2), and their residuals (predicted
+    minus found). Units: px.
     """
 
     warnings: "Sequence[str]" = ()
@@ -47,29 +41,14 @@ class ReportData:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DetectedBoards:
-    """The board's pose in each image in which it was found.
+    """The board's pose, ``camera_from_board``, in each image in which it was found.
 
-    Parameters
-    ----------
-    indices : list of int
-        Indices of the images in which the board was found, among all images. The other fields with
-        an item per image have one for each of these, in this order.
-    camera : Camera
-        Calibrated camera.
-    images : sequence of images
-        Images in which the board was found.
-    views : sequence of TargetView
-        Corners found in each image, and the points of the board that they belong to.
-    poses : sequence of Pose
-        ``camera_from_board`` of each image.
-    covariances : (n, 6, 6) ndarray
-        Covariances of the poses; see `estimate_board_pose`.
-    camera_modes : (m, n, 6) ndarray, optional
-        Shift of each of the n poses by each of m independent errors of the camera, one standard
-        deviation each, see `board_pose_modes`; None if the camera's file has no covariance.
-    warnings : tuple of str
-        Warnings about images and corners that were left out, and about boards whose corners were
-        numbered from another end.
+    `indices` are those of these images among all; the other fields with an item per image are in
+    this order. Covariances, (n, 6, 6), are those of `estimate_board_pose`. `camera_modes`, (m, n,
+    6), are the shifts of each pose by each of m independent errors of the camera, one standard
+    deviation each, see `board_pose_modes`; None if the camera's file has no covariance. Warnings
+    are about images and corners that were left out, and boards whose corners were numbered from
+    another end.
     """
 
     indices: list[int]
@@ -87,16 +66,7 @@ class DetectedBoards:
         """Return the boards with their corners numbered from the same end in all images.
 
         An image does not show from which end to number a board that looks the same after a turn;
-        the robot's poses do.
-
-        Parameters
-        ----------
-        target : Target
-            The board.
-        flanges : sequence of Pose
-            ``base_from_flange`` of each image.
-        mounting : {"eye_in_hand", "eye_to_hand"}
-            Whether the camera is on the flange, or beside the robot.
+        the robot's poses do: `flanges` are ``base_from_flange`` of each image.
 
         Raises
         ------
@@ -133,14 +103,8 @@ class DetectedBoards:
     ) -> ReportData:
         """Return photos, corners with their residuals, and warnings for the report.
 
-        Parameters
-        ----------
-        calibration : HandEye
-            Result, with which corners are predicted from the robot's poses.
-        flanges : sequence of Pose
-            ``base_from_flange`` of each image.
-        names : sequence of str
-            Name of each image's file, for the warnings.
+        Corners are predicted by the calibration from the robot's poses, ``base_from_flange`` of
+        each image. The names of the images' files are for the warnings.
         """
         from lsvision.geometry import Pose
 
@@ -159,15 +123,6 @@ class DetectedBoards:
 
 def find_boards(files: Sequence[Path], target: "Target", camera_file: Path) -> DetectedBoards:
     """Find the board in each image; images that do not show it are left out, with a warning.
-
-    Parameters
-    ----------
-    files : sequence of Path
-        Files of the images.
-    target : Target
-        The board.
-    camera_file : Path
-        File of the calibrated camera.
 
     Raises
     ------

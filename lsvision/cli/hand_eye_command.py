@@ -13,14 +13,14 @@ from lsvision.cli.calibrate_inputs import (
     add_file_names_to_errors,
     profile_files,
     read_named_profiles,
+    value_lines,
 )
-from lsvision.cli.calibrate_tables import plan_rows, pose_rows, value_lines
 from lsvision.cli.hand_eye_boards import ReportData
 from lsvision.cli.messages import print_lines
 from lsvision.cli.outputs import check_outputs
 from lsvision.cli.profile_options import ReadingOptions
+from lsvision.cli.robot_frame import PoseFile
 from lsvision.cli.robot_options import parse_convention
-from lsvision.cli.robot_poses import PoseFile
 from lsvision.results.tables import text_table
 
 if TYPE_CHECKING:
@@ -167,14 +167,7 @@ class HandEyeOptions(HandEyeResultOptions):
         parse_convention(self.convention)
 
     def read_flanges(self, item: str, names: Sequence[str]) -> "list[Pose]":
-        """Return ``base_from_flange`` of each profile or image.
-
-        Parameters
-        ----------
-        item : str
-            What each pose belongs to, "profile" or "image", for the error message.
-        names : sequence of str
-            Name of each of these.
+        """Return ``base_from_flange`` of each named item, a "profile" or an "image".
 
         Raises
         ------
@@ -222,14 +215,9 @@ def calibrate_from_profiles(
 ) -> None:
     """Calibrate a profile sensor to the robot, write the files and print the result.
 
-    Parameters
-    ----------
-    calibrate : callable
-        `calibrate_hand_eye_sphere`, with its radius filled in, or `calibrate_hand_eye_plane`.
-    sources : sequence of str
-        Files, folders and patterns of the profiles, one profile for each pose.
-    options, plan, reading
-        Options of the command.
+    `calibrate` is `calibrate_hand_eye_sphere`, with its radius filled in, or
+    `calibrate_hand_eye_plane`; `sources` are files, folders and patterns of profiles, one for each
+    pose.
 
     Raises
     ------
@@ -263,20 +251,8 @@ def report_hand_eye(
 ) -> None:  # fmt: skip
     """Write the output files of a hand-eye calibration, and print the result.
 
-    Parameters
-    ----------
-    hand_eye : HandEye
-        Calibration to report.
-    flanges : sequence of Pose
-        ``base_from_flange`` of each observation.
-    names : sequence of str
-        Name of each observation.
-    options : HandEyeResultOptions
-        Options of the command.
-    inputs : sequence of Path
-        All files that were read, for the provenance.
-    report_data : ReportData
-        Photos, corners and warnings for the report.
+    `flanges` are ``base_from_flange`` of each observation, `names` their names, `inputs` all files
+    that were read, for the provenance.
     """
     from lsvision.calibration.result_tables import accuracy_rows
     from lsvision.io.calibration import build_provenance
@@ -304,7 +280,7 @@ def report_hand_eye(
         export_easy_handeye(hand_eye, options.easy_handeye, robot_frame=robot, sensor_frame=sensor)
     heading = f"{options.out}: sensor to robot from {used} of {len(names)} poses"
     table = text_table(
-        [("pose", "residual mm", "leave-one-out mm", ""), *pose_rows(hand_eye, names)], left=1
+        [("pose", "residual mm", "leave-one-out mm", ""), *_pose_rows(hand_eye, names)], left=1
     )
     print_lines([heading, *value_lines(rows), "", *table, *warnings])
 
@@ -358,7 +334,7 @@ def _report_pose_plan(plan: "PosePlan", out: Path | None) -> None:
     from lsvision.files.atomic_files import write_atomic
 
     header = ("next pose", "x mm", "y mm", "z mm", "std after it mm")
-    typer.echo("\n".join(["", *text_table([header, *plan_rows(plan)], left=1)]))
+    typer.echo("\n".join(["", *text_table([header, *_plan_rows(plan)], left=1)]))
     if out is not None:
         rows = [
             ",".join(f"{value:.6f}" for value in pose.matrix.flat)
@@ -366,3 +342,37 @@ def _report_pose_plan(plan: "PosePlan", out: Path | None) -> None:
         ]
         write_atomic(out, "\n".join(rows) + "\n")
         typer.echo(f"{out}: base_from_flange as 4x4 rows, best first; check each for collisions")
+
+
+def _pose_rows(hand_eye: "HandEye", names: Sequence[str]) -> list[tuple[str, str, str, str]]:
+    """Return for each pose: name, residual and leave-one-out residual (mm), whether left out."""
+    left_out = {pose.index for pose in hand_eye.rejected}
+    return [
+        (
+            name,
+            _format_mm(residual),
+            _format_mm(leave_one_out),
+            "left out" if index in left_out else "",
+        )
+        for index, (name, residual, leave_one_out) in enumerate(
+            zip(names, hand_eye.residuals, hand_eye.leave_one_out_residuals, strict=True)
+        )
+    ]
+
+
+def _plan_rows(plan: "PosePlan") -> list[tuple[str, ...]]:
+    """Return for each planned pose: number from 1, position, and std predicted after it, in mm.
+
+    The std is that of the target's mean position in the view.
+    """
+    return [
+        (str(number), *(f"{value:.1f}" for value in pose.translation), f"{std:.4f}")
+        for number, (pose, std) in enumerate(
+            zip(plan.base_from_flanges, plan.predicted_std, strict=True), start=1
+        )
+    ]
+
+
+def _format_mm(value: float) -> str:
+    """Return a length in mm as text; "-" if the target was not found."""
+    return f"{value:.3f}" if math.isfinite(value) else "-"

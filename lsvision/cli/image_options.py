@@ -65,8 +65,8 @@ def parse_line_settings(laser: str, method: str, bayer: str | None = None) -> "L
     from lsvision.laser_line.settings import LineSettings
 
     try:
-        pattern = cast(Any, bayer and bayer.upper())
-        return LineSettings(channel=cast(Any, laser), method=cast(Any, method), bayer=pattern)
+        pattern = cast("Any", bayer and bayer.upper())
+        return LineSettings(channel=cast("Any", laser), method=cast("Any", method), bayer=pattern)
     except ValueError as error:
         message = str(error)
         for field, option in (("channel", "--laser"), ("method", "--method"), ("bayer", "--bayer")):
@@ -84,16 +84,8 @@ def parse_imaging(
 ) -> ImagingOptions | None:
     """Return the options for converting images to profiles; None without a rig.
 
-    Parameters
-    ----------
-    light_section : Path, optional
-        Rig file.
-    laser, method, bayer : str
-        Colour of the laser, sub-pixel method and pattern of a colour camera; see `LineSettings`.
-    laser_off : Path, optional
-        File of the frame without the laser.
-    **other_options
-        Other fields of `ImagingOptions`.
+    For `laser`, `method` and `bayer` see `LineSettings`; `other_options` are further fields of
+    `ImagingOptions`.
 
     Raises
     ------
@@ -146,14 +138,7 @@ def _reject_image_options(
 
 
 def read_laser_off(path: Path | None, size: tuple[int, int]) -> Any:
-    """Return the image without the laser; None without a path.
-
-    Parameters
-    ----------
-    path : Path, optional
-        File of the image.
-    size : (int, int)
-        Width and height of the images with the laser. Units: px.
+    """Return the image without the laser, of width and height `size` in px; None without a path.
 
     Raises
     ------

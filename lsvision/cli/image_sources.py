@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from lsvision.cli.sources import IMAGE_SUFFIXES, VIDEO_SUFFIXES
 from lsvision.errors import LsvisionError, NoLaserLine, UnreadableFile
@@ -31,16 +31,9 @@ motion JPEG, 3 in MPEG-4. Units: DN of 8 bit."""
 class ImageRemedies:
     """Remedies in messages on images: the options of a command, or the keys of a job.
 
-    Parameters
-    ----------
-    rig : str
-        Option or key that states the rig, with an example.
-    line : str
-        Remedy if no laser line is found.
-    colours : str
-        Remedy for a colour image if no laser colour is stated.
-    no_colours : str
-        Remedy for a grey image if the laser colour ``{laser}`` is stated.
+    `rig` states the rig, with an example; `line` is for an image without a laser line, `colours`
+    for one in colour without a stated laser colour, `no_colours` for a grey one with ``{laser}``
+    stated.
     """
 
     rig: str
@@ -72,21 +65,10 @@ JOB = ImageRemedies(
 class ImagingOptions:
     """Options for the conversion of images to profiles.
 
-    Parameters
-    ----------
-    light_section : LightSection
-        Calibrated camera and laser plane.
-    line : LineSettings
-        Settings of the line extraction.
-    laser_off : (height, width) or (height, width, 3) ndarray, optional
-        Image of the same view without the laser.
-    surface_std : float
-        Roughness of the surface, one sigma; added to the noise of each point in both directions of
-        the section. Units: mm.
-    frames : int, optional
-        Largest number of frames to read from a video; all if None.
-    keep_images : bool
-        Whether to keep the images, for pictures.
+    `laser_off` is an image of the same view without the laser. `surface_std` is the roughness of
+    the surface, one sigma, in mm; it is added to the noise of each point in both directions of the
+    section. `frames` is the largest number to read from a video, all if None; images are kept for
+    pictures.
     """
 
     light_section: "LightSection"
@@ -101,20 +83,8 @@ class ImagingOptions:
 class ImageFile:
     """Profiles of an image or of the frames of a video; the counterpart of `ProfileFile`.
 
-    Parameters
-    ----------
-    path : Path
-        File, or name of a live camera.
-    profiles : tuple of Profile
-        Profile of each frame; without valid points if no line was found in it.
-    images : tuple of ndarray or None
-        Image of each profile; None for each if they are not kept.
-    summary : str
-        Summary in one line.
-    notes : tuple of str
-        Remarks on the images.
-    units_assumed, flipped : bool
-        Always False: the rig states the unit and the direction of the heights.
+    `path` is the file, or the name of a live camera. A profile has no valid points if no line was
+    found in its frame; its image is None if they are not kept. `summary` is one line.
     """
 
     path: Path
@@ -122,8 +92,6 @@ class ImageFile:
     images: tuple[Any, ...]
     summary: str
     notes: tuple[str, ...]
-    units_assumed: Literal[False] = False
-    flipped: Literal[False] = False
 
 
 @dataclass(frozen=True)
@@ -158,15 +126,8 @@ def is_video(source: Path) -> bool:
 def holds_images(source: Path, imaging: ImagingOptions | None, reading: "ReadOptions") -> bool:
     """Return whether a file is read as images of a laser line, and not as profiles.
 
-    Parameters
-    ----------
-    source : Path
-        File, or ``-`` for standard input, which holds an image if there is a rig.
-    imaging : ImagingOptions or None
-        Conversion of images to profiles; None without a rig.
-    reading : ReadOptions
-        Options for reading profiles. Without a rig, but with the spacing of columns, an image is a
-        height map, whose rows are profiles.
+    Standard input holds an image if there is a rig. Without a rig, but with the spacing of columns
+    in `reading`, an image is a height map, whose rows are profiles.
     """
     if str(source) == STDIN:
         return imaging is not None
@@ -183,18 +144,8 @@ def check_colours(
 ) -> None:
     """Raise an error if the stated laser colour does not suit an image in colour or in grey.
 
-    Parameters
-    ----------
-    image : (height, width) or (height, width, 3) ndarray
-        Image; one with three equal channels is grey.
-    laser : str
-        Laser colour, "grey" if none is stated.
-    where : str
-        Name of the image, with which the message begins.
-    bayer : str, optional
-        Mosaic of a raw image, which is grey and suits every laser colour.
-    remedies : ImageRemedies
-        Remedies in the messages.
+    An image with three equal channels is grey, and so is a raw image with a mosaic `bayer`, which
+    suits every laser colour. `laser` is "grey" if none is stated; the message begins with `where`.
 
     Raises
     ------
@@ -212,15 +163,6 @@ def read_image_source(
     source: Path | LiveCamera, imaging: ImagingOptions | None, remedies: ImageRemedies = OPTIONS
 ) -> ImageFile:
     """Return the profiles of an image, a video or a live camera.
-
-    Parameters
-    ----------
-    source : Path or LiveCamera
-        File or camera.
-    imaging : ImagingOptions or None
-        Conversion of images to profiles; None without a rig, which is an error.
-    remedies : ImageRemedies
-        Remedies in the messages.
 
     Raises
     ------
@@ -296,17 +238,6 @@ def extract_named_line(
     source: Path, image: Any, settings: "LineSettings", laser_off: Any
 ) -> "LaserLine":
     """Return the laser line of an image; errors state its file.
-
-    Parameters
-    ----------
-    source : Path
-        File of the image.
-    image : (height, width) or (height, width, 3) ndarray
-        Image with the laser.
-    settings : LineSettings
-        Settings of the extraction.
-    laser_off : ndarray or None
-        Image of the same view without the laser.
 
     Raises
     ------

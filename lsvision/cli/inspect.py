@@ -147,14 +147,7 @@ def _print_notes_on_job(job: "Job", path: Path) -> None:
 class _Run:
     """Job of a run, how its files are read, and number of files that failed.
 
-    Parameters
-    ----------
-    job : Job
-        Job by which the files are measured and judged.
-    path : Path
-        File of the job; paths in the job are relative to its folder.
-    reading : ReadOptions
-        Options for reading profile files.
+    Paths in the job are relative to the folder of `path`, its file.
     """
 
     def __init__(self, job: "Job", path: Path, reading: "ReadOptions") -> None:
@@ -213,8 +206,7 @@ class _Run:
         LsvisionError
             If a key is missing or invalid, or a file cannot be used.
         """
-        from lsvision.cli.robot_options import RobotOptions
-        from lsvision.cli.scan_poses import Robot, parse_motion, scan_poses
+        from lsvision.cli.robot_options import Robot, RobotOptions, parse_motion, scan_poses
 
         rig, scan = self.job.rig, self.job.scan
         names = (rig.poses, rig.flange_from_section)

@@ -53,8 +53,8 @@ def line(
     inputs = [image_file, *filter(None, [laser_off])]
     check_outputs((plot,), inputs, streams=(csv_file,))
     from lsvision.cli.image_sources import extract_named_line
-    from lsvision.draw import draw_laser_line, figure_bytes, line_summary
-    from lsvision.files.atomic_files import write_atomic
+    from lsvision.draw import draw_laser_line, line_summary
+    from lsvision.draw.figures import write_figure
     from lsvision.io.images import read_image
     from lsvision.io.laser_lines import line_csv
 
@@ -67,5 +67,4 @@ def line(
         write_output(csv_file, line_csv(laser_line))
     print_lines([f"{image_file}: {line_summary(laser_line)}"], err=csv_file == STDOUT)
     if plot is not None:
-        figure = draw_laser_line(image, laser_line, title=printable(str(image_file)))
-        write_atomic(plot, figure_bytes(figure, plot.suffix[1:].lower()))
+        write_figure(plot, draw_laser_line(image, laser_line, title=printable(str(image_file))))

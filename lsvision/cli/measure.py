@@ -19,7 +19,7 @@ from lsvision.cli.image_options import (
 )
 from lsvision.cli.image_sources import LiveCamera, is_video
 from lsvision.cli.measure_files import RunOptions, measure_sources
-from lsvision.cli.measure_function import build_measure_function
+from lsvision.cli.measure_options import build_measure_function
 from lsvision.cli.messages import FAILED, print_error
 from lsvision.cli.option_groups import expand_option_groups
 from lsvision.cli.outputs import STDOUT, Pictures, check_outputs, check_picture

@@ -9,11 +9,9 @@ from typing import TYPE_CHECKING
 
 from lsvision.cli.file_part import FilePart, PartOptions, read_parts, read_whole
 from lsvision.cli.image_sources import ImageFile, LiveCamera, is_image
-from lsvision.cli.measure_task import MeasureTask, measure_task
-from lsvision.cli.messages import print_error, print_lines
+from lsvision.cli.messages import Progress, print_error, print_lines
 from lsvision.cli.outputs import Pictures
-from lsvision.cli.part_results import PartResult, error_text
-from lsvision.cli.progress import Progress
+from lsvision.cli.part_results import MeasureTask, PartResult, error_text, measure_task
 from lsvision.files.file_kinds import is_regular
 
 if TYPE_CHECKING:
@@ -35,18 +33,9 @@ which take a second to start, save time."""
 class RunOptions:
     """Options for measuring files and for the outputs.
 
-    Parameters
-    ----------
-    part : PartOptions
-        Reading and measuring of the files.
-    pictures : Pictures, optional
-        Names of the pictures; None draws none.
-    results : ResultFiles, optional
-        Files to which each result is written immediately.
-    jobs : int, optional
-        Number of processes; None: the number of cores if the files are large enough, else 1.
-    table_to_stderr : bool
-        Whether tables are printed on standard error, because results go to standard output.
+    Without `pictures` none are drawn; each result is written to `results` immediately. `jobs` is
+    the number of processes; None: the number of cores if the files are large enough, else 1. Tables
+    are printed on standard error if results go to standard output.
     """
 
     part: PartOptions
@@ -59,18 +48,8 @@ class RunOptions:
 def measure_sources(sources: Sequence[Path | LiveCamera], run: RunOptions) -> int:
     """Measure files in order; print, write and draw their results.
 
-    Parameters
-    ----------
-    sources : sequence of Path or LiveCamera
-        Files and cameras.
-    run : RunOptions
-        Options of measuring and of the outputs. The output is the same for any number of
-        processes.
-
-    Returns
-    -------
-    int
-        Number of files that could not be measured or drawn; each is reported on stderr.
+    Return the number of files that could not be measured or drawn, each of which is reported on
+    stderr. The output is the same for any number of processes.
 
     Raises
     ------

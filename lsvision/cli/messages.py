@@ -1,8 +1,10 @@
-"""Messages on the terminal: an error is one line on stderr."""
+"""Messages and progress on the terminal: an error is one line on stderr."""
 
 import re
 import shlex
+import shutil
 import sys
+import time
 import traceback
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -58,13 +60,10 @@ _BOUNDS = {"ge": "at least", "gt": "above", "le": "at most", "lt": "below"}
 
 
 def plain_usage_message(error: Any) -> str:
-    """Return the message of a usage error with what was expected and what was given.
+    """Return the message of a usage error of click with what was expected and what was given.
 
-    Parameters
-    ----------
-    error : click.UsageError
-        Usage error. If pydantic rejected the value of an option, the message of the error states
-        neither, but its cause does.
+    If pydantic rejected the value of an option, the message of the error states neither, but its
+    cause does.
     """
     details = getattr(error.__cause__, "errors", None)
     if details is None:
@@ -86,3 +85,64 @@ def _measure_hint(message: str) -> str:
     if match is None or not exists(match[1]):
         return ""
     return f" To measure it: lsvision measure {shlex.quote(match[1])}"
+
+
+BAR_WIDTH = 24
+"""Width of the bar. Units: characters."""
+
+
+class StatusLine:
+    """Line that is overwritten; nothing is shown unless stderr is a terminal."""
+
+    def __init__(self) -> None:
+        self._shown = sys.stderr.isatty()
+
+    def write(self, text: str) -> None:
+        """Replace the text of the line."""
+        if self._shown:
+            sys.stderr.write(f"\r\x1b[K{text[: shutil.get_terminal_size().columns - 1]}")
+            sys.stderr.flush()
+
+    def clear(self) -> None:
+        """Erase the line, so that others can be written."""
+        self.write("")
+
+
+class Progress(StatusLine):
+    """Progress bar over `total` files; `done` is the number of finished ones."""
+
+    def __init__(self, total: int) -> None:
+        super().__init__()
+        self._total = total
+        self._start = time.monotonic()
+        self.done = 0
+
+    def show(self, done: int, name: str, part: int = 0, parts: int = 1) -> None:
+        """Draw the bar and the status beside it: finished files, and name of the current one.
+
+        `part` of its `parts` profiles, as far as their number is known, are finished; 0 of 1 for a
+        file that is measured as a whole.
+        """
+        self.done = done
+        if self._total * parts <= 1:  # nothing to show for a single profile, or without files
+            return
+        fraction = (done + part / parts) / self._total
+        profiles = f", profile {part} of {parts}" if parts > 1 else ""
+        self.write(
+            f"[{'#' * int(BAR_WIDTH * fraction):.<{BAR_WIDTH}}] {done}/{self._total}{profiles}"
+            f"{_time_left(time.monotonic() - self._start, fraction)} {printable(name)}"
+        )
+
+
+def _time_left(seconds: float, fraction: float) -> str:
+    """Return the estimated remaining time as text; "" in the first second, and at the end."""
+    if not 0 < fraction < 1 or seconds < 1:
+        return ""
+    return f", {duration_text(seconds * (1 - fraction) / fraction)} left"
+
+
+def duration_text(seconds: float) -> str:
+    """Return a duration as text: ``3 min 05 s`` or ``2 h 07 min``."""
+    minutes, seconds_left = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes:02} min" if hours else f"{minutes} min {seconds_left:02} s"

@@ -15,11 +15,6 @@ def expand_option_groups(command: Callable[..., None]) -> Callable[..., None]:
     Typer makes an option of each parameter of a function. ``def scan(files: ..., reading:
     ReadingOptions)`` becomes a command with an option for each field of `ReadingOptions`, whose
     values the function gets as one `ReadingOptions`.
-
-    Parameters
-    ----------
-    command : callable
-        Function whose parameters are annotated for typer, or with a dataclass whose fields are.
     """
     signature = inspect.signature(command, eval_str=True)
     groups: dict[str, Any] = {

@@ -36,11 +36,6 @@ def check_outputs(
     streams : sequence of Path or None
         Further output files, of which one may be ``-``, standard output.
 
-    Returns
-    -------
-    CommandFiles
-        Inputs and outputs, for the names of pictures.
-
     Raises
     ------
     UnwritableFile
@@ -108,13 +103,7 @@ def write_output(path: Path, content: str) -> None:
 
 
 def check_picture(plot: Path | None) -> None:
-    """Raise an error if the format of a picture is not supported.
-
-    Raises
-    ------
-    typer.BadParameter
-        If the suffix is neither .png nor .svg.
-    """
+    """Raise an error if the suffix of a picture is neither .png nor .svg."""
     if plot is not None and plot.suffix.lower() not in PICTURE_SUFFIXES:
         raise typer.BadParameter(f"expected --plot F.png or F.svg, got {plot.name!r}")
 
@@ -122,14 +111,9 @@ def check_picture(plot: Path | None) -> None:
 class Pictures:
     """Names of the pictures of a command: unique, and different from its other files.
 
-    Parameters
-    ----------
-    plot : Path
-        File of the picture; with several pictures, each name begins with its stem.
-    several : bool
-        Whether there is more than one input file.
-    command_files : CommandFiles, optional
-        Inputs and outputs of the command, including `plot`.
+    With several pictures each name begins with the stem of `plot`; `several` is whether there is
+    more than one input file. `command_files` are inputs and outputs of the command, including
+    `plot`.
     """
 
     def __init__(
@@ -141,12 +125,8 @@ class Pictures:
     def assign_path(self, source: Path, number: int | None) -> Path:
         """Return a new path for a profile's picture, such as ``out.png`` or ``out-SOURCE-3.png``.
 
-        Parameters
-        ----------
-        source : Path
-            File of the profile; part of the path if there are several files.
-        number : int or None
-            Index of the profile in the file, part of the path; None for the only one.
+        The name of the file `source` is part of it if there are several files, and the index of the
+        profile if the file has several profiles (else None).
         """
         tags = [_shorten(source.stem)] if self._several else []
         if number is not None:

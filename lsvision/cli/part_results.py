@@ -1,6 +1,10 @@
-"""Measure consecutive profiles of a file; return the text to print and the records to write."""
+"""Tasks of ``lsvision measure``: files, or profiles of a file, in; printed text and records out.
+
+Neither this module nor those that it imports import typer, so that a process starts faster.
+"""
 
 import contextlib
+import math
 import sys
 import traceback
 from collections.abc import Sequence
@@ -12,12 +16,14 @@ from lsvision.cli.file_part import FilePart, PartOptions, read_parts
 from lsvision.cli.image_sources import ImageFile, LiveCamera
 from lsvision.cli.messages import internal_error
 from lsvision.cli.robot_frame import robot_frame_table
-from lsvision.cli.section_table import measurement_lines
 from lsvision.errors import LsvisionError
+from lsvision.files.limited_reading import size_limit
 from lsvision.files.printable import printable, printable_name
 
 if TYPE_CHECKING:
     from lsvision.cylinder.robot_frame import PlacedCylinder
+    from lsvision.detection.arcs import Rejection
+    from lsvision.ellipse.section import CylinderSection
     from lsvision.io.profiles import ProfileFile
     from lsvision.measure import Measurement
     from lsvision.profile import Profile
@@ -26,16 +32,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PartResult:
-    """Results of a part: only errors if it cannot be measured; a picture may fail alone.
+    """Lines to print, and records of the profiles for JSON and CSV, of a part.
 
-    Parameters
-    ----------
-    lines : list of str
-        Text to print.
-    records : list of dict
-        Records of the profiles, for JSON and CSV.
-    errors : list of str
-        Messages of errors, one line each.
+    It has only errors, a line each, if it cannot be measured; a picture may fail alone.
     """
 
     lines: list[str] = field(default_factory=list)
@@ -55,7 +54,7 @@ def measure_files(options: PartOptions, sources: Sequence[Path]) -> list[PartRes
         except Exception as error:  # noqa: BLE001 - a bug in one file must not stop the run
             errors[source] = error_text(source, error, options)
     all_parts = [part for file_parts in parts.values() for part in file_parts]
-    results = iter(measure_parts(options, all_parts))
+    results = iter(_measure_parts(options, all_parts))
     return [
         PartResult(errors=[errors[source]])
         if source in errors
@@ -64,20 +63,10 @@ def measure_files(options: PartOptions, sources: Sequence[Path]) -> list[PartRes
     ]
 
 
-def measure_parts(options: PartOptions, parts: Sequence[FilePart]) -> list[PartResult]:
-    """Measure the profiles of several parts at once, and draw them.
+def _measure_parts(options: PartOptions, parts: Sequence[FilePart]) -> list[PartResult]:
+    """Measure the profiles of several parts at once, and draw them; return a result for each part.
 
-    Parameters
-    ----------
-    options : PartOptions
-        Options of measuring and drawing.
-    parts : sequence of FilePart
-        Parts with the profiles.
-
-    Returns
-    -------
-    list of PartResult
-        Result of each part; it has only an error if one of its profiles cannot be measured.
+    It has only an error if one of the part's profiles cannot be measured.
     """
     from lsvision.batch.measure_group import measure_group
     from lsvision.ellipse.section import compute_intervals
@@ -159,7 +148,7 @@ class _Section:
     index: int
     profile: "Profile"
     measurement: "Measurement"
-    upside_down: bool  # cylinders are found only after the heights are negated
+    flip_hint: str  # if cylinders are found only after the heights are negated
     placed: "list[tuple[PlacedCylinder, PlacedCylinder]] | None"  # both possible ones of each
 
 
@@ -177,13 +166,21 @@ def _complete_section(
 
     profile = part.file.profiles[index]
     measurement = require_measurement(result, part.file.path, part.first + index)
-    check_flip = not measurement.cylinders and not isinstance(part.file, ImageFile)
-    upside_down = check_flip and holds_cylinders_upside_down(options.measuring, profile)
-    placed = None
+    placed, flip_hint = None, ""
+    if (
+        not measurement.cylinders
+        and not isinstance(part.file, ImageFile)
+        and holds_cylinders_upside_down(options.measuring, profile)
+    ):
+        way, option = ("towards", "--no-flip") if part.file.flipped else ("away from", "--flip")
+        flip_hint = (
+            "cylinders are found with the sensor on the other side: if heights grow "
+            f"{way} the sensor, use {option}"
+        )
     if options.placing is not None:
         flange = None if part.flanges is None else part.flanges[index]
         placed = options.placing.place(measurement.cylinders, flange)
-    return _Section(index, profile, measurement, upside_down, placed)
+    return _Section(index, profile, measurement, flip_hint, placed)
 
 
 def _section_lines(options: PartOptions, part: FilePart, section: _Section) -> list[str]:
@@ -196,13 +193,7 @@ def _section_lines(options: PartOptions, part: FilePart, section: _Section) -> l
         else:
             text_lines = [f"{head} {text_lines[0]}", *text_lines[1:]]
     lines = [f"  {line}" for line in (*text_lines, *robot_frame_table(section.placed or ()))]
-    if section.upside_down:
-        way, option = ("towards", "--no-flip") if part.file.flipped else ("away from", "--flip")
-        lines.append(
-            "  cylinders are found with the sensor on the other side: if heights grow "
-            f"{way} the sensor, use {option}"
-        )
-    return lines
+    return [*lines, f"  {section.flip_hint}"] if section.flip_hint else lines
 
 
 def _records(part: FilePart, sections: Sequence[_Section]) -> "list[Record]":
@@ -244,8 +235,8 @@ def _draw(options: PartOptions, part: FilePart, sections: Sequence[_Section]) ->
 
 def _draw_section(options: PartOptions, part: FilePart, section: _Section, path: Path) -> None:
     """Write a picture of a measured profile, drawn into its image if there is one."""
-    from lsvision.draw import draw_measurement, draw_overlay, figure_bytes
-    from lsvision.files.atomic_files import write_atomic
+    from lsvision.draw import draw_measurement, draw_overlay
+    from lsvision.draw.figures import write_figure
 
     title = printable(str(part.file.path))
     if part.several:
@@ -255,9 +246,82 @@ def _draw_section(options: PartOptions, part: FilePart, section: _Section, path:
         figure = draw_overlay(image, rig, section.profile, section.measurement, title=title)
     else:
         figure = draw_measurement(section.profile, section.measurement, title=title)
-    write_atomic(path, figure_bytes(figure, path.suffix[1:].lower()))
+    write_figure(path, figure)
 
 
 def _item_name(file: "ProfileFile | ImageFile") -> str:
     """Return what an item of a file is called in the output."""
     return "frame" if isinstance(file, ImageFile) else "profile"
+
+
+def measurement_lines(
+    measurement: "Measurement", profile: "Profile", *, verbose: bool
+) -> list[str]:
+    """Return the lines of a profile's table, or why there is no cylinder, and the rejected arcs.
+
+    The rejected arcs, in the order of the profile, and notes on correlated residuals are added if
+    `verbose`.
+    """
+    from lsvision.ellipse.section_table import section_cells
+    from lsvision.results.summaries import counted
+    from lsvision.results.tables import text_table
+
+    rejections = sorted(measurement.rejections, key=lambda r: (r.arc.start, r.arc.stop))
+    rejected = f"{counted(len(rejections), 'arc')} rejected"
+    lines = text_table(section_cells(measurement.cylinders))
+    if not measurement.cylinders:
+        reason = measurement.reason
+        more = f" ({rejected}: -v lists them)" if len(rejections) > 1 and not verbose else ""
+        lines = [f"no cylinder found: {reason}{more}"]
+    if verbose:
+        lines += _correlation_notes(measurement.cylinders)
+    if verbose and rejections:
+        lines += [
+            f"{rejected}:",
+            *(_rejection_line(rejection, profile) for rejection in rejections),
+        ]
+    return lines
+
+
+def _correlation_notes(cylinders: Sequence["CylinderSection"]) -> list[str]:
+    """Return a note for each cylinder whose intervals are wider for correlated residuals."""
+    return [
+        f"  {number}: residuals correlated over {cylinder.residual_correlation:.1f} points along "
+        "the line: intervals widened (the sensor smooths, or the cylinder is not exact)"
+        for number, cylinder in enumerate(cylinders, 1)
+        if cylinder.residual_correlation > 1
+    ]
+
+
+def _rejection_line(rejection: "Rejection", profile: "Profile") -> str:
+    """Return the indices of a rejected arc's points, its range of x and the reason as one line."""
+    arc = rejection.arc
+    x = arc.of(profile)[:, 0]
+    finite = [value for value in x.tolist() if math.isfinite(value)]
+    where = f", x {min(finite):.1f} to {max(finite):.1f} mm" if finite else ""
+    return f"  points {arc.start} to {arc.stop - 1}{where}: {rejection.reason}"
+
+
+@dataclass(frozen=True, eq=False)
+class MeasureTask:
+    """Small files, read in the task, or a part of a larger one, or the error of reading it.
+
+    `first` is the number of the first file, from 0; `profiles_read` that of the larger file's
+    profiles read so far.
+    """
+
+    first: int
+    sources: tuple[Path | LiveCamera, ...]
+    part: FilePart | None = None
+    profiles_read: int = 0
+    error: str = ""
+
+
+def measure_task(options: PartOptions, task: MeasureTask) -> list[PartResult]:
+    """Return the results of a task: one for each small file, or one for the part or the error."""
+    if task.error:
+        return [PartResult(errors=[task.error])]
+    if task.part is not None:
+        return _measure_parts(options, [task.part])
+    with size_limit(options.max_size):
+        return measure_files(options, [Path(str(source)) for source in task.sources])

@@ -166,14 +166,8 @@ def _reject_scan_options(values: "Mapping[str, float | None]") -> None:
 class _PlanRequest:
     """Measurement whose accuracy is predicted.
 
-    Parameters
-    ----------
-    pipe : (float, float, float)
-        Radius, theta and phi. Units: mm, rad, rad.
-    view : SensorView
-        Sensor, and its position relative to the pipe.
-    known_radius_std : float, optional
-        Standard deviation of the known radius; None if the radius is unknown. Units: mm.
+    `pipe` is radius (mm), theta and phi (rad); the std of a known radius, in mm, is None if it is
+    unknown.
     """
 
     pipe: tuple[float, float, float]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lsvision.cli.measure_options import parse_known_radius, parse_search_range
-from lsvision.cli.messages import end_on_failures, print_lines
+from lsvision.cli.messages import Progress, end_on_failures, print_lines
 from lsvision.cli.option_groups import expand_option_groups
 from lsvision.cli.outputs import STDOUT, check_outputs, check_picture, write_output
 from lsvision.cli.profile_options import (
@@ -20,20 +20,19 @@ from lsvision.cli.profile_options import (
     SensorOptions,
     Verbose,
 )
-from lsvision.cli.progress import Progress
-from lsvision.cli.robot_options import RobotOptions
-from lsvision.cli.scan_poses import (
+from lsvision.cli.robot_options import (
     Encoder,
     Robot,
+    RobotOptions,
     motion_uncertainty_caption,
     parse_motion,
     scan_poses,
 )
-from lsvision.cli.scan_table import scan_lines
 from lsvision.cli.sources import (
     find_sources,
     profile_names,
-    read_sections,
+    read_sources,
+    require_points_of_scan,
     suffixes_of_profiles,
 )
 from lsvision.errors import DegenerateGeometry
@@ -45,9 +44,8 @@ if TYPE_CHECKING:
     from lsvision.measure import Measurement
     from lsvision.profile import Profile
     from lsvision.results.quantities import Record
-    from lsvision.scan import PoseErrors, ScanMeasurement, TubeShape
+    from lsvision.scan import PoseErrors, ScanMeasurement, ScannedCylinder, TubeShape
     from lsvision.sensors.profile_sensor import ProfileSensor
-
 
 MAX_POSE_STD_MM, MAX_FEED_STD_DEG = 1000, 57
 """Largest --pose-std and --feed-std-deg, as of `lsvision.scan.PoseErrors` (1 rad is 57.3 deg)."""
@@ -147,7 +145,7 @@ def scan(
     )  # fmt: skip
     shapes = _measure_shapes(scan_result)
     _write_tables(scan_result, shapes, (names, records), base_from_sections, (json_file, csv_file))
-    lines = scan_lines(scan_result, shapes, motion_uncertainty_caption(motion), verbose=verbose)
+    lines = _scan_lines(scan_result, shapes, motion_uncertainty_caption(motion), verbose=verbose)
     print_lines(lines, err=STDOUT in (json_file, csv_file))
     points = _points_in_base(profiles, base_from_sections)
     if plot is not None:
@@ -186,8 +184,9 @@ def _read_all(
     """Return all profiles in the order of their files, a name for each, and how each was read."""
     from lsvision.io.results import input_record
 
-    files = read_sections(sources, reading)
+    files = read_sources(sources, reading, may_be_lost=True)
     profiles = [profile for file in files for profile in file.profiles]
+    require_points_of_scan(profiles, sources)
     names = [name for file in files for name in profile_names(file, str(file.path))]
     records = [input_record(file, k) for file in files for k in range(len(file.profiles))]
     return profiles, names, records
@@ -274,14 +273,13 @@ def _draw(
     plot: Path, scan_result: "ScanMeasurement", points: "Points", *, title: str, of_robot: bool
 ) -> None:
     """Write the picture: Z upwards in a robot's base frame, else Y, towards the sensor."""
-    from lsvision.draw import figure_bytes
+    from lsvision.draw.figures import write_figure
     from lsvision.draw.scan import draw_scan
-    from lsvision.files.atomic_files import write_atomic
 
     figure = draw_scan(
         scan_result, points, title=printable(title), vertical="z" if of_robot else "y"
     )
-    write_atomic(plot, figure_bytes(figure, plot.suffix[1:].lower()))
+    write_figure(plot, figure)
 
 
 def _write_clouds(
@@ -299,3 +297,48 @@ def _write_clouds(
         write_ply(points_ply, *colour_points(scan_result, points))
     if surfaces_ply is not None:
         write_ply(surfaces_ply, *colour_surfaces(scan_result))
+
+
+def _scan_lines(
+    scan: "ScanMeasurement",
+    shapes: "Sequence[TubeShape | None]",
+    caption: str,
+    *,
+    verbose: bool,
+) -> list[str]:
+    """Return the lines of a scan's table, with remarks on each cylinder below.
+
+    A shape is None where there are too few sections; the caption states which errors the standard
+    deviations include, from `motion_uncertainty_caption`. `verbose` adds the rejected tracks.
+    """
+    from lsvision.results.summaries import counted
+    from lsvision.results.tables import text_table
+    from lsvision.scan.scan_table import tube_cells
+
+    profiles = counted(len(scan.measurements), "profile")
+    rejected = [f"  {rejection}" for rejection in scan.rejections]
+    if scan.cylinders:
+        lines = [f"{profiles}, base frame, {caption}", *text_table(tube_cells(scan.cylinders))]
+        for number, (tube, shape) in enumerate(zip(scan.cylinders, shapes, strict=True), 1):
+            lines += [f"  {number}: {line}" for line in _remarks(tube, shape)]
+    else:
+        lines = [f"{profiles}: no cylinder found: {scan.reason}"]
+        if len(rejected) > 1 and not verbose:
+            lines[0] += f" ({len(rejected)} tracks rejected: -v lists them)"
+    if verbose and rejected:
+        lines += [f"rejected: {len(rejected)}", *rejected]
+    return lines
+
+
+def _remarks(tube: "ScannedCylinder", shape: "TubeShape | None") -> list[str]:
+    """Return the lines below the table on a cylinder: its axial range, twin and shape."""
+    from lsvision.scan.scan_table import twin_note
+    from lsvision.scan.shape_result import shape_lines
+
+    low, high = tube.axial_range
+    remarks = [f"measured from {low:z.1f} to {high:z.1f} mm along the axis from its point"]
+    if tube.twin is not None:
+        remarks.append(twin_note(tube.twin))
+    if shape is not None:
+        remarks += shape_lines(shape)
+    return remarks

@@ -38,22 +38,11 @@ def suffixes_of_profiles(dx: float | None) -> frozenset[str]:
 def find_sources(
     names: Sequence[str], suffixes: frozenset[str] = PROFILE_SUFFIXES
 ) -> tuple[list[Path], list[LsvisionError]]:
-    """Return the files that the arguments of a command line name.
+    """Return the files that the arguments of a command line name, and an error for each without.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Files, folders (the files directly in them with one of `suffixes`), patterns (``**``
-        matches folders) and ``-`` for standard input, in the order of the command line.
-    suffixes : frozenset of str
-        Suffixes of the files in a folder that are used, such as `PROFILE_SUFFIXES`.
-
-    Returns
-    -------
-    sources : list of Path
-        Each file once; within a folder or pattern in natural order, 2 before 10.
-    failures : list of LsvisionError
-        Errors, one for each name without a file.
+    The names are files, folders (the files directly in them with one of `suffixes`), patterns
+    (``**`` matches folders) and ``-`` for standard input. Each file is returned once; within a
+    folder or pattern in natural order, 2 before 10.
     """
     files_by_path: dict[str, Path] = {}
     failures: list[LsvisionError] = []
@@ -131,21 +120,6 @@ def read_sources(
         for note in list_notes(file):
             paths_by_note.setdefault(note, []).append(file.path)
     print_notes(paths_by_note)
-    return files
-
-
-def read_sections(sources: Sequence[Path], options: "ReadOptions") -> "list[ProfileFile]":
-    """Return the profiles of the files of a scan as `read_sources`.
-
-    A file whose points are all lost has sections without points, and a note.
-
-    Raises
-    ------
-    UnreadableFile
-        If a file cannot be read, or all points of all files are lost.
-    """
-    files = read_sources(sources, options, may_be_lost=True)
-    require_points_of_scan([profile for file in files for profile in file.profiles], sources)
     return files
 
 

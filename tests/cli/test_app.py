@@ -12,8 +12,8 @@ import pytest
 
 import lsvision
 from lsvision.cli.file_part import PartOptions
-from lsvision.cli.measure_function import build_measure_function
-from lsvision.cli.measure_task import MeasureTask, measure_task
+from lsvision.cli.measure_options import build_measure_function
+from lsvision.cli.part_results import MeasureTask, measure_task
 from lsvision.cli.robot_frame import RobotFrame
 
 REPOSITORY = Path(__file__).parents[2]

@@ -2,8 +2,8 @@
 
 import pytest
 
-from lsvision.cli import progress
-from lsvision.cli.progress import Progress, duration_text
+from lsvision.cli import messages as progress
+from lsvision.cli.messages import Progress, duration_text
 
 
 @pytest.fixture
