@@ -112,7 +112,7 @@ def inspect(
         run.fail("", failure)
     if golden:
         raise typer.Exit(_check_golden(run, groups, golden_path(job, job_file), now))
-    log = read_records(golden_path(job, job_file)) if job.golden is not None else []
+    log = read_records(golden_path(job, job_file), "passed") if job.golden is not None else []
     to_stderr = STDOUT in (json_file, csv_file)
     inspected = list(
         _inspect_all(run, groups, find_blocking_reason(job, log, now), to_stderr=to_stderr)
@@ -334,7 +334,7 @@ def _check_golden(
             continue
         for source, _, measurement in measured:
             record = check_golden(measurement.cylinders, run.job, printable_name(source), now)
-            append_record(path, record)
+            append_record(path, record, "passed")
             word = "passed" if record["passed"] else "failed"
             print_lines([f"{source}: golden part {word}: {record['reason']}; logged in {path}"])
             passed &= record["passed"]

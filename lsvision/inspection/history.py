@@ -24,16 +24,16 @@ FIRST_HASH = "0" * 64
 """Hash that stands in the first line, which has no line before it."""
 
 
-def read_records(path: str | os.PathLike[str]) -> list[Record]:
+def read_records(path: str | os.PathLike[str], key: str) -> list[Record]:
     """Return the records of a file, the oldest first; an empty list if there is no file.
 
     Raises
     ------
     UnreadableFile
-        If a line is not a record, or does not have the hash of the line before it, because that
-        was changed or removed.
+        If a line is not a record with that key, or does not have the hash of the line before it,
+        because that was changed or removed.
     """
-    return _parse_records(_read_lines(path), path)
+    return _parse_records(_read_lines(path), path, key)
 
 
 def _read_lines(path: str | os.PathLike[str]) -> list[str]:
@@ -41,7 +41,7 @@ def _read_lines(path: str | os.PathLike[str]) -> list[str]:
     return read_text(path).splitlines() if exists(path) else []
 
 
-def _parse_records(lines: Sequence[str], path: str | os.PathLike[str]) -> list[Record]:
+def _parse_records(lines: Sequence[str], path: str | os.PathLike[str], key: str) -> list[Record]:
     """Return the records in the lines of a file, after checking their hashes."""
     records, previous = [], FIRST_HASH
     for number, line in enumerate(lines, 1):
@@ -58,6 +58,11 @@ def _parse_records(lines: Sequence[str], path: str | os.PathLike[str]) -> list[R
                 f"{os.fspath(path)}, line {number}: the line before it was changed or removed: "
                 "restore the file from a backup"
             )
+        if key not in record:  # as of a golden part's log that is named as a history
+            raise UnreadableFile(
+                f"{os.fspath(path)}, line {number}: expected a record with {key!r}, "
+                "got one without: name another file"
+            )
         records.append(record)
         previous = _hash_line(line)
     return records
@@ -67,8 +72,8 @@ def _hash_line(line: str) -> str:
     return hashlib.sha256(line.encode()).hexdigest()
 
 
-def append_record(path: str | os.PathLike[str], record: Record) -> None:
-    """Append a record to a file, after checking the earlier ones; create the file if there is none.
+def append_record(path: str | os.PathLike[str], record: Record, key: str) -> None:
+    """Append a record with a key to a file, after checking the earlier ones, or to a new file.
 
     Raises
     ------
@@ -83,12 +88,12 @@ def append_record(path: str | os.PathLike[str], record: Record) -> None:
     >>> from pathlib import Path
     >>> path = Path(tempfile.mkdtemp()) / "history.jsonl"
     >>> for number in (1, 2):
-    ...     append_record(path, {"revision": number})
-    >>> read_records(path)
+    ...     append_record(path, {"revision": number}, "revision")
+    >>> read_records(path, "revision")
     [{'revision': 1}, {'revision': 2}]
     """
     lines = _read_lines(path)
-    _parse_records(lines, path)
+    _parse_records(lines, path, key)
     previous = _hash_line(lines[-1]) if lines else FIRST_HASH
     lines.append(json.dumps(record | {"previous": previous}, allow_nan=False))
     write_atomic(path, "\n".join(lines) + "\n")
@@ -113,7 +118,7 @@ def record_revision(job: Job, job_path: Path, now: datetime.datetime) -> bool:
         be read or written.
     """
     path = history_path(job_path)
-    for entry in read_records(path):
+    for entry in read_records(path, "revision"):
         if entry["hash"] == job.hash:
             return False
         if entry["revision"] >= job.revision:
@@ -128,13 +133,13 @@ def record_revision(job: Job, job_path: Path, now: datetime.datetime) -> bool:
         "time": now.isoformat(timespec="seconds"),
         "job": job.model_dump(mode="json", by_alias=True),
     }
-    append_record(path, entry)
+    append_record(path, entry, "revision")
     return True
 
 
 def describe_unrecorded_change(job: Job, job_path: Path) -> str | None:
     """Return a message if a job differs from its history; None if it is recorded or has none."""
-    entries = read_records(history_path(job_path))
+    entries = read_records(history_path(job_path), "revision")
     if not entries or any(entry["hash"] == job.hash for entry in entries):
         return None
     return (

@@ -67,29 +67,40 @@ def scan():
     return [section.profile for section in sections], poses
 
 
+def test_a_file_of_other_records_is_named(tmp_path):
+    path = tmp_path / "job.toml.history.jsonl"
+    append_record(path, {"revision": 1}, "revision")
+    message = (
+        r"history\.jsonl, line 1: expected a record with 'passed', got one without: name another"
+    )
+    for use in (lambda: read_records(path, "passed"), lambda: append_record(path, {}, "passed")):
+        with pytest.raises(UnreadableFile, match=message):
+            use()
+
+
 def test_a_file_that_only_grows_notices_what_was_changed(tmp_path):
     path = tmp_path / "log.jsonl"
     for number in range(3):
-        append_record(path, {"number": number})
-    assert [record["number"] for record in read_records(path)] == [0, 1, 2]
+        append_record(path, {"number": number}, "number")
+    assert [record["number"] for record in read_records(path, "number")] == [0, 1, 2]
     lines = path.read_text().splitlines()
     path.write_text("\n".join([lines[0].replace("0", "7", 1), *lines[1:]]))
     with pytest.raises(UnreadableFile, match="line 2: the line before it was changed or removed"):
-        read_records(path)
+        read_records(path, "number")
     path.write_text("\n".join([lines[0], lines[2]]))
     with pytest.raises(UnreadableFile, match="line 2: the line before it was changed or removed"):
-        append_record(path, {"number": 3})
+        append_record(path, {"number": 3}, "number")
     path.write_text("nothing\n")
     with pytest.raises(UnreadableFile, match="line 1: expected a record with the hash"):
-        read_records(path)
+        read_records(path, "number")
 
 
 def test_a_record_is_appended_to_a_file_whose_last_line_has_no_end(tmp_path):
     path = tmp_path / "log.jsonl"
-    append_record(path, {"number": 0})
+    append_record(path, {"number": 0}, "number")
     path.write_text(path.read_text().rstrip("\n"))
-    append_record(path, {"number": 1})
-    assert [record["number"] for record in read_records(path)] == [0, 1]
+    append_record(path, {"number": 1}, "number")
+    assert [record["number"] for record in read_records(path, "number")] == [0, 1]
 
 
 def test_a_revision_stands_for_one_content(tmp_path):
@@ -103,7 +114,7 @@ def test_a_revision_stands_for_one_content(tmp_path):
     with pytest.raises(LsvisionError, match="revision 1 is recorded with another content"):
         record_revision(job(upper=0.3), path, NOW)
     assert record_revision(job(revision=2, upper=0.3), path, NOW)
-    entries = read_records(history_path(path))
+    entries = read_records(history_path(path), "revision")
     assert [entry["revision"] for entry in entries] == [1, 2]
     assert entries[0]["job"]["part"][0]["radius_mm"]["upper"] == 0.2
 
