@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.errors import LsvisionError, UnreadableFile
+from lsvision.files.file_kinds import exists
 from lsvision.files.limited_reading import check_readable
 
 Frame = npt.NDArray[Any]
@@ -20,6 +21,8 @@ Frame = npt.NDArray[Any]
 
 SILENT = 0
 """LOG_LEVEL_SILENT of OpenCV 4 and 5."""
+MAX_INDEX = 2**31 - 1
+"""Largest index that OpenCV takes; a larger one is that of no camera, either."""
 FFMPEG_SILENT = ("OPENCV_FFMPEG_LOGLEVEL", "-8")
 """Environment variable that stops messages of ffmpeg, with which OpenCV reads videos."""
 
@@ -61,7 +64,7 @@ def capture_frames(index: int, count: int | None = None) -> Iterator[Frame]:
     LsvisionError
         If there is no such camera, or it stops sending; names the index and the remedy.
     """
-    with _open_capture(index) as capture:
+    with _open_capture(min(index, MAX_INDEX)) as capture:
         received = 0
         for frame in islice(_decode_frames(capture), count):
             received += 1
@@ -105,6 +108,8 @@ def _decode_frames(capture: Any) -> Iterator[Frame]:
 
 GENICAM = "genicam:"
 """Prefix of the address of a GenICam camera; without an address, the only connected one."""
+MAX_DIGITS = 10
+"""Largest number of digits of the index of a camera; a longer name is that of a file."""
 DISCOVERY_MS, FRAME_MS = 1000, 3000
 """Time limits for the discovery of cameras, and for a frame. Units: ms."""
 
@@ -123,7 +128,7 @@ def open_camera(name: str) -> Iterator[Frame]:
     """
     if name.startswith(GENICAM):
         return _read_genicam_frames(name.removeprefix(GENICAM))
-    if name.isdecimal() and not Path(name).exists():
+    if name.isdecimal() and len(name) <= MAX_DIGITS and not exists(name):
         return capture_frames(int(name))
     return read_frames(name)
 

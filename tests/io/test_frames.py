@@ -6,7 +6,7 @@ import pytest
 
 from lsvision.errors import LsvisionError, UnreadableFile
 from lsvision.io import frames
-from lsvision.io.frames import capture_frames, read_frames
+from lsvision.io.frames import capture_frames, open_camera, read_frames
 
 
 def written(path, levels):
@@ -54,6 +54,14 @@ def test_missing_and_broken_videos_are_rejected_by_name(tmp_path):
 def test_a_camera_gives_as_many_frames_as_asked(monkeypatch):
     monkeypatch.setattr(frames.cv2, "VideoCapture", Capture)
     assert [frame[0, 0] for frame in capture_frames(2, 2)] == [2, 1]
+
+
+@pytest.mark.parametrize("name", ["99999999999", "9" * 400])
+def test_an_index_beyond_the_range_of_opencv_is_reported(name):
+    with pytest.raises(LsvisionError, match="sent 0 frames: check its cable"):
+        next(capture_frames(int(name)))
+    with pytest.raises(LsvisionError, match=r"no such file|too long"):
+        next(open_camera(name))
 
 
 def test_a_camera_that_stops_or_is_not_there_is_reported(monkeypatch):

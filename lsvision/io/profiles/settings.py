@@ -254,7 +254,7 @@ def _parse_markers(lost: float | str | Sequence[float | str]) -> tuple[float | s
         is_hexadecimal = word.lower().startswith("0x")
         try:
             number = float(int(word, 16)) if is_hexadecimal else float(word)
-        except ValueError:
+        except (ValueError, OverflowError):
             if word.lower() != "none":
                 markers.append(word)
             continue

@@ -99,6 +99,12 @@ def test_a_word_in_most_lines_is_named_with_the_option(write, arc):
     assert inspect_profiles(path, lost="dunkel").lost == lost.sum()
 
 
+def test_a_hexadecimal_word_beyond_all_numbers_marks_lost_points(write, arc):
+    word = "0x" + "f" * 300
+    text, lost = spoilt(arc, word, 0.2)
+    assert inspect_profiles(write(text), lost=word).lost == lost.sum()
+
+
 def test_a_word_can_mark_lost_points(write, arc):
     text, lost = spoilt(arc, "ERR", 0.2)
     assert inspect_profiles(write(text), lost="ERR").lost == lost.sum()
