@@ -127,8 +127,7 @@ def search_whitening(observations: Observations, masks: FloatArray) -> FloatArra
 
 def whitening_matrices(covariances: FloatArray) -> FloatArray:
     """Return matrices W with W C W' = 1 for a stack of covariances C."""
-    inverse: FloatArray = np.linalg.inv(np.linalg.cholesky(covariances))
-    return inverse
+    return np.linalg.inv(np.linalg.cholesky(covariances))
 
 
 def _whitened_system(

@@ -44,13 +44,11 @@ class BoardShape:
     def terms(self, points: Points) -> FloatArray:
         """Return the derivatives (n, 3) of the heights at points (n, 2) by the parameters."""
         scaled = (points - self.middle) / self.half
-        terms: FloatArray = np.column_stack([1 - scaled**2, scaled.prod(axis=1)])
-        return terms
+        return np.column_stack([1 - scaled**2, scaled.prod(axis=1)])
 
     def heights(self, points: Points, parameters: FloatArray) -> FloatArray:
         """Return z of the board at points (n, 2). Units: mm."""
-        heights: FloatArray = self.terms(points) @ parameters
-        return heights
+        return self.terms(points) @ parameters
 
     def slopes(self, points: Points, parameters: FloatArray) -> FloatArray:
         """Return dz/dx and dz/dy of the board at points (n, 2)."""

@@ -87,8 +87,7 @@ class TurnedBoards:
 
     def covariances(self, original: FloatArray) -> FloatArray:
         """Return the covariances (n, 6, 6) of `poses` from those of the original poses."""
-        covariances: FloatArray = self.jacobians @ original @ np.swapaxes(self.jacobians, 1, 2)
-        return covariances
+        return self.jacobians @ original @ np.swapaxes(self.jacobians, 1, 2)
 
     def shifts(self, original: FloatArray) -> FloatArray:
         """Return shifts (m, n, 6) of `poses`, by m errors, from those of the original poses."""
@@ -168,8 +167,7 @@ def _relative_labels(labels: IntArray, reference: int | IntArray, size: int) -> 
 
     The `size` turns are a cyclic group, in the order of their angles.
     """
-    relative: IntArray = (labels - reference) % size
-    return relative
+    return (labels - reference) % size
 
 
 def _angle_differences(

@@ -235,8 +235,7 @@ def _cluster_robust_covariance(
     variance = sum(mean_squares) / max(2 * len(laser_points) - 3, 1)
     inverse: FloatArray = np.linalg.inv(sum(rows.T @ rows for rows in design))
     gradient_covariance = variance * sum(len(rows) * rows.T @ rows for rows in design)
-    covariance: FloatArray = np.asarray(inverse @ gradient_covariance @ inverse, dtype=np.float64)
-    return covariance
+    return np.asarray(inverse @ gradient_covariance @ inverse, dtype=np.float64)
 
 
 def _plane_covariance_and_bow_std(

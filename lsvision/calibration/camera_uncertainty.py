@@ -62,8 +62,7 @@ def intrinsics_covariance(
     reduced = transfer.T @ information @ transfer
     inverse = invert_normal_matrix(reduced)
     dof = 2 * sum(len(view.points) for view in views) - 6 * len(views) - len(reduced)
-    covariance: FloatArray = transfer @ inverse @ transfer.T * (chi2 / max(dof, 1))
-    return covariance
+    return transfer @ inverse @ transfer.T * (chi2 / max(dof, 1))
 
 
 def intrinsics_jacobian(camera: Camera, free: BoolArray) -> FloatArray:

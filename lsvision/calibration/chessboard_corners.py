@@ -312,8 +312,7 @@ class _Levels:
 def cell_middles(corners: Points) -> Points:
     """Return the middles (rows - 1, columns - 1, 2) of the squares between corners."""
     pairs = corners[:-1] + corners[1:]
-    middles: Points = (pairs[:, :-1] + pairs[:, 1:]) / 4
-    return middles
+    return (pairs[:, :-1] + pairs[:, 1:]) / 4
 
 
 def sample(image: npt.NDArray[np.float32], positions: Points) -> FloatArray:

@@ -88,16 +88,12 @@ class ErrorsInVariablesFit:
 
         It is valid if the error of the robot is as stated, or was estimated.
         """
-        covariance: FloatArray = self.cofactors * self.variance_factor
-        return covariance
+        return self.cofactors * self.variance_factor
 
     @property
     def prediction_covariances(self) -> FloatArray:
         """Covariances J Q J' (n, m, m) of the predicted observations, without variance factor."""
-        covariances: FloatArray = (
-            self.jacobian @ self.cofactors @ np.swapaxes(self.jacobian, -1, -2)
-        )
-        return covariances
+        return self.jacobian @ self.cofactors @ np.swapaxes(self.jacobian, -1, -2)
 
     @property
     def redundancy(self) -> FloatArray:
@@ -106,8 +102,7 @@ class ErrorsInVariablesFit:
         They map the error of an observation to its residual.
         """
         eye = np.eye(self.residuals.shape[1])
-        redundancy: FloatArray = eye - self.mask[:, None, None] * self.prediction_covariances
-        return redundancy
+        return eye - self.mask[:, None, None] * self.prediction_covariances
 
     def steps_by_shifts(self, shifts: FloatArray) -> FloatArray:
         """Return the change (k, p) of the solution by shifts (k, n, m) of the observations.
@@ -129,8 +124,7 @@ class ErrorsInVariablesFit:
         whitened = np.linalg.solve(
             self.redundancy + 1e-12 * np.eye(self.residuals.shape[1]), self.residuals[..., None]
         )
-        residuals: FloatArray = np.linalg.solve(self.whitening, whitened)[..., 0]
-        return residuals
+        return np.linalg.solve(self.whitening, whitened)[..., 0]
 
 
 def fit_errors_in_variables(
@@ -238,15 +232,13 @@ def robot_covariances(
 ) -> FloatArray:
     """Return A_i S A_i' (s, n, m, m) for scales (2,) of the robot's position and orientation."""
     parts = _robot_covariance_parts(observations, states)
-    covariances: FloatArray = np.tensordot(np.square(scales), parts, axes=(0, 2))
-    return covariances
+    return np.tensordot(np.square(scales), parts, axes=(0, 2))
 
 
 def _robot_covariance_parts(observations: Observations, states: States) -> FloatArray:
     """Return A_i S_p A_i' and A_i S_r A_i', (s, n, 2, m, m)."""
     jacobian = observations.linearise(states).flange_jacobian[:, :, None]
-    parts: FloatArray = jacobian @ observations.flanges.covariances @ np.swapaxes(jacobian, -1, -2)
-    return parts
+    return jacobian @ observations.flanges.covariances @ np.swapaxes(jacobian, -1, -2)
 
 
 def _estimate_robot_std_scales(

@@ -244,8 +244,7 @@ def _outlier_p_values(fit: ErrorsInVariablesFit) -> FloatArray:
     dof = np.where(used, fit.dof - size, fit.dof)
     positive_dof = np.maximum(dof, 1)
     ratio = (chi2_decrease / size) / np.maximum(remaining_chi2 / positive_dof, 1e-6)
-    p_values: FloatArray = np.where(dof > 0, fdtrc(size, positive_dof, np.maximum(ratio, 0.0)), 1.0)
-    return p_values
+    return np.where(dof > 0, fdtrc(size, positive_dof, np.maximum(ratio, 0.0)), 1.0)
 
 
 def ambiguity_ratio(observations: Observations, fit: ErrorsInVariablesFit) -> float:

@@ -56,8 +56,7 @@ def rotation_vector_jacobian(vector: FloatArray) -> FloatArray:
     angle = float(np.linalg.norm(vector))
     cross = cross_matrices(vector)
     if angle < 1e-6:
-        small: FloatArray = np.eye(3) - 0.5 * cross
-        return small
+        return np.eye(3) - 0.5 * cross
     factor = 1 / angle**2 - 1 / (2 * angle * np.tan(angle / 2))
     jacobian: FloatArray = np.eye(3) - 0.5 * cross + factor * cross @ cross
     return jacobian

@@ -295,8 +295,7 @@ def _jacobian(points: Points, circle: FloatArray) -> FloatArray:
 def _normals(points: Points, circle: FloatArray) -> FloatArray:
     """Return the unit vectors (n, 2) from the circle's centre to points."""
     offset = points - circle[:2]
-    normals: FloatArray = offset / np.maximum(np.hypot(offset[:, 0], offset[:, 1]), 1e-12)[:, None]
-    return normals
+    return offset / np.maximum(np.hypot(offset[:, 0], offset[:, 1]), 1e-12)[:, None]
 
 
 def _fit_circle(points: Points, initial_guess: FloatArray, variances: FloatArray) -> FloatArray:

@@ -277,8 +277,7 @@ def normalised_residuals(
 def _tangents(normals: FloatArray, parameters: FloatArray) -> FloatArray:
     """Return the (3, n) unit vectors perpendicular to the axis and to the normals."""
     u = np.array([parameters[2], parameters[3], 1.0])
-    tangents: FloatArray = np.cross(u / np.linalg.norm(u), normals, axisb=0).T
-    return tangents
+    return np.cross(u / np.linalg.norm(u), normals, axisb=0).T
 
 
 def minimise(problem: CylinderProblem, initial_guess: FloatArray) -> FloatArray:

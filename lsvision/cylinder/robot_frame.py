@@ -93,8 +93,7 @@ class PlacedCylinder(WithCylinder, Result):
     @property
     def point_std(self) -> FloatArray:
         """Standard uncertainty of `point` per axis of the frame, (3,). Units: mm."""
-        std: FloatArray = np.sqrt(np.diag(self.covariance)[:3])
-        return std
+        return np.sqrt(np.diag(self.covariance)[:3])
 
     @property
     def direction_std(self) -> float:

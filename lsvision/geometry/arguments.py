@@ -180,8 +180,7 @@ def _select_columns(frame: Any) -> FloatArray:
             f"expected numbers in mm in the columns {x} and {heights[0]}, got other values: "
             "convert them, and mark lost points by NaN"
         )
-    table: FloatArray = np.column_stack([positions, values])
-    return table
+    return np.column_stack([positions, values])
 
 
 def _has_several_values(column: Any) -> bool:

@@ -59,8 +59,7 @@ def stack_padded(arrays: Sequence[npt.NDArray[Any]], indices: IntArray) -> npt.N
     >>> stack_padded(arrays, padded_rows([3, 1])[0]).tolist()
     [[1, 2, 3], [4, 4, 4]]
     """
-    stacked: npt.NDArray[Any] = np.concatenate(arrays).take(indices)
-    return stacked
+    return np.concatenate(arrays).take(indices)
 
 
 def stack_with_mask(

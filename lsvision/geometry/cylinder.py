@@ -131,8 +131,7 @@ class Cylinder(ComparedByValue):
         """
         e_phi, e_theta = tangent_frame(self.direction)[:2]
         radial = np.outer(np.cos(angles), e_phi) + np.outer(np.sin(angles), e_theta)
-        points: FloatArray = self.point + position * self.direction + self.radius * radial
-        return points
+        return self.point + position * self.direction + self.radius * radial
 
     def signed_distances(self, points: npt.ArrayLike) -> FloatArray:
         """Return the signed distances of points from the surface.

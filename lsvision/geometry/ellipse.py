@@ -244,8 +244,7 @@ def radial_residuals(points: Points, ellipse: Ellipse) -> FloatArray:
     rho = np.hypot(u, v)
     scaled = np.hypot(b * u, a * v)
     divisor = np.where(scaled > 0, scaled, 1.0)
-    radial: FloatArray = np.where(scaled > 0, rho - a * b * rho / divisor, -b)
-    return radial
+    return np.where(scaled > 0, rho - a * b * rho / divisor, -b)
 
 
 def orthogonal_residuals(points: Points, ellipse: Ellipse) -> FloatArray:

@@ -15,5 +15,4 @@ def apply_homography(homography: FloatArray, points: Points) -> Points:
     array([[2., 3.]])
     """
     mapped = points @ homography[:, :2].T + homography[:, 2]
-    result: Points = mapped[:, :2] / mapped[:, 2:]
-    return result
+    return mapped[:, :2] / mapped[:, 2:]

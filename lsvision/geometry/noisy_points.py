@@ -137,11 +137,9 @@ def in_ray_frame(z: ComplexArray, ray: complex) -> ComplexArray:
 
 def as_complex(vectors: FloatArray) -> ComplexArray:
     """Return vectors (..., 2) as complex numbers x + iy (...)."""
-    numbers: ComplexArray = np.ascontiguousarray(vectors, dtype=float).view(complex)[..., 0]
-    return numbers
+    return np.ascontiguousarray(vectors, dtype=float).view(complex)[..., 0]
 
 
 def as_vectors(numbers: ComplexArray) -> FloatArray:
     """Return complex numbers x + iy (n,) as vectors (n, 2)."""
-    vectors: FloatArray = np.ascontiguousarray(numbers).view(float).reshape(-1, 2)
-    return vectors
+    return np.ascontiguousarray(numbers).view(float).reshape(-1, 2)

@@ -66,8 +66,7 @@ class Plane(ComparedByValue):
         >>> Plane((0, 0, 1), 10.0).signed_distances([[5, 5, 12], [0, 0, 0]])
         array([  2., -10.])
         """
-        distances: FloatArray = np.asarray(points, dtype=np.float64) @ self.normal - self.distance
-        return distances
+        return np.asarray(points, dtype=np.float64) @ self.normal - self.distance
 
     def transformed(self, a_from_b: Pose | npt.ArrayLike) -> Plane:
         """Return the plane of frame b in the coordinates of frame a.

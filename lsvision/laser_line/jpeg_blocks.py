@@ -166,8 +166,7 @@ class JpegBlocks:
 
 def _first_of_block(pixels: IntArray, start: int) -> IntArray:
     """Return the first row (or column) of the blocks that contain rows, one of which is `start`."""
-    first: IntArray = (pixels - start) // BLOCK * BLOCK + start
-    return first
+    return (pixels - start) // BLOCK * BLOCK + start
 
 
 def find_jpeg_blocks(signal: Image, windows: Windows) -> JpegBlocks | None:
@@ -253,8 +252,7 @@ def _squares(signal: Image, first_pixels: IntArray, size: int) -> Image:
 
 def _coefficients(signal: Image, first_pixels: IntArray) -> FloatArray:
     """Return the cosine transform (n, 8, 8) of blocks by the index of their first pixels."""
-    coefficients: FloatArray = COSINES @ _squares(signal, first_pixels, BLOCK) @ COSINES.T
-    return coefficients
+    return COSINES @ _squares(signal, first_pixels, BLOCK) @ COSINES.T
 
 
 def _coefficients_along_line(signal: Image, windows: Windows, row: int, column: int) -> FloatArray:

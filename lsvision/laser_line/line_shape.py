@@ -96,8 +96,7 @@ def _fade_at_edges(before: FloatArray, after: FloatArray) -> FloatArray:
     It is their geometric mean, 0 if they differ in sign: across the end of a line the logarithm of
     the light bends so much that the arithmetic mean is five times too large 1.5 px from the end.
     """
-    fade: FloatArray = np.sign(before) * np.sqrt(np.maximum(before * after, 0.0))
-    return fade
+    return np.sign(before) * np.sqrt(np.maximum(before * after, 0.0))
 
 
 def _smooth_runs(smooth: BoolArray) -> list[IntArray]:

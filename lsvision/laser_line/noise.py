@@ -163,8 +163,7 @@ def excess_variance(
                 break
             scatter = longer_scatter
     explained = median(std**2 / steepness) if len(std) else 0.0
-    excess: FloatArray = steepness * max(scatter**2 - explained, 0.0)
-    return excess
+    return steepness * max(scatter**2 - explained, 0.0)
 
 
 def block_excess_variance(
@@ -198,8 +197,7 @@ def block_excess_variance(
     means, scales = (values.reshape(-1, block).mean(axis=1) for values in (line, scale))
     scatter = _scatter(means, scales, FIFTH_DIFFERENCE, 1, MIN_BLOCK_SAMPLES)
     explained = median(std**2 / steepness) if len(std) else 0.0
-    excess: FloatArray = steepness * max(block * scatter**2 - explained, 0.0)
-    return excess
+    return steepness * max(block * scatter**2 - explained, 0.0)
 
 
 def errors_are_correlated(columns: IntArray, rows: FloatArray) -> bool:
@@ -269,8 +267,7 @@ def line_slopes(columns: IntArray, rows: FloatArray) -> FloatArray:
     padded[columns + SLOPE_SPAN] = rows
     ahead = np.abs(padded[columns + 2 * SLOPE_SPAN] - rows)
     behind = np.abs(padded[columns] - rows)
-    slopes: FloatArray = np.nan_to_num(np.fmin(ahead, behind)) / SLOPE_SPAN
-    return slopes
+    return np.nan_to_num(np.fmin(ahead, behind)) / SLOPE_SPAN
 
 
 def _scatter(

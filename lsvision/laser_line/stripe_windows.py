@@ -118,8 +118,7 @@ class Stripes:
     @property
     def found(self) -> BoolArray:
         """Whether a window has a stripe with a finite standard deviation (n,)."""
-        found: BoolArray = np.isfinite(self.pixels).all(axis=1) & np.isfinite(self.std)
-        return found
+        return np.isfinite(self.pixels).all(axis=1) & np.isfinite(self.std)
 
     def select(self, which: BoolArray) -> "Stripes":
         """Return the stripes of a mask (n,)."""

@@ -67,8 +67,7 @@ def fisher_information(jacobian: FloatArray, variances: FloatArray) -> FloatArra
     if not (np.isfinite(variances).all() and (variances > 0).all()):
         raise ValueError("expected positive finite variances along the surface normal in mm^2")
     weighted = jacobian / np.sqrt(variances)[:, None]
-    information: FloatArray = weighted.T @ weighted
-    return information
+    return weighted.T @ weighted
 
 
 def invert_information(
@@ -292,8 +291,7 @@ def _multiply_errors(
         errors = csr_array(as_readonly_array(errors, (matrix.shape[1], "k"), "shared_errors"))
     if not np.isfinite(errors.data).all():
         raise ValueError("expected finite shared_errors in mm")
-    product: FloatArray = matrix @ errors
-    return product
+    return matrix @ errors
 
 
 def _predict_scan(cylinder: Cylinder, covariance: FloatArray, points: int) -> ScanPrediction:

@@ -133,8 +133,7 @@ class Feed:
     def shifts(self) -> FloatArray:
         """Positions (sections, 3) of the sections from the middle of the scan. Units: mm."""
         steps = (np.arange(self.sections) - (self.sections - 1) / 2) * self.spacing
-        shifts: FloatArray = np.outer(steps, self.unit)
-        return shifts
+        return np.outer(steps, self.unit)
 
 
 def visible_points(cylinder: Cylinder, view: SensorView) -> Points:

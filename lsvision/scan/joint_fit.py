@@ -161,8 +161,7 @@ def _are_mostly_in(cloud: ScanCloud, observations: Sequence[ArcObservation]) -> 
     indices = np.concatenate([observation.arc.indices for observation in observations])
     starts = np.cumsum(counts) - counts
     contained = np.add.reduceat(cloud.contains(sections, indices), starts, dtype=np.int64)
-    mostly: BoolArray = 2 * contained > counts
-    return mostly
+    return 2 * contained > counts
 
 
 def _check_recognised_fraction(

@@ -140,8 +140,7 @@ class Camera(ComparedByValue):
         array = as_readonly_array(points, ("n", 3), "points")
         depth = np.where(array[:, 2] > 0, array[:, 2], np.nan)
         distorted, _ = distort(array[:, :2] / depth[:, None], self._coefficients)
-        pixels: Points = distorted @ self.matrix[:2, :2].T + self.matrix[:2, 2]
-        return pixels
+        return distorted @ self.matrix[:2, :2].T + self.matrix[:2, 2]
 
 
 def _is_length(value: object) -> bool:

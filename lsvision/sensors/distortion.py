@@ -129,16 +129,12 @@ def invert_2x2(matrices: FloatArray) -> FloatArray:
     adjugates = np.empty_like(matrices)
     adjugates[:, 0, 0], adjugates[:, 1, 1] = matrices[:, 1, 1], matrices[:, 0, 0]
     adjugates[:, 0, 1], adjugates[:, 1, 0] = -matrices[:, 0, 1], -matrices[:, 1, 0]
-    inverses: FloatArray = adjugates / divisors[:, None, None]
-    return inverses
+    return adjugates / divisors[:, None, None]
 
 
 def _determinants(matrices: FloatArray) -> FloatArray:
     """Return the determinants (n,) of matrices (n, 2, 2)."""
-    determinants: FloatArray = (
-        matrices[:, 0, 0] * matrices[:, 1, 1] - matrices[:, 0, 1] * matrices[:, 1, 0]
-    )
-    return determinants
+    return matrices[:, 0, 0] * matrices[:, 1, 1] - matrices[:, 0, 1] * matrices[:, 1, 0]
 
 
 def _tilt_homography(tau_x: float, tau_y: float) -> FloatArray:
@@ -155,8 +151,7 @@ def _tilt_homography(tau_x: float, tau_y: float) -> FloatArray:
     ]
     R = np.array(about_y) @ about_x
     projection = [[R[2, 2], 0.0, -R[0, 2]], [0.0, R[2, 2], -R[1, 2]], [0.0, 0.0, 1.0]]
-    homography: FloatArray = np.array(projection) @ R
-    return homography
+    return np.array(projection) @ R
 
 
 def _tilt(

@@ -352,10 +352,7 @@ def _depths(rays: Points, plane: Plane) -> FloatArray:
     """Return the depths z (n,) at which rays (z = 1) meet the plane, in mm; NaN if they do not."""
     ray_dot_normal = rays @ plane.normal
     in_front = ray_dot_normal * plane.distance > 0
-    depths: FloatArray = np.where(
-        in_front, plane.distance / np.where(in_front, ray_dot_normal, 1.0), np.nan
-    )
-    return depths
+    return np.where(in_front, plane.distance / np.where(in_front, ray_dot_normal, 1.0), np.nan)
 
 
 def _check_plane(camera: Camera, plane: Plane) -> None:

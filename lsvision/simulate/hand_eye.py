@@ -132,8 +132,7 @@ def _correlate(noise: FloatArray, view: SectionView) -> FloatArray:
     kernel = np.exp(-0.5 * (np.arange(-half_width, half_width + 1) / view.correlation) ** 2)
     kernel /= np.sqrt((kernel**2).sum())
     periodic = np.pad(noise, half_width, mode="wrap")
-    correlated: FloatArray = np.convolve(periodic, kernel, "valid")
-    return correlated
+    return np.convolve(periodic, kernel, "valid")
 
 
 def rotation_from_vector(vector: npt.ArrayLike) -> FloatArray:

@@ -244,8 +244,7 @@ def _blur_and_scale(light: FloatArray, settings: ImageSettings) -> FloatArray:
     if settings.psf_sigma > 0:
         blurred = cv2.GaussianBlur(light, (0, 0), settings.psf_sigma)
     brightest = blurred.max()
-    scaled: FloatArray = blurred * (settings.peak / brightest) if brightest > 0 else blurred
-    return scaled
+    return blurred * (settings.peak / brightest) if brightest > 0 else blurred
 
 
 def _multiply_speckle(

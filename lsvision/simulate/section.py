@@ -266,8 +266,7 @@ def noise_std(exact: Points, sensor: ProfileSensor) -> FloatArray:
         Standard deviations. Units: mm.
     """
     dx, dy = exact[:, 0] - sensor.origin[0], exact[:, 1] - sensor.origin[1]
-    std: FloatArray = sensor.range_std * (dx * dx + dy * dy) / sensor.reference_range**2
-    return std
+    return sensor.range_std * (dx * dx + dy * dy) / sensor.reference_range**2
 
 
 def visible_at_incidence(
@@ -310,10 +309,9 @@ def draw_jumps(columns: int, settings: SectionSettings, rng: np.random.Generator
     paired = rng.random(columns) < pair_fraction
     displacement = rng.uniform(*settings.jump_mm, columns) * rng.choice([-1.0, 1.0], columns)
     repeats_jump = np.concatenate([[False], (starts_jump & paired)[:-1]])
-    jumps: FloatArray = np.where(
+    return np.where(
         starts_jump, displacement, np.where(repeats_jump, np.roll(displacement, 1), 0.0)
     )
-    return jumps
 
 
 def correlated_unit_noise(

@@ -159,8 +159,7 @@ def _shape(ellipse: Ellipse) -> FloatArray:
     """Return the matrix S with which sqrt(u' S u) is the support width along u."""
     axes = ellipse.from_ellipse_frame(np.diag([ellipse.semi_major, ellipse.semi_minor]))
     axes = axes - ellipse.centre
-    shape: FloatArray = axes.T @ axes
-    return shape
+    return axes.T @ axes
 
 
 def _foot(ellipse: Ellipse, contact: FloatArray, leg: float) -> tuple[FloatArray, FloatArray]:

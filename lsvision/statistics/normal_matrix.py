@@ -33,5 +33,4 @@ def invert_normal_matrix(matrix: FloatArray) -> FloatArray:
     array([2.5e-01, 1.0e+20])
     """
     scale = 1 / np.sqrt(np.maximum(np.diag(matrix), TINY))
-    inverse: FloatArray = np.linalg.inv(matrix * np.outer(scale, scale)) * np.outer(scale, scale)
-    return inverse
+    return np.linalg.inv(matrix * np.outer(scale, scale)) * np.outer(scale, scale)

@@ -53,8 +53,7 @@ def squared_quantile(quantities: int, degrees_of_freedom: FloatArray, level: flo
         return _student_quantile(degrees_of_freedom, level) ** 2
     # dof ((1 - level)^(-2 / dof) - 1), with the limit -2 log(1 - level) for infinite dof.
     rate = np.maximum(2 / degrees_of_freedom, TINY)
-    quantiles: FloatArray = 2 * np.expm1(-rate * math.log1p(-level)) / rate
-    return quantiles
+    return 2 * np.expm1(-rate * math.log1p(-level)) / rate
 
 
 def normal_probability(values: FloatArray) -> FloatArray:
@@ -120,5 +119,4 @@ def _sine_power_integral(start: FloatArray, end: FloatArray, power: FloatArray) 
     first, last = start[:, None] ** 0.25, end[:, None] ** 0.25
     w = first + (last - first) * _NODES
     integrand: FloatArray = 4 * w**3 * np.sin(w**4) ** power[:, None]
-    integral: FloatArray = (last - first)[:, 0] * (integrand @ _WEIGHTS)
-    return integral
+    return (last - first)[:, 0] * (integrand @ _WEIGHTS)
