@@ -15,6 +15,7 @@ from lsvision.calibration.rotations import (
 from lsvision.calibration.target import TargetView
 from lsvision.errors import CalibrationFailed
 from lsvision.geometry import FloatArray, Points, Pose, as_readonly_array
+from lsvision.geometry.arrays import freeze_arrays
 from lsvision.sensors.camera import Camera
 
 MIN_CORNERS = 6
@@ -51,9 +52,7 @@ class BoardPoseEstimate:
     covariance: FloatArray
 
     def __post_init__(self) -> None:
-        object.__setattr__(
-            self, "covariance", as_readonly_array(self.covariance, (6, 6), "covariance")
-        )
+        freeze_arrays(self, covariance=(6, 6))
 
 
 def estimate_board_pose(

@@ -10,7 +10,7 @@ import numpy as np
 
 from lsvision.calibration.board_shape import SHAPE_TERMS, BoardShape
 from lsvision.geometry import FloatArray, IntArray, Plane, Points, Pose, as_readonly_array
-from lsvision.geometry.arrays import BoolArray
+from lsvision.geometry.arrays import BoolArray, freeze_arrays
 from lsvision.sensors.camera import Camera
 from lsvision.sensors.distortion import COEFFICIENTS
 from lsvision.sensors.light_section import LightSection
@@ -72,13 +72,7 @@ class LaserView:
     def __post_init__(self) -> None:
         corners, points = len(self.points), len(self.line_pixels)
         object.__setattr__(self, "points", as_readonly_array(self.points, ("n", 3), "board points"))
-        object.__setattr__(self, "pixels", as_readonly_array(self.pixels, (corners, 2), "pixels"))
-        object.__setattr__(
-            self, "line_pixels", as_readonly_array(self.line_pixels, ("m", 2), "line_pixels")
-        )
-        object.__setattr__(
-            self, "line_std", as_readonly_array(self.line_std, (points,), "line_std")
-        )
+        freeze_arrays(self, pixels=(corners, 2), line_pixels=("m", 2), line_std=(points,))
         if not all(np.isfinite(a).all() for a in (self.points, self.pixels, self.line_pixels)):
             raise ValueError("expected finite points and pixels: leave lost points out")
         if min(corners, points) < MIN_POINTS:

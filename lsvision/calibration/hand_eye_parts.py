@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from lsvision.geometry import FloatArray, as_readonly_array
+from lsvision.geometry import FloatArray
+from lsvision.geometry.arrays import freeze_arrays
 from lsvision.geometry.equality import ComparedByValue
 
 Sensor = Literal["section", "camera"]
@@ -30,7 +31,7 @@ class Sphere(ComparedByValue):
     radius_std: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "centre", as_readonly_array(self.centre, (3,), "centre"))
+        freeze_arrays(self, centre=(3,))
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,8 @@ from lsvision.calibration.pose_outliers import OutlierSettings
 from lsvision.calibration.result_tables import cells_of_rows, hand_eye_rows, rotation_vector_deg
 from lsvision.calibration.rotations import cross_matrices
 from lsvision.calibration.sphere_arc import SphereArcSettings
-from lsvision.geometry import FloatArray, Plane, Pose, as_readonly_array
-from lsvision.geometry.arrays import rms
+from lsvision.geometry import FloatArray, Plane, Pose
+from lsvision.geometry.arrays import freeze_arrays, rms
 from lsvision.geometry.settings_repr import ShowsChanges
 from lsvision.results.quantities import Record, finite_or_none, json_numbers
 from lsvision.results.result import Result
@@ -165,13 +165,8 @@ class HandEye(Result):
     target_scale: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        for name, shape in (
-            ("covariance", (6, 6)),
-            ("residuals", ("n",)),
-            ("leave_one_out_residuals", ("n",)),
-            ("working_point", (3,)),
-        ):
-            object.__setattr__(self, name, as_readonly_array(getattr(self, name), shape, name))
+        freeze_arrays(self, covariance=(6, 6), residuals=("n",), leave_one_out_residuals=("n",))
+        freeze_arrays(self, working_point=(3,))
 
     @property
     def flange_from_section(self) -> Pose:

@@ -23,6 +23,7 @@ from lsvision.calibration.rotations import cross_matrices, rotations_from_vector
 from lsvision.calibration.sphere_observations import SpherePlanningTarget
 from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import BoolArray, FloatArray, IntArray, Plane, Pose, as_readonly_array
+from lsvision.geometry.arrays import freeze_arrays
 from lsvision.geometry.pose import as_pose, as_poses
 from lsvision.geometry.settings_repr import ShowsChanges
 from lsvision.results.quantities import Record, flat_row, json_numbers
@@ -105,8 +106,7 @@ class PosePlan(Result):
     predicted_origin_std: FloatArray
 
     def __post_init__(self) -> None:
-        for name in ("predicted_std", "predicted_origin_std"):
-            object.__setattr__(self, name, as_readonly_array(getattr(self, name), ("k",), name))
+        freeze_arrays(self, predicted_std=("k",), predicted_origin_std=("k",))
 
     def to_dict(self) -> Record:
         """Return the poses and their predicted accuracy, ready for JSON.

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.errors import CalibrationFailed, TooFewPoints
-from lsvision.geometry import BoolArray, FloatArray, IntArray, Points, as_readonly_array
+from lsvision.geometry import BoolArray, FloatArray, IntArray, Points
+from lsvision.geometry.arrays import freeze_arrays
 from lsvision.profile import Profile
 from lsvision.statistics.correlation import debiased_autocorrelation_time
 from lsvision.statistics.robust import mad_std
@@ -92,15 +93,7 @@ class SphereArc:
     indices: tuple[int, ...]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "circle", as_readonly_array(self.circle, (3,), "circle"))
-        object.__setattr__(
-            self, "covariance", as_readonly_array(self.covariance, (3, 3), "covariance")
-        )
-        object.__setattr__(
-            self,
-            "height_scale_gradient",
-            as_readonly_array(self.height_scale_gradient, (2, 3), "height_scale_gradient"),
-        )
+        freeze_arrays(self, circle=(3,), covariance=(3, 3), height_scale_gradient=(2, 3))
 
 
 DEFAULT_SETTINGS = SphereArcSettings()

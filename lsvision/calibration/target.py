@@ -21,6 +21,7 @@ from lsvision.calibration.chessboard_numbering import corner_order, reading_orde
 from lsvision.calibration.grey_image import grey_image
 from lsvision.errors import CalibrationFailed
 from lsvision.geometry import FloatArray, Points, as_readonly_array
+from lsvision.geometry.arrays import freeze_arrays
 from lsvision.geometry.equality import ComparedByValue
 
 MIN_CHARUCO_CORNERS = 6
@@ -53,8 +54,7 @@ class TargetView(ComparedByValue):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "points", as_readonly_array(self.points, ("n", 3), "board points"))
-        shape = (len(self.points), 2)
-        object.__setattr__(self, "pixels", as_readonly_array(self.pixels, shape, "pixels"))
+        freeze_arrays(self, pixels=(len(self.points), 2))
         if not (np.isfinite(self.points).all() and np.isfinite(self.pixels).all()):
             raise ValueError("expected finite points and pixels: leave lost points out")
 

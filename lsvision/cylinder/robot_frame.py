@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.ellipse.section import CylinderSection
-from lsvision.geometry import Cylinder, FloatArray, Pose, as_readonly_array, tangent_frame
-from lsvision.geometry.arrays import TINY
+from lsvision.geometry import Cylinder, FloatArray, Pose, tangent_frame
+from lsvision.geometry.arrays import TINY, freeze_arrays
 from lsvision.geometry.cylinder import WithCylinder
 from lsvision.geometry.pose import as_pose
 from lsvision.results.number_format import decimals_for, format_std, format_value
@@ -86,9 +86,7 @@ class PlacedCylinder(WithCylinder, Result):
     includes_calibration: bool
 
     def __post_init__(self) -> None:
-        object.__setattr__(
-            self, "covariance", as_readonly_array(self.covariance, (6, 6), "covariance")
-        )
+        freeze_arrays(self, covariance=(6, 6))
 
     @property
     def point_std(self) -> FloatArray:

@@ -205,6 +205,15 @@ def as_readonly_array(
     return array
 
 
+def freeze_arrays(instance: object, **shapes: tuple[int | str, ...]) -> None:
+    """Replace fields of a frozen dataclass by the results of `as_readonly_array`.
+
+    `shapes` are the shapes that it checks, by the names of the fields, which errors state.
+    """
+    for name, shape in shapes.items():
+        object.__setattr__(instance, name, as_readonly_array(getattr(instance, name), shape, name))
+
+
 def as_unit_vector(values: npt.ArrayLike, name: str) -> tuple[FloatArray, float]:
     """Return the read-only unit vector (3,) along a vector, and the vector's length.
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.geometry.arrays import FloatArray, as_readonly_array, as_unit_vector
+from lsvision.geometry.arrays import FloatArray, as_unit_vector, freeze_arrays
 from lsvision.geometry.directions import tangent_frame
 from lsvision.geometry.ellipse import Ellipse
 from lsvision.geometry.equality import ComparedByValue
@@ -80,7 +80,7 @@ class Cylinder(ComparedByValue):
     radius: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "point", as_readonly_array(self.point, (3,), "point"))
+        freeze_arrays(self, point=(3,))
         if not np.isfinite(self.point).all():
             raise ValueError(f"expected a finite point in mm, got {self.point}")
         object.__setattr__(self, "direction", as_unit_vector(self.direction, "direction")[0])

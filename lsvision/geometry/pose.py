@@ -9,7 +9,13 @@ from typing import NoReturn, Self
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.geometry.arrays import FloatArray, Points, as_readonly_array, as_unit_vector
+from lsvision.geometry.arrays import (
+    FloatArray,
+    Points,
+    as_readonly_array,
+    as_unit_vector,
+    freeze_arrays,
+)
 from lsvision.geometry.equality import ComparedByValue
 
 ORTHONORMALITY_TOLERANCE = 1e-6
@@ -56,9 +62,7 @@ class Pose(ComparedByValue):
         if np.linalg.det(rotation) < 0:
             raise ValueError("expected a proper rotation, got determinant -1: a reflection")
         object.__setattr__(self, "rotation", rotation)
-        object.__setattr__(
-            self, "translation", as_readonly_array(self.translation, (3,), "translation")
-        )
+        freeze_arrays(self, translation=(3,))
         if not np.isfinite(self.translation).all():
             raise ValueError(f"expected a finite translation in mm, got {self.translation}")
 

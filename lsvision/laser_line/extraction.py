@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.errors import NoLaserLine
-from lsvision.geometry import BoolArray, FloatArray, IntArray, Points, as_readonly_array
+from lsvision.geometry import BoolArray, FloatArray, IntArray, Points
+from lsvision.geometry.arrays import freeze_arrays
 from lsvision.geometry.equality import ComparedByValue
 from lsvision.laser_line.coarse_colours import select_sharper_line
 from lsvision.laser_line.detection import DetectedLine, find_direction, find_line
@@ -94,16 +95,12 @@ class LaserLine(ComparedByValue):
     filter_sigma: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "pixels", as_readonly_array(self.pixels, ("n", 2), "pixels"))
-        for name in ("std", "intensity", "width"):
-            object.__setattr__(
-                self, name, as_readonly_array(getattr(self, name), (len(self.pixels),), name)
-            )
+        freeze_arrays(self, pixels=("n", 2))
+        count = (len(self.pixels),)
+        freeze_arrays(self, std=count, intensity=count, width=count)
         saturated = np.array(self.saturated, dtype=bool)
-        if saturated.shape != (len(self.pixels),):
-            raise ValueError(
-                f"expected saturated of shape ({len(self.pixels)},), got {saturated.shape}"
-            )
+        if saturated.shape != count:
+            raise ValueError(f"expected saturated of shape {count}, got {saturated.shape}")
         saturated.setflags(write=False)
         object.__setattr__(self, "saturated", saturated)
         if self.direction not in get_args(Direction):

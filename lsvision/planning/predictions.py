@@ -3,7 +3,8 @@
 import math
 from dataclasses import dataclass
 
-from lsvision.geometry import FloatArray, as_readonly_array
+from lsvision.geometry import FloatArray
+from lsvision.geometry.arrays import freeze_arrays
 from lsvision.results.number_format import format_std
 from lsvision.results.quantities import Record
 from lsvision.results.result import Result
@@ -18,9 +19,7 @@ class _Prediction(Result):
     covariance: FloatArray
 
     def __post_init__(self) -> None:
-        object.__setattr__(
-            self, "covariance", as_readonly_array(self.covariance, (5, 5), "covariance")
-        )
+        freeze_arrays(self, covariance=(5, 5))
 
     def to_dict(self) -> Record:
         """Return the predicted standard uncertainties, ready for JSON.

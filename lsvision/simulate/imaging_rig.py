@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.geometry import FloatArray, Plane, Points, Pose, as_readonly_array
+from lsvision.geometry.arrays import freeze_arrays
 from lsvision.simulate.solids import Rays
 
 UNDISTORT_ITERATIONS = 60
@@ -46,9 +47,7 @@ class ImagingRig:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "matrix", as_readonly_array(self.matrix, (3, 3), "camera matrix"))
-        object.__setattr__(
-            self, "distortion", as_readonly_array(self.distortion, ("k",), "distortion")
-        )
+        freeze_arrays(self, distortion=("k",))
         if len(self.distortion) > 5:
             raise ValueError(
                 "expected up to 5 distortion coefficients (k1 k2 p1 p2 k3), got "

@@ -10,16 +10,8 @@ from typing import Self
 
 import numpy as np
 
-from lsvision.geometry import (
-    Cylinder,
-    FloatArray,
-    IntArray,
-    Points,
-    Pose,
-    as_readonly_array,
-    tangent_frame,
-)
-from lsvision.geometry.arrays import as_unit_vector
+from lsvision.geometry import Cylinder, FloatArray, IntArray, Points, Pose, tangent_frame
+from lsvision.geometry.arrays import as_unit_vector, freeze_arrays
 
 NO_HIT = math.inf
 """Distance of a ray that meets nothing."""
@@ -50,11 +42,8 @@ class Rays:
     directions: FloatArray
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "origins", as_readonly_array(self.origins, ("n", 3), "origins"))
-        shape = self.origins.shape
-        object.__setattr__(
-            self, "directions", as_readonly_array(self.directions, shape, "directions")
-        )
+        freeze_arrays(self, origins=("n", 3))
+        freeze_arrays(self, directions=self.origins.shape)
 
     def transformed(self, a_from_b: Pose) -> "Rays":
         """Return the rays of frame b in the coordinates of frame a."""
@@ -217,9 +206,7 @@ class BentTube:
     bend_radius: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(
-            self, "bend_centre", as_readonly_array(self.bend_centre, (3,), "bend_centre")
-        )
+        freeze_arrays(self, bend_centre=(3,))
         object.__setattr__(self, "bend_normal", as_unit_vector(self.bend_normal, "bend_normal")[0])
         if not 0 < self.radius < self.bend_radius < math.inf:
             raise ValueError(
@@ -314,7 +301,7 @@ class Prism:
     along: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "outline", as_readonly_array(self.outline, ("n", 2), "outline"))
+        freeze_arrays(self, outline=("n", 2))
         if len(self.outline) < 2 or not np.isfinite(self.outline).all():
             raise ValueError(f"expected at least two finite vertices, got {self.outline.tolist()}")
         if abs(self.along[2]) < MIN_AXIS_COSINE * math.hypot(*self.along):
