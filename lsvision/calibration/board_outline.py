@@ -5,7 +5,7 @@ import numpy as np
 from lsvision.calibration.target import Target, TargetView, board_homography
 from lsvision.errors import CalibrationFailed
 from lsvision.geometry import BoolArray, FloatArray, Points
-from lsvision.geometry.homography import apply_homography
+from lsvision.geometry.plane import apply_homography
 
 
 def target_pitch(target: Target) -> float:

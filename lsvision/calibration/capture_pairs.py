@@ -1,11 +1,12 @@
-"""Pairs of board and laser line from a stream of frames, with the board held by hand.
+"""Pairs of board and laser line from a stream of frames, and those that are still missing.
 
-One image shows the board at rest and in focus, the other the laser line on the unmoved board.
-Images are selected automatically from the frames, without a key press.
+The board is held by hand. One image shows it at rest and in focus, the other the laser line on the
+unmoved board. Images are selected automatically from the frames, without a key press.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -13,8 +14,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.calibration.capture_needs import rough_camera
-from lsvision.calibration.grey_image import grey_image
+from lsvision.calibration.board_pose import guess_camera_from_board
+from lsvision.calibration.camera_warnings import CELLS, covered_cells
 from lsvision.calibration.laser_line_on_board import LineOnBoardSettings, find_laser_view
 from lsvision.calibration.lens_blur import estimate_blur_from_views
 from lsvision.calibration.target import (
@@ -25,8 +26,11 @@ from lsvision.calibration.target import (
     find_target,
 )
 from lsvision.errors import CalibrationFailed, LsvisionError
+from lsvision.geometry import Pose
 from lsvision.laser_line.extraction import LineSettings
+from lsvision.laser_line.image_array import grey_image
 from lsvision.laser_line.mosaic import interpolate_grey
+from lsvision.sensors.camera import Camera
 from lsvision.statistics.robust import mad_std
 
 Image = npt.NDArray[Any]
@@ -37,6 +41,16 @@ NOISE_SIGMAS = 5.0
 """Smallest contrast of the line, in standard deviations of its surroundings."""
 SURROUNDINGS_PX = 40
 """Width of the surroundings on each side of the line. Units: px."""
+REQUESTED_TILT = np.radians(20.0)
+"""Requested tilt of a hand-held board towards each of its four sides. Units: rad."""
+REQUESTED_DEPTH_RATIO = 1.15
+"""Requested ratio of the farthest to the nearest distance of the board."""
+FOCAL_GUESS = 1.2
+"""Assumed focal length of a camera that is not calibrated yet, relative to the image's width: a
+field of view of 45 deg. If it is 30 to 60 deg, a tilt of 20 deg is estimated as 13 to 27 deg."""
+# Side of the board that is nearer, image axis along which its normal (z) is tilted, and sign.
+_SIDES = (("right", 0, 1), ("left", 0, -1), ("lower", 1, 1), ("upper", 1, -1))
+_ROWS, _COLUMNS = ("upper", "middle", "lower"), ("left", "middle", "right")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -236,3 +250,65 @@ def _shows_line(
     noise = mad_std(surroundings - background)
     contrast = float(np.median(laser_grey[v, u])) - background
     return contrast > max(settings.min_contrast, NOISE_SIGMAS * noise)
+
+
+def missing_views(views: Sequence[TargetView], pairs: int) -> tuple[str, ...]:
+    """Return instructions for the next views; empty if none are missing.
+
+    Parameters
+    ----------
+    views : sequence of TargetView
+        Views of one camera, which need not be calibrated.
+    pairs : int
+        Requested number of pairs of images, of the board and of the laser line on it.
+
+    Returns
+    -------
+    tuple of str
+        Missing pairs, parts of the image without corners, missing tilts and distances.
+    """
+    missing = []
+    if len(views) < pairs:
+        missing.append(f"{pairs - len(views)} more")
+    if not views:
+        return tuple(missing)
+    if areas := _empty_areas(views):
+        missing.append(f"board into the image's {', '.join(areas)}")
+    poses = [_rough_pose(view) for view in views]
+    sides = [
+        name
+        for name, axis, sign in _SIDES
+        if max(sign * pose.rotation[axis, 2] for pose in poses) < np.sin(REQUESTED_TILT)
+    ]
+    if sides:
+        missing.append(f"tilt with the {', '.join(sides)} side nearer")
+    distances = [float(np.linalg.norm(pose.translation)) for pose in poses]
+    if max(distances) < REQUESTED_DEPTH_RATIO * min(distances):
+        missing.append("nearer and farther")
+    return tuple(missing)
+
+
+def rough_camera(size: tuple[int, int]) -> Camera:
+    """Return an approximate camera without distortion, of focal length `FOCAL_GUESS`."""
+    width, height = size
+    focal = FOCAL_GUESS * width
+    matrix = np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]])
+    return Camera(matrix, np.zeros(0), size)
+
+
+def _empty_areas(views: Sequence[TargetView]) -> list[str]:
+    """Return the corners, sides and the middle of the image without any corner of a board."""
+    covered = covered_cells(views[0].size, views)
+    # Blocks of cells along a side: the first cell, all between, and the last cell.
+    blocks = np.array([0, *[1] * (CELLS - 2), 2])
+    return [
+        " ".join(dict.fromkeys((row_name, column_name)))
+        for row, row_name in enumerate(_ROWS)
+        for column, column_name in enumerate(_COLUMNS)
+        if not covered[np.ix_(blocks == row, blocks == column)].any()
+    ]
+
+
+def _rough_pose(view: TargetView) -> Pose:
+    """Return the approximate ``camera_from_board`` (mm), as seen by the `rough_camera`."""
+    return guess_camera_from_board(view, rough_camera(view.size).rays(view.pixels))

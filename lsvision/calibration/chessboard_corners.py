@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from lsvision.geometry import FloatArray, Points
 from lsvision.geometry.arrays import BoolArray
-from lsvision.geometry.homography import apply_homography
+from lsvision.geometry.plane import apply_homography
 
 SMOOTHING_FRACTION, MIN_SMOOTHING_PX = 0.05, 1.0
 """Standard deviation of the smoothing, as a fraction of the smallest square, and its smallest

@@ -16,18 +16,17 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.calibration.board_observations import BoardObservations
-from lsvision.calibration.board_scale import estimate_board_scale
 from lsvision.calibration.errors_in_variables import NOMINAL_ROBOT_STD, ErrorsInVariablesFit
+from lsvision.calibration.hand_eye_checks import estimate_board_scale
 from lsvision.calibration.hand_eye_json import check_covariance
-from lsvision.calibration.hand_eye_parts import RejectedPose, Sphere
 from lsvision.calibration.hand_eye_result import HandEye, HandEyeSettings
 from lsvision.calibration.hand_eye_solver import ResultContext, build_hand_eye, solve_hand_eye
-from lsvision.calibration.observations import Mounting, stack_flange_poses
+from lsvision.calibration.observations import Mounting, RejectedPose, Sphere, stack_flange_poses
 from lsvision.calibration.plane_line import PlaneLine, find_plane_line
 from lsvision.calibration.plane_observations import PlaneObservations
-from lsvision.calibration.repeated import find_repeated
 from lsvision.calibration.sphere_arc import SphereArc, find_sphere_arc
 from lsvision.calibration.sphere_observations import SphereObservations, require_distinct_cuts
+from lsvision.calibration.views import find_repeated
 from lsvision.errors import CalibrationFailed, LsvisionError
 from lsvision.geometry import FloatArray, Plane, Pose, as_readonly_array
 from lsvision.geometry.pose import as_poses

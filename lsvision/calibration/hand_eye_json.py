@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, get_args
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.calibration.hand_eye_parts import RejectedPose, Sensor, Sphere
-from lsvision.calibration.observations import Mounting
+from lsvision.calibration.observations import Mounting, RejectedPose, Sensor, Sphere
 from lsvision.errors import UnreadableFile
 from lsvision.files.atomic_files import write_atomic
 from lsvision.files.json_text import parse_json

@@ -11,10 +11,9 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
+from lsvision.calibration.hand_eye_checks import hand_eye_warnings
 from lsvision.calibration.hand_eye_json import read_hand_eye, write_hand_eye
-from lsvision.calibration.hand_eye_parts import RejectedPose, Sensor, Sphere
-from lsvision.calibration.hand_eye_warnings import hand_eye_warnings
-from lsvision.calibration.observations import Mounting
+from lsvision.calibration.observations import Mounting, RejectedPose, Sensor, Sphere
 from lsvision.calibration.pose_outliers import OutlierSettings
 from lsvision.calibration.result_tables import cells_of_rows, hand_eye_rows, rotation_vector_deg
 from lsvision.calibration.rotations import cross_matrices

@@ -16,11 +16,13 @@ from lsvision.calibration.hand_eye_mistakes import (
     detect_mispaired_poses,
     detect_moved_target,
 )
-from lsvision.calibration.hand_eye_parts import RejectedPose, Sensor, Sphere
 from lsvision.calibration.hand_eye_result import HandEye, HandEyeSettings
 from lsvision.calibration.observations import (
     Mounting,
     Observations,
+    RejectedPose,
+    Sensor,
+    Sphere,
     require_rotation,
     residual_norms,
 )

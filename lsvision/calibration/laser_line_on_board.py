@@ -15,7 +15,6 @@ from lsvision.calibration.board_outline import (
     target_pitch,
 )
 from lsvision.calibration.bundle_adjustment_problem import MIN_POINTS, LaserView
-from lsvision.calibration.grey_image import grey_image
 from lsvision.calibration.target import (
     CircleGrid,
     Target,
@@ -26,9 +25,9 @@ from lsvision.calibration.target import (
 from lsvision.calibration.views import ViewSources, collect_views, require_size
 from lsvision.errors import CalibrationFailed, LsvisionError, NoLaserLine
 from lsvision.geometry import BoolArray, FloatArray, IntArray, Points
-from lsvision.geometry.homography import apply_homography
+from lsvision.geometry.plane import apply_homography
 from lsvision.laser_line.extraction import LaserLine, LineSettings, extract_laser_line
-from lsvision.laser_line.image_array import as_image
+from lsvision.laser_line.image_array import as_image, grey_image
 from lsvision.laser_line.mosaic import interpolate_grey
 from lsvision.sensors.camera import Camera
 

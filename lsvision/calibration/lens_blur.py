@@ -15,10 +15,10 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.calibration.bundle_adjustment_problem import LaserView
-from lsvision.calibration.grey_image import grey_image
 from lsvision.calibration.target import Target, TargetView, find_target
 from lsvision.errors import CalibrationFailed, LsvisionError
 from lsvision.geometry import FloatArray, Points
+from lsvision.laser_line.image_array import grey_image
 from lsvision.results.number_format import format_value
 from lsvision.results.quantities import Record
 from lsvision.results.result import Result

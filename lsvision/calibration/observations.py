@@ -1,4 +1,4 @@
-"""Data types of the hand-eye calibration: flange poses, states and observations of a target.
+"""Data types of the hand-eye calibration: poses, targets, states and observations.
 
 Each kind of target (`sphere_observations`, `plane_observations`, `board_observations`) reduces
 the data of a pose to a few numbers with a covariance, and linearises them by the sensor
@@ -19,9 +19,11 @@ import numpy as np
 from lsvision.calibration.rotations import cross_matrices, vectors_from_rotations
 from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import FloatArray, IntArray, Pose
-from lsvision.geometry.arrays import TINY
+from lsvision.geometry.arrays import TINY, freeze_arrays
+from lsvision.geometry.equality import ComparedByValue
 
 Mounting = Literal["eye_in_hand", "eye_to_hand"]
+Sensor = Literal["section", "camera"]
 
 MIN_ROTATION = np.radians(2.0)
 """Smallest angle between two flange poses that counts as a rotation; robots have errors of 0.01 deg
@@ -31,6 +33,44 @@ MIN_SECOND_AXIS = 0.03
 1 deg together with rotations of 30 deg."""
 MM_PER_RADIAN = 100.0
 """Length in mm that is equivalent to one radian where translation and rotation are compared."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sphere(ComparedByValue):
+    """Sphere that was the target of a calibration.
+
+    Parameters
+    ----------
+    centre : (3,) array_like
+        Centre in the base frame (eye in hand) or flange frame (eye to hand). Units: mm.
+    radius : float
+        Radius of the sphere. Units: mm.
+    radius_std : float
+        Standard deviation of the radius; 0 if the radius was given. Units: mm.
+    """
+
+    centre: FloatArray
+    radius: float
+    radius_std: float
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self, centre=(3,))
+
+
+@dataclass(frozen=True)
+class RejectedPose:
+    """Index of a pose and the reason for its rejection.
+
+    Parameters
+    ----------
+    index : int
+        Index of the pose, from 0.
+    reason : str
+        Reason in words, with numbers.
+    """
+
+    index: int
+    reason: str
 
 
 @dataclass(frozen=True, eq=False)

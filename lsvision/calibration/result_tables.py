@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lsvision.calibration.hand_eye_parts import Sphere
+from lsvision.calibration.observations import Sphere
 from lsvision.calibration.rotations import rotation_vector_jacobian, vectors_from_rotations
 from lsvision.geometry import FloatArray
 from lsvision.results.number_format import format_value

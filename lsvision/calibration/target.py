@@ -18,11 +18,11 @@ import numpy.typing as npt
 
 from lsvision.calibration.chessboard_corners import initial_corners, locate_corners
 from lsvision.calibration.chessboard_numbering import corner_order, reading_order
-from lsvision.calibration.grey_image import grey_image
 from lsvision.errors import CalibrationFailed
 from lsvision.geometry import FloatArray, Points, as_readonly_array
 from lsvision.geometry.arrays import freeze_arrays
 from lsvision.geometry.equality import ComparedByValue
+from lsvision.laser_line.image_array import grey_image
 
 MIN_CHARUCO_CORNERS = 6
 """Smallest number of visible inner corners: four determine the homography, two check it."""

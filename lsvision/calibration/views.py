@@ -7,7 +7,6 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.calibration.repeated import find_repeated
 from lsvision.errors import CalibrationFailed, DegenerateGeometry, LsvisionError
 from lsvision.geometry import FloatArray, Pose
 from lsvision.laser_line.image_array import as_image
@@ -83,6 +82,34 @@ def collect_views(
         rejected.append(RejectedView(indices[repeated], reason))
     rejected.sort(key=lambda view: view.index)
     return list(views.values()), ViewSources(tuple(views), tuple(rejected))
+
+
+def find_repeated(contents: Iterable[bytes]) -> dict[int, int]:
+    """Return the index of each content that equals an earlier one, with the index of the first.
+
+    Parameters
+    ----------
+    contents : iterable of bytes
+        The numbers of each observation, to the last digit, as bytes.
+
+    Returns
+    -------
+    dict of int to int
+        Index of each repeated content: index of the first that equals it; empty if all contents
+        differ. Sorted by index.
+
+    Examples
+    --------
+    >>> find_repeated([b"a", b"b", b"a", b"a"])
+    {2: 0, 3: 0}
+    """
+    first_index: dict[bytes, int] = {}
+    repeated = {}
+    for index, content in enumerate(contents):
+        earlier = first_index.setdefault(content, index)
+        if earlier != index:
+            repeated[index] = earlier
+    return repeated
 
 
 def require_size(camera: Camera, image: npt.ArrayLike, name: str) -> None:

@@ -54,8 +54,12 @@ def capture(
         )
     for folder in (boards, lines):
         _require_empty(folder)
-    from lsvision.calibration.capture_needs import missing_views
-    from lsvision.calibration.capture_pairs import CaptureSettings, CaptureState, next_state
+    from lsvision.calibration.capture_pairs import (
+        CaptureSettings,
+        CaptureState,
+        missing_views,
+        next_state,
+    )
     from lsvision.io.frames import open_camera
 
     settings, state, printed_instruction = CaptureSettings(line=line), CaptureState(), ""

@@ -313,7 +313,7 @@ def _scan_lines(
     """
     from lsvision.results.summaries import counted
     from lsvision.results.tables import text_table
-    from lsvision.scan.scan_table import tube_cells
+    from lsvision.scan.scan_result import tube_cells
 
     profiles = counted(len(scan.measurements), "profile")
     rejected = [f"  {rejection}" for rejection in scan.rejections]
@@ -332,7 +332,7 @@ def _scan_lines(
 
 def _remarks(tube: "ScannedCylinder", shape: "TubeShape | None") -> list[str]:
     """Return the lines below the table on a cylinder: its axial range, twin and shape."""
-    from lsvision.scan.scan_table import twin_note
+    from lsvision.scan.scan_result import twin_note
     from lsvision.scan.shape_result import shape_lines
 
     low, high = tube.axial_range

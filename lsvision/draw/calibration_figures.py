@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lsvision.calibration.camera_warnings import CELLS, covered_cells
-from lsvision.calibration.hand_eye_parts import Sphere
 from lsvision.calibration.hand_eye_result import HandEye
 from lsvision.calibration.intrinsics import CameraCalibration
 from lsvision.calibration.laser_plane_result import LaserPlaneCalibration
+from lsvision.calibration.observations import Sphere
 from lsvision.draw.figures import make_printable, new_figure
 from lsvision.draw.space import fit_into_area, scale_axes
 from lsvision.geometry import FloatArray, Plane, Pose

@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.calibration.camera_warnings import CELLS, covered_cells
-from lsvision.calibration.hand_eye_parts import RejectedPose
 from lsvision.calibration.hand_eye_result import HandEye
 from lsvision.calibration.intrinsics import CameraCalibration
 from lsvision.calibration.laser_plane_result import CalibratedLaserView, LaserPlaneCalibration
+from lsvision.calibration.observations import RejectedPose
 from lsvision.calibration.views import RejectedView
 from lsvision.draw.calibration_figures import (
     draw_bars,

@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.calibration.grey_image import grey_image
 from lsvision.geometry import FloatArray, Points
+from lsvision.laser_line.image_array import grey_image
 from lsvision.laser_line.mosaic import Bayer, interpolate_grey
 from lsvision.results.palette import CORNER, CORNER_RESIDUAL, LASER_PLANE
 

@@ -1,4 +1,4 @@
-"""Plane in space: the laser plane, a calibration board, a plate."""
+"""Plane in space (laser plane, board, plate), its section frame, and maps from plane to plane."""
 
 from __future__ import annotations
 
@@ -8,9 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.geometry.arrays import FloatArray, as_unit_vector
+from lsvision.geometry.arrays import FloatArray, Points, as_unit_vector
 from lsvision.geometry.equality import ComparedByValue
 from lsvision.geometry.pose import Pose, as_pose
+
+MIN_FACING_COSINE = 0.98
+"""Cosine of the angle (11 deg) between the optical axis and the plane's normal above which the
+plane faces the camera, so that the optical axis does not determine the direction of Y."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,3 +93,57 @@ class Plane(ComparedByValue):
         pose = as_pose(a_from_b)
         normal = pose.rotation @ self.normal
         return Plane(normal, self.distance + float(normal @ pose.translation))
+
+
+def section_pose(plane: Plane) -> Pose:
+    """Return the pose of the section frame in the frame of the camera.
+
+    Origin at the point of the plane nearest to the camera's centre; Y in the plane, opposite to the
+    optical axis; X in the plane, perpendicular to Y, increasing with image u (with image v if X is
+    closer to the direction of v); Z = X x Y. Where the plane faces the camera (within 11 deg), X
+    follows image u and Y points up in the image.
+
+    Parameters
+    ----------
+    plane : Plane
+        Plane in the camera frame, with z along the optical axis. Units: mm.
+
+    Returns
+    -------
+    Pose
+        ``camera_from_section``. Units: mm.
+
+    Examples
+    --------
+    >>> section_pose(Plane((0.0, 0.866, 0.5), 150.0)).rotation[:, 1].round(3)
+    array([ 0.   ,  0.5  , -0.866])
+    """
+    normal, optical_axis = plane.normal, np.array([0.0, 0.0, 1.0])
+    if abs(normal @ optical_axis) > MIN_FACING_COSINE:
+        # The cross product with the optical axis is nearly zero: X follows image u instead.
+        x = np.array([1.0, 0.0, 0.0])
+        x = x - normal * (normal @ x)
+        upwards = np.array([0.0, -1.0, 0.0])
+    else:
+        x = np.cross(normal, optical_axis)
+        x = x * np.sign(x[np.argmax(np.abs(x))])
+        upwards = -optical_axis
+    x = x / np.linalg.norm(x)
+    y = np.cross(normal, x)
+    y = y * np.sign(y @ upwards)
+    rotation = np.column_stack([x, y, np.cross(x, y)])
+    return Pose(rotation, normal * plane.distance)
+
+
+def apply_homography(homography: FloatArray, points: Points) -> Points:
+    """Return the images (n, 2) of points (n, 2) under a homography (3, 3).
+
+    Points that are mapped to infinity get inf or NaN, with a warning of numpy.
+
+    Examples
+    --------
+    >>> apply_homography(np.diag([1.0, 1.0, 2.0]), np.array([[4.0, 6.0]]))
+    array([[2., 3.]])
+    """
+    mapped = points @ homography[:, :2].T + homography[:, 2]
+    return mapped[:, :2] / mapped[:, 2:]

@@ -13,7 +13,7 @@ from lsvision.geometry import FloatArray, Pose
 from lsvision.results.quantities import Quantity, Record, Unit, coordinate_columns
 
 if TYPE_CHECKING:
-    from lsvision.cylinder.axis_table import AxisQuantity
+    from lsvision.cylinder.fit_result import AxisQuantity
     from lsvision.scan import ScanMeasurement, ScannedCylinder, TubeShape
 
 SCAN_SCHEMA = "lsvision.scan/1"

@@ -1,8 +1,9 @@
-"""Check of type and shape of an image that a caller passes."""
+"""Images that a caller passes: check of type and shape, and conversion to 8-bit grey."""
 
 import os
 from typing import Any
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -79,6 +80,27 @@ way, got (480, 640, 4): leave transparency out, image[..., :3]
             "more"
         )
     return np.ascontiguousarray(array, dtype=np.float32)
+
+
+def grey_image(image: npt.ArrayLike) -> npt.NDArray[np.uint8]:
+    """Return an 8- or 16-bit grey or colour image as 8-bit grey.
+
+    The largest value of a 16-bit image becomes 255.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is not an image.
+    """
+    array = as_image(image)
+    if array.dtype.kind == "f":
+        raise TypeError(f"expected an image of uint8 or uint16, got {np.asarray(image).dtype}")
+    if array.dtype == np.uint16:
+        # 10- and 12-bit cameras leave the upper bits zero: scale by the largest value.
+        array = (array.astype(np.float64) * 255 / max(int(array.max()), 1)).astype(np.uint8)
+    if array.ndim == 3:
+        array = cv2.cvtColor(np.ascontiguousarray(array), cv2.COLOR_BGR2GRAY)
+    return np.ascontiguousarray(array, dtype=np.uint8)
 
 
 def _hint(shape: tuple[int, ...]) -> str:

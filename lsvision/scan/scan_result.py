@@ -7,8 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.cylinder.axis_table import AxisQuantity, axis_record, axis_row
-from lsvision.cylinder.fit_result import CylinderFit
+from lsvision.cylinder.fit_result import (
+    AXIS_HEADER,
+    AxisQuantity,
+    CylinderFit,
+    axis_cells,
+    axis_record,
+    axis_row,
+)
 from lsvision.geometry import Cylinder, FloatArray, IntArray, Points, Pose
 from lsvision.geometry.cylinder import WithCylinder
 from lsvision.measure import Measurement
@@ -17,7 +23,6 @@ from lsvision.results.quantities import Record, json_numbers
 from lsvision.results.result import Result
 from lsvision.results.summaries import counted, cylinder_summary, rejection_notes
 from lsvision.scan.pose_errors import PoseErrors
-from lsvision.scan.scan_table import format_ranges, tube_cells, twin_notes
 
 RING_POINTS = 49
 """Points of the circle at each end of a drawn cylinder; enough that its polygon looks round."""
@@ -351,3 +356,47 @@ def _view_in_space(tubes: Sequence[ScannedCylinder]) -> str:
         for tube in tubes
     ]
     return draw_space_svg(drawn, f"{counted(len(tubes), 'cylinder')} in the base frame")
+
+
+def tube_cells(tubes: Sequence[ScannedCylinder]) -> list[tuple[str, ...]]:
+    """Return the cells of a table: a header and one row per cylinder, numbers with one sigma."""
+    rows: list[tuple[str, ...]] = [("", *AXIS_HEADER, "sections", "points")]
+    for number, tube in enumerate(tubes, 1):
+        points = str(len(tube.points))
+        rows.append((str(number), *axis_cells(tube.fit), format_ranges(tube.sections), points))
+    return rows
+
+
+def twin_notes(tubes: Sequence[ScannedCylinder]) -> list[str]:
+    """Return a numbered line for each cylinder that was measured in one section only."""
+    return [
+        f"  {number}: {twin_note(tube.twin)}"
+        for number, tube in enumerate(tubes, 1)
+        if tube.twin is not None
+    ]
+
+
+def twin_note(twin: Cylinder) -> str:
+    """Return a line with the other possible direction of a cylinder of one section only."""
+    x, y, z = twin.direction
+    return (
+        f"one section alone: its twin ({x:+z.4f} {y:+z.4f} {z:+z.4f}) fits equally well; a second "
+        "section decides"
+    )
+
+
+def format_ranges(sections: Sequence[int]) -> str:
+    """Return ascending indices as text, with consecutive ones as ranges.
+
+    Examples
+    --------
+    >>> format_ranges((0, 1, 2, 3, 4, 7))
+    '0-4, 7'
+    """
+    runs: list[list[int]] = []
+    for section in sections:
+        if runs and section == runs[-1][1] + 1:
+            runs[-1][1] = section
+        else:
+            runs.append([section, section])
+    return ", ".join(f"{low}-{high}" if high > low else str(low) for low, high in runs)

@@ -20,13 +20,13 @@ import numpy.typing as npt
 from lsvision.errors import DegenerateGeometry, LsvisionError
 from lsvision.geometry import FloatArray, Plane, Points, Pose
 from lsvision.geometry.equality import ComparedByValue
+from lsvision.geometry.plane import section_pose
 from lsvision.laser_line.extraction import LaserLine, LineSettings, extract_laser_line
 from lsvision.laser_line.image_array import as_image
 from lsvision.laser_line.line_blur import correct_line_blur
 from lsvision.profile import PointNoise, Profile
 from lsvision.sensors.camera import Camera
 from lsvision.sensors.rig_file import check_line_blur, read_rig, write_rig
-from lsvision.sensors.section_frame import section_pose
 
 STD_RATIO_ALONG_LINE = 0.05
 """Standard deviation along u over that along v of a line with a point in each column (in each row:

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from lsvision.calibration.capture_needs import missing_views
 from lsvision.calibration.capture_pairs import (
     CaptureSettings,
     CaptureState,
+    missing_views,
     movement,
     next_state,
 )

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from lsvision.calibration.board_pose import guess_camera_from_board
-from lsvision.calibration.grey_image import grey_image
 from lsvision.calibration.target import (
     ChArUco,
     Chessboard,
@@ -24,6 +23,7 @@ from lsvision.calibration.target_files import (
     target_svg,
 )
 from lsvision.geometry import Pose
+from lsvision.laser_line.image_array import grey_image
 
 PRINTED = 0.05  # px: corners of a rendered board, seen straight on
 MACHINE = 1e-9

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from lsvision.cylinder.axis_table import axis_cells
 from lsvision.cylinder.fit import CylinderFittingSettings, fit_cylinder
+from lsvision.cylinder.fit_result import axis_cells
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import DegenerateGeometry, FitFailed, TooFewPoints
 from lsvision.geometry import Cylinder, Pose

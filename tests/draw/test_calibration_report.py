@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lsvision.calibration.hand_eye import calibrate_hand_eye_board
-from lsvision.calibration.hand_eye_parts import RejectedPose
+from lsvision.calibration.observations import RejectedPose
 from lsvision.draw.calibration_figures import _plane_corners, draw_bars, draw_poses
 from lsvision.draw.calibration_report import ReportContent, hand_eye_page
 from lsvision.geometry import Plane, Pose

@@ -11,8 +11,8 @@ import numpy as np
 import pyarrow
 import pyarrow.parquet
 
-from lsvision.calibration.hand_eye_parts import RejectedPose, Sphere
 from lsvision.calibration.hand_eye_result import HandEye
+from lsvision.calibration.observations import RejectedPose, Sphere
 from lsvision.geometry import Plane, Pose
 from lsvision.io.hand_eye_file import save_hand_eye
 from lsvision.sensors.camera import Camera

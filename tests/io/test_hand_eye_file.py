@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import yaml
 
-from lsvision.calibration.hand_eye_parts import RejectedPose, Sphere
 from lsvision.calibration.hand_eye_result import HandEye
+from lsvision.calibration.observations import RejectedPose, Sphere
 from lsvision.errors import UnreadableFile, UnwritableFile
 from lsvision.geometry import Plane, Pose
 from lsvision.io.hand_eye_file import export_easy_handeye, load_hand_eye, save_hand_eye

@@ -16,10 +16,10 @@ import pytest
 import lsvision as lsv
 from lsvision.calibration.board_in_plane import BoardInPlane
 from lsvision.calibration.bundle_adjustment_problem import LaserView
-from lsvision.calibration.hand_eye_parts import RejectedPose, Sphere
 from lsvision.calibration.intrinsics import CalibratedView, CameraCalibration
 from lsvision.calibration.laser_plane_result import CalibratedLaserView, LaserPlaneCalibration
 from lsvision.calibration.lens_blur import LensBlur
+from lsvision.calibration.observations import RejectedPose, Sphere
 from lsvision.calibration.pose_planning import PosePlan
 from lsvision.calibration.target import TargetView
 from lsvision.calibration.views import RejectedView

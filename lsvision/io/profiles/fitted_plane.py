@@ -8,7 +8,7 @@ import numpy as np
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray, Plane, Pose
 from lsvision.geometry.arrays import MAX_COORDINATE_MM
-from lsvision.sensors.section_frame import section_pose
+from lsvision.geometry.plane import section_pose
 
 MAX_THICKNESS = 0.1
 """Largest rms distance from the plane, relative to the rms extent of the points in it normal to the

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lsvision.calibration.grey_image import grey_image
+from lsvision.laser_line.image_array import grey_image
 
 
 def test_the_largest_value_of_16_bit_becomes_255_and_0_stays():

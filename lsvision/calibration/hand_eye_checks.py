@@ -1,24 +1,32 @@
-"""Check of the stated size of a board by the motion of the robot.
+"""Checks of a hand-eye calibration: residuals, heights of the sensor, stated size of the board.
 
-A wrong size multiplies all distances from the camera to the board by one factor, but not the
+A wrong size of a board multiplies all distances from the camera to it by one factor, but not the
 robot's motion, which is in mm. The hand-eye solution absorbs most of this by a shift of the camera
 along its optical axis (4 mm for a board 400 mm away whose stated size is 1 % wrong): the residuals
 increase by much less.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from lsvision.calibration.errors_in_variables import ErrorsInVariablesFit
-from lsvision.calibration.hand_eye_warnings import (
-    MIN_BOARD_SCALE_ERROR,
-    describe_board_scale,
-    is_wrong_scale,
-)
 from lsvision.errors import CalibrationFailed
 from lsvision.geometry import FloatArray, Points
 
+Scale = tuple[float, float]
+"""Factor and its standard deviation."""
+
+LARGE_RESIDUAL_MM = 3.0
+"""Root mean square residual above which a warning is given. Units: mm."""
+SCALE_SIGMAS = 4.0
+"""Standard deviations from 1 above which a scale is significant."""
+MIN_HEIGHT_SCALE_ERROR = 0.005
+"""Deviation of the height scale from 1 above which a warning is given."""
+MIN_BOARD_SCALE_ERROR = 0.003
+"""Deviation of a board's scale from 1 above which a warning is given; the error of a camera's
+focal length may be as large."""
 MAX_SCALE_ERROR = 0.02
 """Deviation of the factor from 1 above which the calibration is rejected; the scale of printers
 deviates by less."""
@@ -27,6 +35,69 @@ MAX_SCALE_STD = 0.1
 that only rotates about its origin."""
 MIN_INFORMATION_RATIO = 1e-12
 """Fraction of the information on the size that a solution leaves, below which it is rounding."""
+
+
+def hand_eye_warnings(
+    residual_rms: float,
+    robot_std: tuple[float, float],
+    height_scale: Scale | None,
+    target_scale: Scale | None,
+    *,
+    radius_is_given: bool,
+) -> tuple[str, ...]:
+    """Return the warnings about a calibration, with numbers and remedy; empty for a good one.
+
+    See `HandEye` for the parameters; `radius_is_given` is that of a sphere.
+    """
+    warnings = []
+    if residual_rms > LARGE_RESIDUAL_MM:
+        warnings.append(_describe_residuals(residual_rms, robot_std))
+    if height_scale and is_wrong_scale(height_scale, MIN_HEIGHT_SCALE_ERROR):
+        warnings.append(_describe_height_scale(height_scale, radius_is_given=radius_is_given))
+    if target_scale and is_wrong_scale(target_scale, MIN_BOARD_SCALE_ERROR):
+        warnings.append(describe_board_scale(target_scale))
+    return tuple(warnings)
+
+
+def is_wrong_scale(scale: Scale, min_error: float) -> bool:
+    """Return whether a scale, with its standard deviation, differs from 1 significantly."""
+    factor, std = scale
+    return abs(factor - 1) >= max(SCALE_SIGMAS * std, min_error)
+
+
+def describe_board_scale(scale: Scale) -> str:
+    """Return the message on a board whose size was stated wrong, with the remedy.
+
+    Examples
+    --------
+    >>> describe_board_scale((0.99, 0.0004)).split(":")[0]
+    "by the robot's motion the size of the board must be multiplied by 0.9900 +/- 0.0004"
+    """
+    factor, std = scale
+    return (
+        "by the robot's motion the size of the board must be multiplied by "
+        f"{factor:.4f} +/- {std:.4f}: measure its squares, and give the same size here and to the "
+        "calibration of the camera"
+    )
+
+
+def _describe_residuals(residual_rms: float, robot_std: tuple[float, float]) -> str:
+    position, rotation = robot_std
+    return (
+        f"the residuals are {residual_rms:.2g} mm rms, as with a robot of {position:.2g} mm and "
+        f"{math.degrees(rotation):.2g} deg per axis: if the robot is more accurate, check the size "
+        "of the target, the convention of the poses, and that the robot stood still"
+    )
+
+
+def _describe_height_scale(scale: Scale, *, radius_is_given: bool) -> str:
+    factor, std = scale
+    radius = "the given radius (calibrate without it, it is estimated then), " * radius_is_given
+    return (
+        f"the sensor's heights must be multiplied by {factor:.3f} +/- {std:.3f}: check {radius}"
+        "their unit and the sensor's own calibration; away from the working point, positions and "
+        "radii have the same relative error"
+    )
 
 
 @dataclass(frozen=True, eq=False)
