@@ -40,23 +40,11 @@ class LeastSquaresSolutions:
 def solve_least_squares(
     observations: Observations, states: States, whitening: FloatArray, max_steps: int = MAX_STEPS
 ) -> LeastSquaresSolutions:
-    """Return the minima of the whitened residuals from many initial guesses (Levenberg-Marquardt).
+    """Return the minima of the whitened residuals from s initial guesses (Levenberg-Marquardt).
 
-    Parameters
-    ----------
-    observations : Observations
-        Observations in n poses.
-    states : States
-        s initial guesses.
-    whitening : (s or 1, n, m, m) ndarray
-        Whitening matrix of each pose's residual; zero excludes a pose.
-    max_steps : int
-        Maximum number of iterations.
-
-    Returns
-    -------
-    LeastSquaresSolutions
-        In the order of the initial guesses; one that did not converge keeps a high cost.
+    `whitening` (s or 1, n, m, m) are the whitening matrices of each pose's residual; zero excludes
+    a pose. The solutions are in the order of the guesses; one that did not converge keeps a high
+    cost.
     """
     starts = range(BLOCK_STATES, len(states), BLOCK_STATES)
     blocks = [

@@ -57,28 +57,16 @@ class BentBoardFit:
 def fit_bent_board(
     camera: Camera, views: Sequence[TargetView], poses: Sequence[Pose], free: BoolArray
 ) -> BentBoardFit:
-    """Return camera, poses and shape of the board, refined together.
+    """Return camera, poses and shape of the board, refined together by least squares.
 
     The shape is fitted to a flat board, too. It increases the standard deviation of the focal
     length by a sixth at most (6 to 15 views of 30 deg), and a bow that is too small to be
     significant would bias it by twice its standard deviation.
 
-    Parameters
-    ----------
-    camera : Camera
-        Camera, calibrated under the assumption of a flat board.
-    views : sequence of TargetView
-        Views from which the camera was calibrated.
-    poses : sequence of Pose
-        ``camera_from_board`` of each view.
-    free : (4 + k,) ndarray of bool
-        Mask of the parameters fx, fy, cx, cy and distortion coefficients that are estimated. If
-        fy is free and fx is not, fx is a fixed multiple of fy.
-
-    Returns
-    -------
-    BentBoardFit
-        Minimum of the squared residuals; its noise is estimated from the residuals.
+    Camera and poses (``camera_from_board`` of each view) are those of a calibration with a flat
+    board. `free` (4 + k,) masks the parameters fx, fy, cx, cy and distortion coefficients that are
+    estimated. If fy is free and fx is not, fx is a fixed multiple of fy. The noise is estimated
+    from the residuals.
     """
     shape = BoardShape.of(np.concatenate([view.points for view in views]))
     transfer = intrinsics_jacobian(camera, free)

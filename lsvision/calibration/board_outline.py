@@ -23,10 +23,7 @@ def target_bounds(target: Target) -> tuple[FloatArray, FloatArray]:
 def board_outline(view: TargetView, target: Target, margin: float) -> Points:
     """Return the corners (4, 2) of the board's flat part in the image. Units: px.
 
-    Raises
-    ------
-    CalibrationFailed
-        If one of them is beyond the horizon of the board's plane, and has no image.
+    CalibrationFailed if one of them is beyond the horizon of the board's plane, and has no image.
     """
     border = margin * target_pitch(target)
     low, high = target_bounds(target)

@@ -193,19 +193,10 @@ def pose_difference(pose: Pose, reference: Pose) -> FloatArray:
 
 
 def guess_camera_from_board(view: TargetView, rays: Points) -> Pose:
-    """Return the pose of a board from the rays through its points, in closed form.
+    """Return ``camera_from_board`` from the rays through a view's points, in closed form.
 
-    Parameters
-    ----------
-    view : TargetView
-        Points of the board, among them four of which no three are collinear.
-    rays : (n, 3) ndarray
-        Rays through the view's pixels, camera frame, z = 1.
-
-    Returns
-    -------
-    Pose
-        ``camera_from_board``, an initial guess for a refinement in pixels.
+    An initial guess for a refinement in pixels. The rays (n, 3) are in the camera frame, with z =
+    1; of four of the points no three may be collinear.
     """
     plane = np.ascontiguousarray(view.points[:, :2])
     homography, _ = cv2.findHomography(plane, np.ascontiguousarray(rays[:, :2]))

@@ -73,10 +73,8 @@ def determine_shape(corners: Points) -> bool:
 def bow_warning(parameters: FloatArray, std: FloatArray) -> list[str]:
     """Return a warning about a board that is not flat; an empty list if it may be flat.
 
-    Parameters
-    ----------
-    parameters, std : (3,) ndarray
-        Bow along x, along y, and twist, with standard deviations. Units: mm.
+    `parameters` and `std` (3,) are bow along x, along y, and twist, with standard deviations, in
+    mm.
     """
     if not np.any((np.abs(parameters) > MIN_REPORTED_MM) & (np.abs(parameters) > 3 * std)):
         return []

@@ -28,16 +28,8 @@ MAX_SWEEPS = 20
 def pattern_turns(target: Target) -> tuple[Pose, ...]:
     """Return the turns of a board after which its pattern looks the same.
 
-    Parameters
-    ----------
-    target : Target
-        The board.
-
-    Returns
-    -------
-    tuple of Pose
-        ``board_from_turned`` about the middle of the board: half a turn, or a quarter, half and
-        three quarters of a turn; empty for a board that has one orientation only.
+    ``board_from_turned`` about the middle of the board: half a turn, or a quarter, half and three
+    quarters of a turn; empty for a board that has one orientation only.
 
     Examples
     --------
@@ -114,19 +106,9 @@ def turn_boards(
 ) -> TurnedBoards:
     """Return the board poses of all views, numbered from the same end by the robot's poses.
 
-    Parameters
-    ----------
-    camera_from_boards : sequence of Pose
-        Board pose of each view, numbered from either end.
-    flanges : sequence of Pose
-        ``base_from_flange`` of each view, its inverse where the board is on the flange.
-    turns : sequence of Pose
-        ``board_from_turned`` of each turn, from `pattern_turns`.
-
-    Returns
-    -------
-    TurnedBoards
-        In the order of the views; fewer than two are returned as they are.
+    The boards are numbered from either end; `flanges` are ``base_from_flange`` of each view, the
+    inverse where the board is on the flange, and `turns` those of `pattern_turns`. Fewer than two
+    views are returned as they are.
 
     Raises
     ------

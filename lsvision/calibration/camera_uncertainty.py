@@ -26,26 +26,11 @@ out."""
 def intrinsics_covariance(
     camera: Camera, views: Sequence[TargetView], poses: Sequence[Pose], free: BoolArray
 ) -> FloatArray:
-    """Return the covariance of fx, fy, cx, cy (px) and the distortion coefficients.
+    """Return the covariance (4 + k, 4 + k) of fx, fy, cx, cy (px) and the distortion coefficients.
 
     Least squares over all views with their poses eliminated, scaled by the residuals; zero where a
-    parameter is not free. If fy is free and fx is not, fx is a fixed multiple of fy.
-
-    Parameters
-    ----------
-    camera : Camera
-        Calibrated camera.
-    views : sequence of TargetView
-        Views from which the camera was calibrated.
-    poses : sequence of Pose
-        ``camera_from_board`` of each view.
-    free : (4 + k,) ndarray of bool
-        Mask of the parameters that were estimated.
-
-    Returns
-    -------
-    (4 + k, 4 + k) ndarray
-        Covariance, positive semidefinite.
+    parameter is not `free` (4 + k,). If fy is free and fx is not, fx is a fixed multiple of fy.
+    Camera and poses (``camera_from_board``) are those calibrated from the views.
     """
     transfer = intrinsics_jacobian(camera, free)
     information, chi2 = np.zeros((len(free), len(free))), 0.0
@@ -80,12 +65,8 @@ def camera_modes(camera: Camera, covariance: FloatArray) -> list[Camera]:
     """Return cameras, each changed by one standard deviation along a principal axis.
 
     The axes are those of the correlation matrix of the intrinsics; the sum over the cameras of the
-    squared changes is the covariance (4 + k, 4 + k).
-
-    Raises
-    ------
-    ValueError
-        See `check_intrinsics_covariance`.
+    squared changes is the covariance (4 + k, 4 + k). ValueError as of
+    `check_intrinsics_covariance`.
     """
     check_intrinsics_covariance(camera, covariance)
     std = np.sqrt(np.diag(covariance))
@@ -103,12 +84,9 @@ def camera_modes(camera: Camera, covariance: FloatArray) -> list[Camera]:
 
 
 def check_intrinsics_covariance(camera: Camera, covariance: FloatArray) -> None:
-    """Raise an error for a matrix that is not a covariance of the camera's intrinsics.
+    """Raise ValueError for a matrix that is not a covariance of the camera's intrinsics.
 
-    Raises
-    ------
-    ValueError
-        If it is not of their number, finite, symmetric and positive semi-definite.
+    It must be of their number, finite, symmetric and positive semi-definite.
     """
     if covariance.shape != (4 + len(camera.distortion),) * 2:
         raise ValueError(
@@ -121,22 +99,11 @@ def check_intrinsics_covariance(camera: Camera, covariance: FloatArray) -> None:
 def board_pose_modes(
     views: Sequence[TargetView], camera: Camera, covariance: FloatArray
 ) -> FloatArray:
-    """Return the shift of each board's pose by each independent error of the camera.
+    """Return the shift (m, n, 6) of the poses of n boards by m independent errors of the camera.
 
-    Parameters
-    ----------
-    views : sequence of TargetView
-        Points of the board in each image.
-    camera : Camera
-        Calibrated camera.
-    covariance : (4 + k, 4 + k) ndarray
-        Covariance of fx, fy, cx, cy (px) and the k coefficients, from `CameraCalibration`.
-
-    Returns
-    -------
-    (m, n, 6) ndarray
-        Shift of the origin (mm), and vector w (rad) of the rotation R -> exp([w]x) R, for n views
-        and m errors, one standard deviation each.
+    One standard deviation each: shift of the origin (mm), and vector w (rad) of the rotation R ->
+    exp([w]x) R. `covariance` (4 + k, 4 + k) is that of fx, fy, cx, cy (px) and the k coefficients,
+    from `CameraCalibration`.
     """
     modes = camera_modes(camera, covariance)
     shifts = np.zeros((len(modes), len(views), 6))

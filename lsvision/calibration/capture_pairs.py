@@ -128,25 +128,8 @@ def next_state(
 ) -> tuple[CaptureState, str, Pair | None]:
     """Return the state after a frame, the instruction to the user, and a complete pair.
 
-    Parameters
-    ----------
-    state : CaptureState
-        State before the frame.
-    frame : ndarray
-        Grey or colour image, (height, width) or (height, width, 3).
-    target : Target
-        Board that is held into the image.
-    settings : CaptureSettings
-        Limits for the acceptance of board and line.
-
-    Returns
-    -------
-    state : CaptureState
-        State after the frame.
-    instruction : str
-        Instruction to the user.
-    pair : Pair or None
-        Complete pair; None while an image is missing.
+    The frame is a grey or colour image, (height, width) or (height, width, 3); `target` is the
+    board that is held into it. The pair is None while an image is missing.
     """
     extraction = settings.line.extraction or LineSettings()
     grey = grey_image(interpolate_grey(frame, extraction.bayer))
@@ -182,19 +165,9 @@ def _view_problem(
 
 
 def movement(first: TargetView, second: TargetView) -> float:
-    """Return the median distance of the corners that two views share; infinite without any.
+    """Return the median distance in px of the corners that two views of a target share.
 
-    A laser line may lie on some of them.
-
-    Parameters
-    ----------
-    first, second : TargetView
-        Two views of the same target.
-
-    Returns
-    -------
-    float
-        Median distance of the common corners. Units: px.
+    Infinite without any: a laser line may lie on some of them.
     """
     first_pixels = dict(zip(map(tuple, first.points.tolist()), first.pixels, strict=True))
     pairs = zip(map(tuple, second.points.tolist()), second.pixels, strict=True)
@@ -255,17 +228,9 @@ def _shows_line(
 def missing_views(views: Sequence[TargetView], pairs: int) -> tuple[str, ...]:
     """Return instructions for the next views; empty if none are missing.
 
-    Parameters
-    ----------
-    views : sequence of TargetView
-        Views of one camera, which need not be calibrated.
-    pairs : int
-        Requested number of pairs of images, of the board and of the laser line on it.
-
-    Returns
-    -------
-    tuple of str
-        Missing pairs, parts of the image without corners, missing tilts and distances.
+    They name missing pairs (of `pairs`, each an image of the board and one of the laser line on
+    it), parts of the image without corners, missing tilts and distances. The views are those of one
+    camera, which need not be calibrated.
     """
     missing = []
     if len(views) < pairs:

@@ -94,21 +94,9 @@ def locate_corners(
 ) -> tuple[Points, BoolArray] | None:
     """Return the corners of a chessboard, and the mask of those that fit the grid.
 
-    Parameters
-    ----------
-    image : (height, width) ndarray of uint8
-        Grey image.
-    initial : (rows, columns, 2) ndarray
-        Corners accurate to about a tenth of a square; some may be wrong. Units: px.
-
-    Returns
-    -------
-    corners : (rows, columns, 2) ndarray
-        Image points of the corners. Units: px.
-    inliers : (rows, columns) ndarray of bool
-        False for a corner that is off the grid of the others.
-    None
-        If too few corners fit one grid.
+    The corners (rows, columns, 2) in px of a grey image start from `initial` ones, accurate to
+    about a tenth of a square, of which some may be wrong. The mask (rows, columns) is False for a
+    corner that is off the grid of the others. None if too few corners fit one grid.
     """
     initial_size = max(square_size(initial), MIN_SQUARE_PX)  # 0 if two corners are equal
     grid = _Grid.fit(initial, image.shape, GRID_TOLERANCE * initial_size)

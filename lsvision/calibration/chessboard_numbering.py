@@ -20,17 +20,8 @@ SMOOTHING_FRACTION = 0.1
 def corner_order(image: npt.NDArray[np.uint8], corners: Points) -> IntArray:
     """Return the indices (rows, columns) that bring corners into the order of the board.
 
-    Parameters
-    ----------
-    image : (height, width) ndarray of uint8
-        Grey image.
-    corners : (rows, columns, 2) ndarray
-        Corners as a grid, which may be rotated or mirrored. Units: px.
-
-    Returns
-    -------
-    (rows, columns) ndarray of int
-        Indices into ``corners.reshape(-1, 2)``.
+    They are indices into ``corners.reshape(-1, 2)`` for the corners (rows, columns, 2) of a grey
+    image in px, a grid that may be rotated or mirrored.
 
     Examples
     --------

@@ -130,25 +130,11 @@ class ErrorsInVariablesFit:
 def fit_errors_in_variables(
     observations: Observations, initial_guess: States, mask: FloatArray, *, estimate_robot_std: bool
 ) -> ErrorsInVariablesFit:
-    """Return sensor pose and target, fitted with errors in variables from an initial guess.
+    """Return sensor pose and target, fitted with errors in variables from one initial guess.
 
-    Parameters
-    ----------
-    observations : Observations
-        Observations in n poses.
-    initial_guess : States
-        Initial guess (one state).
-    mask : (n,) ndarray
-        1 for the poses to use, 0 for others.
-    estimate_robot_std : bool
-        Whether the scales of the robot's errors are estimated from the residuals. Otherwise the
-        stated robot is used, and the covariance is scaled by the reduced chi^2 where that is
-        above 1.
-
-    Returns
-    -------
-    ErrorsInVariablesFit
-        Fit at the minimum, with covariance.
+    `mask` (n,) is 1 for the poses to use, 0 for others. With `estimate_robot_std` the scales of the
+    robot's errors are estimated from the residuals; otherwise the stated robot is used, and the
+    covariance is scaled by the reduced chi^2 where that is above 1.
 
     Raises
     ------

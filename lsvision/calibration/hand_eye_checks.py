@@ -123,13 +123,7 @@ class BoardScale:
         return is_wrong_scale((self.factor, self.std), MIN_BOARD_SCALE_ERROR)
 
     def require_plausible(self) -> None:
-        """Raise an error if the stated size is wrong by more than `MAX_SCALE_ERROR`.
-
-        Raises
-        ------
-        CalibrationFailed
-            With the factor and the remedy.
-        """
+        """Raise CalibrationFailed if the stated size is wrong by more than `MAX_SCALE_ERROR`."""
         if self.significant and abs(self.factor - 1) > MAX_SCALE_ERROR:
             raise CalibrationFailed(describe_board_scale((self.factor, self.std)))
 
@@ -143,25 +137,15 @@ def estimate_board_scale(
 ) -> BoardScale | None:
     """Return the scale of a board, estimated from the residuals of a fit with the stated size.
 
-    Parameters
-    ----------
-    fit : ErrorsInVariablesFit
-        Solution with the stated size.
-    origins : (n, 3) ndarray
-        Origin of the board in the camera frame, in each of the n poses, as the solution predicts
-        it: the noise of the observed ones would look like an error of the scale. Units: mm.
-    camera_modes : (m, n, 6) ndarray
-        Shifts of the board's n poses, origin (mm) and left-hand rotation (rad), by m independent
-        errors of the camera, one standard deviation each. They look like an error of the scale.
-    robot_is_stated : bool
-        Whether the standard deviation of the robot was stated. An estimated one contains the
-        effect of a wrong size; then the noise is estimated from the residuals without that effect.
+    `origins` (n, 3) are those of the board in the camera frame, in each of the n poses, as the fit
+    predicts it: the noise of the observed ones would look like an error of the scale. So do the
+    errors of the camera: `camera_modes` (m, n, 6) are the shifts of the board's poses, origin (mm)
+    and left-hand rotation (rad), by m independent errors, one standard deviation each. A standard
+    deviation of the robot that is not stated but estimated contains the effect of a wrong size;
+    then the noise is estimated from the residuals without that effect.
 
-    Returns
-    -------
-    BoardScale or None
-        Factor with its standard deviation, not checked (see `BoardScale.require_plausible`); None
-        if the robot's motion does not determine it, within `MAX_SCALE_STD`.
+    The factor is not checked (see `BoardScale.require_plausible`). None if the robot's motion does
+    not determine it, within `MAX_SCALE_STD`.
     """
     # An error e of the size shifts the board's poses by e times this.
     scale_shift = np.concatenate([origins, np.zeros_like(origins)], axis=1)

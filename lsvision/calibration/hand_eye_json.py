@@ -61,12 +61,7 @@ def read_hand_eye(
 ) -> "HandEyeClass":
     """Return a calibration that `write_hand_eye` wrote; see `HandEye.load`.
 
-    Parameters
-    ----------
-    path : path
-        File with the ending ``.json``.
-    hand_eye_class : type
-        `HandEye`, which this module does not import.
+    The class is `HandEye`, which this module does not import.
 
     Raises
     ------
@@ -168,17 +163,9 @@ def _check_numbers(hand_eye: "HandEye") -> None:
 
 
 def check_covariance(covariance: npt.NDArray[np.float64]) -> None:
-    """Raise an error for a matrix that is not a covariance.
+    """Raise ValueError unless a matrix is finite, symmetric and positive semi-definite.
 
-    Parameters
-    ----------
-    covariance : (n, n) ndarray
-        Expected to be finite, symmetric and positive semi-definite, within rounding.
-
-    Raises
-    ------
-    ValueError
-        If the matrix is not a covariance.
+    Rounding errors are tolerated.
 
     Examples
     --------

@@ -83,18 +83,8 @@ def solve_hand_eye(
 ) -> RobustHandEyeFit:
     """Return the solution on the inlier poses, or raise an error with the most likely cause.
 
-    Parameters
-    ----------
-    observations : Observations
-        Observations in n poses.
-    poses : sequence of Pose
-        ``base_from_flange`` of each observation.
-    pose_indices : sequence of int
-        Index of each of these poses among those of the caller, for messages.
-    min_poses : int
-        Smallest number of inlier poses.
-    settings : HandEyeSettings
-        Robot and limits for acceptance.
+    `poses` are ``base_from_flange`` of each observation, `pose_indices` their indices among those
+    of the caller, for messages. `min_poses` is the smallest number of inlier poses.
 
     Raises
     ------
@@ -139,10 +129,7 @@ def _require_consistent_poses(
 ) -> None:
     """Require enough inlier poses, with residuals that the noise explains.
 
-    Raises
-    ------
-    CalibrationFailed
-        With the most likely cause.
+    CalibrationFailed states the most likely cause.
     """
     inliers = int(fit.mask.sum())
     norms = residual_norms(observations, observations.linearise(fit.states).residuals[0])
@@ -204,13 +191,7 @@ def build_hand_eye(
     target: Sphere | Plane | Pose,
     context: ResultContext,
 ) -> HandEye:
-    """Return the result, unless another solution fits nearly as well.
-
-    Raises
-    ------
-    DegenerateGeometry
-        If another minimum has nearly the same cost.
-    """
+    """Return the result; DegenerateGeometry if another solution fits nearly as well."""
     fit, settings = solution.fit, context.settings
     residuals = observations.linearise(fit.states).residuals[0]
     norms = residual_norms(observations, residuals)

@@ -111,25 +111,10 @@ def find_laser_views(
     line_images: Sequence[npt.ArrayLike],
     settings: LineOnBoardSettings,
 ) -> tuple[list[LaserView], ViewSources]:
-    """Return board and laser line of each pair of images.
+    """Return board and laser line of each pair of images, and the sources of these views.
 
-    Parameters
-    ----------
-    camera : Camera
-        Camera that took the images; with its distortion the line is tested for straightness.
-    target : Target
-        Board in the images.
-    board_images, line_images : sequence of images
-        Images of the board without and with the laser line, in the same order.
-    settings : LineOnBoardSettings
-        Settings of the detection.
-
-    Returns
-    -------
-    views : list of LaserView
-        Measurements of the pairs.
-    sources : ViewSources
-        Indices of these pairs, and the rejected pairs with the reason.
+    Board images without and with the laser line are in the same order. With the distortion of the
+    camera the line is tested for straightness.
 
     Raises
     ------
@@ -161,12 +146,7 @@ def find_laser_view(
     line_image: npt.ArrayLike,
     settings: LineOnBoardSettings,
 ) -> LaserView:
-    """Return board and laser line of one pair of images.
-
-    Returns
-    -------
-    LaserView
-        Corners and line points; see `find_laser_views` for the parameters.
+    """Return board and laser line of one pair of images; see `find_laser_views`.
 
     Raises
     ------

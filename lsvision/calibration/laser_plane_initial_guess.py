@@ -32,17 +32,9 @@ none shows which view is wrong."""
 
 
 def fit_plane(points: Points) -> Plane:
-    """Return the least-squares plane of points; its normal points away from the origin.
+    """Return the least-squares plane of points (n, 3), n >= 2, in mm.
 
-    Parameters
-    ----------
-    points : (n, 3) ndarray
-        Points, at least two. Units: mm.
-
-    Returns
-    -------
-    Plane
-        Plane in the frame of the points. Units: mm.
+    Its normal points away from the origin.
 
     Raises
     ------
@@ -71,10 +63,8 @@ def fit_plane(points: Points) -> Plane:
 def guess_board_poses(camera: Camera, views: Sequence[LaserView]) -> tuple[Pose, ...]:
     """Return ``camera_from_board`` of each view (mm), from its corners, without iteration.
 
-    Raises
-    ------
-    CalibrationFailed
-        If a corner or a point of the line has no ray, because the distortion is not invertible.
+    CalibrationFailed if a corner or a point of the line has no ray, because the distortion is not
+    invertible.
     """
     poses = []
     for view in views:
@@ -94,23 +84,9 @@ def guess_board_poses(camera: Camera, views: Sequence[LaserView]) -> tuple[Pose,
 def intersect_laser_rays_with_boards(
     camera: Camera, camera_from_boards: Sequence[Pose], views: Sequence[LaserView]
 ) -> tuple[Points, ...]:
-    """Return the 3D points of the laser line of each view, on its board.
+    """Return the points (m, 3) of the laser line of each view in mm, camera frame, on its board.
 
     The points are those where the rays of the line's pixels meet the plane z = 0 of the board.
-
-    Parameters
-    ----------
-    camera : Camera
-        Camera that took the views.
-    camera_from_boards : sequence of Pose
-        Pose of the board in each view. Units: mm.
-    views : sequence of LaserView
-        Views with m pixels of the laser line each.
-
-    Returns
-    -------
-    tuple of (m, 3) ndarray
-        Points of each view, camera frame. Units: mm.
     """
     laser_points = []
     for view, pose in zip(views, camera_from_boards, strict=True):
@@ -127,22 +103,12 @@ def find_plane_inlier_views(
     """Return which views have laser lines in the plane of the majority, and all distances from it.
 
     The plane is the one of a pair of views from which the median distance of all views is smallest
-    (least median of squares), so that almost half of the views may be outliers.
+    (least median of squares), so that almost half of the views may be outliers. The laser points
+    (m, 3) of each view are in mm, camera frame, the focal length is in px.
 
-    Parameters
-    ----------
-    laser_points : sequence of (m, 3) ndarray
-        Laser points of each view, camera frame. Units: mm.
-    focal_length : float
-        Focal length of the camera. Units: px.
-
-    Returns
-    -------
-    inliers : (n,) ndarray of bool
-        Mask of the inlier views; all True for fewer than `MIN_VIEWS_FOR_REJECTION` views.
-    distances : (n,) ndarray
-        Root mean square distance of each view's points from that plane, as it appears in the image;
-        0 for fewer views, infinite if no pair of views determines a plane. Units: px.
+    The mask (n,) is all True for fewer than `MIN_VIEWS_FOR_REJECTION` views. The distances (n,) are
+    root mean squares for each view, as they appear in the image, in px; 0 for fewer views, infinite
+    if no pair of views determines a plane.
     """
     count = len(laser_points)
     if count < MIN_VIEWS_FOR_REJECTION:

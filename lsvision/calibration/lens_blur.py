@@ -244,14 +244,8 @@ def _pixels_around_edge(
 ) -> tuple[FloatArray, FloatArray, float]:
     """Return the pixels in the window about the middle of an edge.
 
-    Returns
-    -------
-    values : (n,) ndarray
-        Brightness of the pixels. Units: DN.
-    positions : (2, n) ndarray
-        Distance from the edge, and position along it from its middle. Units: px.
-    length : float
-        Length of the edge. Units: px.
+    Their brightness (n,) in DN, their positions (2, n), distance from the edge and position along
+    it from its middle, and the length of the edge. Units: px.
     """
     length = float(np.hypot(*(stop - start)))
     direction, middle = (stop - start) / length, (start + stop) / 2

@@ -215,20 +215,8 @@ def stack_flange_poses(
 ) -> FlangePoses:
     """Return stacked poses of the mount in the target's frame, with covariances.
 
-    Parameters
-    ----------
-    base_from_flanges : sequence of Pose
-        Flange poses as reported by the robot.
-    mounting : {"eye_in_hand", "eye_to_hand"}
-        Sensor on the flange and target fixed in the base frame, or sensor fixed in the base frame
-        and target on the flange; for the latter, poses and covariances are inverted.
-    robot_std : tuple of float
-        Standard deviation in each axis of position (mm) and orientation (rad).
-
-    Raises
-    ------
-    ValueError
-        If the mounting is another string.
+    Eye to hand, poses and covariances are inverted. `robot_std` is the standard deviation in each
+    axis of position (mm) and orientation (rad). ValueError if the mounting is another string.
     """
     if mounting not in get_args(Mounting):
         raise ValueError(f"expected mounting {' or '.join(get_args(Mounting))}, got {mounting!r}")
@@ -262,10 +250,7 @@ def _find_main_axis(vectors: FloatArray) -> tuple[FloatArray, float]:
 def require_rotation(base_from_flanges: Sequence[Pose]) -> None:
     """Require flange poses, at least two, that rotate about at least two axes.
 
-    Raises
-    ------
-    DegenerateGeometry
-        If they do not; the message states the missing rotation.
+    DegenerateGeometry if they do not; the message states the missing rotation.
     """
     R = np.array([pose.rotation for pose in base_from_flanges])
     first, second = np.triu_indices(len(R), k=1)
@@ -322,24 +307,12 @@ def residual_norms(observations: Observations, residuals: FloatArray) -> FloatAr
 
 
 def masked_least_squares(design: FloatArray, rhs: FloatArray, masks: FloatArray) -> FloatArray:
-    """Return the solution of a linear least-squares problem for each selection of poses.
+    """Return the solution (q, p) of linear least squares for each of q selections of poses.
 
     Normal equations with a ridge of 1e-10 of their trace: accurate enough for an initial guess, and
-    never singular; the solution of an empty selection is zero.
-
-    Parameters
-    ----------
-    design : (n, r, p) ndarray
-        Design matrix, r rows for each pose.
-    rhs : (n, r) or (q, n, r) ndarray
-        Right-hand side, common to all selections or one for each.
-    masks : (q, n) ndarray
-        1 for the poses of a selection, 0 for others.
-
-    Returns
-    -------
-    (q, p) ndarray
-        Solution of each selection.
+    never singular; the solution of an empty selection is zero. The design (n, r, p) has r rows for
+    each of n poses; the right-hand side is common to all selections (n, r), or one for each (q, n,
+    r); `masks` (q, n) are 1 for the poses of a selection, 0 for others.
     """
     scale = np.maximum(np.abs(design).max(axis=(0, 1)), 1e-12)
     scaled = design / scale

@@ -54,17 +54,8 @@ def find_plane_line(profile: Profile) -> PlaneLine:
     """Return the straight line on which most points of a profile lie.
 
     The initial guess is a line of least median distance; the line of orthogonal least squares is
-    then fitted to the inliers, which are selected again until they do not change.
-
-    Parameters
-    ----------
-    profile : Profile
-        Profile of a plane; fewer than half of its points may be outliers.
-
-    Returns
-    -------
-    PlaneLine
-        Fitted line, with covariance.
+    then fitted to the inliers, which are selected again until they do not change. Fewer than half
+    of the points may be outliers.
 
     Raises
     ------

@@ -44,14 +44,9 @@ def vectors_from_rotations(rotations: FloatArray) -> FloatArray:
 
 
 def rotation_vector_jacobian(vector: FloatArray) -> FloatArray:
-    """Return the derivative (3, 3) of a rotation vector by a left-hand rotation.
+    """Return the derivative (3, 3) of a rotation vector (3,) by a left-hand rotation.
 
-    This is the inverse of the left Jacobian of SO(3).
-
-    Parameters
-    ----------
-    vector : (3,) ndarray
-        Rotation vector with an angle below 2 pi. Units: rad.
+    This is the inverse of the left Jacobian of SO(3); the angle must be below 2 pi. Units: rad.
     """
     angle = float(np.linalg.norm(vector))
     cross = cross_matrices(vector)

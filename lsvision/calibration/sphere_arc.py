@@ -113,20 +113,9 @@ def find_sphere_arc(
 ) -> SphereArc:
     """Return the largest circular arc in a profile that is convex towards the sensor.
 
-    Parameters
-    ----------
-    profile : Profile
-        Profile, which may contain scattered points, plates and artefacts.
-    max_radius : float, optional
-        Radius of the sphere where known: no section is larger. Units: mm.
-    settings : SphereArcSettings
-        Settings of the detection.
-
-    Returns
-    -------
-    SphereArc
-        Arc with the geometric least-squares circle, weighted by the profile's noise model if it
-        has one.
+    The profile may contain scattered points, plates and artefacts. No section is larger than the
+    sphere of radius `max_radius`, where that is known. The geometric least-squares circle of the
+    arc is weighted by the profile's noise model if it has one. Units: mm.
 
     Raises
     ------

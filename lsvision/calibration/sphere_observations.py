@@ -191,12 +191,8 @@ class SphereObservations:
 def require_distinct_cuts(circles: FloatArray, radius: float | None) -> None:
     """Require cuts off the sphere's centre, and at different positions in the view.
 
-    Parameters
-    ----------
-    circles : (n, 3) ndarray
-        Centre x, y and radius of each cut, section frame. Units: mm.
-    radius : float, optional
-        Radius of the sphere; that of the largest circle if None. Units: mm.
+    `circles` (n, 3) are centre x, y and radius of each cut, section frame; without the `radius` of
+    the sphere that of the largest circle is used. Units: mm.
 
     Raises
     ------

@@ -73,17 +73,7 @@ class PageLayout:
 
 
 def target_svg(target: Target) -> str:
-    """Return a target as an SVG drawing at true scale.
-
-    Parameters
-    ----------
-    target : Target
-        Target to print.
-
-    Returns
-    -------
-    str
-        An SVG document whose size is given in mm; print it at 100 %, "actual size".
+    """Return a target as an SVG document at true scale: print it at 100 %, "actual size".
 
     Examples
     --------
@@ -193,12 +183,9 @@ def _pdf_file(objects: Sequence[str]) -> bytes:
 
 
 def layout_target(target: Target) -> PageLayout:
-    """Return the page of a target, with a bar of 100 mm to check the print.
+    """Return the page of a target of this package, else TypeError, with a bar of 100 mm.
 
-    Raises
-    ------
-    TypeError
-        If it is not a target of `lsvision.calibration.target`.
+    The bar serves to check the print.
     """
     match target:
         case ChArUco():

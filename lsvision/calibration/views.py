@@ -87,16 +87,8 @@ def collect_views(
 def find_repeated(contents: Iterable[bytes]) -> dict[int, int]:
     """Return the index of each content that equals an earlier one, with the index of the first.
 
-    Parameters
-    ----------
-    contents : iterable of bytes
-        The numbers of each observation, to the last digit, as bytes.
-
-    Returns
-    -------
-    dict of int to int
-        Index of each repeated content: index of the first that equals it; empty if all contents
-        differ. Sorted by index.
+    The contents are the numbers of each observation, to the last digit, as bytes: one that is
+    stored twice would be taken for a perfect agreement. Sorted by index; empty if all differ.
 
     Examples
     --------
@@ -113,13 +105,7 @@ def find_repeated(contents: Iterable[bytes]) -> dict[int, int]:
 
 
 def require_size(camera: Camera, image: npt.ArrayLike, name: str) -> None:
-    """Require an image of the camera's size.
-
-    Raises
-    ------
-    CalibrationFailed
-        If it is of another size; the message states the image's name and both sizes.
-    """
+    """Raise CalibrationFailed, with a name, unless an image is of the camera's size."""
     width, height = camera.size
     shape = as_image(image, name).shape
     if shape[:2] != (height, width):
@@ -135,10 +121,8 @@ def require_views(
 ) -> None:
     """Raise an error if there are too few views, with the reason for each rejected image.
 
-    Raises
-    ------
-    CalibrationFailed
-        "`count` views show `content` and `min_count` are needed, best 15: `remedy`", and reasons.
+    CalibrationFailed: "`count` views show `content` and `min_count` are needed, best 15: `remedy`",
+    and reasons.
     """
     if count < min_count:
         show = "show" if count != 1 else "shows"
@@ -164,12 +148,9 @@ def _describe_rejections(rejected: Sequence[RejectedView]) -> list[str]:
 
 
 def require_tilted(camera_from_boards: Sequence[Pose], undetermined: str) -> None:
-    """Require boards that are not all parallel.
+    """Raise DegenerateGeometry if all boards are parallel.
 
-    Raises
-    ------
-    DegenerateGeometry
-        If they are parallel; the message states the angle, `undetermined` and the remedy.
+    The message states the angle, what is `undetermined`, and the remedy.
     """
     normals = np.array([pose.rotation[:, 2] for pose in camera_from_boards])
     largest_angle = np.arccos(np.clip(normals @ normals.T, -1, 1)).max()

@@ -351,10 +351,7 @@ def _build_fit(
 def _invert_information(information: FloatArray) -> FloatArray:
     """Return the inverse of the information matrix, computed with its diagonal scaled to 1.
 
-    Raises
-    ------
-    DegenerateGeometry
-        If the points do not determine all five parameters.
+    DegenerateGeometry if the points do not determine all five parameters.
     """
     scale = 1 / np.sqrt(np.maximum(np.diag(information), TINY))
     values, vectors = np.linalg.eigh(information * np.outer(scale, scale))

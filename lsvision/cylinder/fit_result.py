@@ -200,13 +200,7 @@ class CylinderFit(WithCylinder, Result):
         ]
 
     def with_reference_point(self, near: npt.ArrayLike) -> "CylinderFit":
-        """Return the fit with `point` at the axis point nearest to a position, and its covariance.
-
-        Parameters
-        ----------
-        near : (3,) array_like
-            Any position in the frame of the points. Units: mm.
-        """
+        """Return the fit with `point` at the axis point nearest to a position (3,) in mm."""
         shift = float((np.asarray(near, dtype=np.float64) - self.point) @ self.direction)
         cylinder = Cylinder(self.point + shift * self.direction, self.direction, self.radius)
         jacobian = np.eye(PARAMETERS)

@@ -118,20 +118,9 @@ def fit_projected_circles(
 ) -> tuple[Points, FloatArray, FloatArray]:
     """Return the algebraic circles (Kasa) fitted to the projections along each direction.
 
-    Parameters
-    ----------
-    points : (n, 3) ndarray
-        Centred points.
-    directions : (k, 3) ndarray
-        Unit vectors.
-
-    Returns
-    -------
-    centres : (k, 3) ndarray
-        Centres of the circles, on the planes through the origin perpendicular to the directions.
-    radii, costs : (k,) ndarray
-        Radius, and mean square of (algebraic residual / diameter), which approximates the mean
-        square distance from the circle.
+    For centred points (n, 3) and k unit vectors (k, 3): centres (k, 3) on the planes through the
+    origin perpendicular to the directions, radii (k,), and costs (k,), the mean squares of
+    (algebraic residual / diameter), which approximate the mean square distances from the circles.
     """
     frames = np.stack([tangent_frame(u)[:2] for u in directions])
     projected = np.einsum("kij,nj->kni", frames, points)

@@ -322,21 +322,10 @@ def twin_jacobian(section: CylinderSection, sign: float) -> FloatArray:
 
 
 def rigid_motion_jacobian(cylinder: Cylinder, pivot: FloatArray, axes: FloatArray) -> FloatArray:
-    """Return the Jacobian of a cylinder with respect to a small rigid motion.
+    """Return the Jacobian (7, 6) of a cylinder with respect to a small rigid motion.
 
-    Parameters
-    ----------
-    cylinder : Cylinder
-        Cylinder in any frame.
-    pivot : (3,) ndarray
-        Centre of the rotations, in the same frame. Units: mm.
-    axes : (3, 3) ndarray
-        Columns are the axes of the three translations and of the three rotations.
-
-    Returns
-    -------
-    (7, 6) ndarray
-        Rows: point (3), direction (3), radius; columns: translations (mm), rotations (rad).
+    Rows are point (3), direction (3) and radius, columns translations (mm) and rotations (rad)
+    along the columns of `axes` (3, 3); the rotations are about the point `pivot` (3,).
     """
     jacobian = np.zeros((7, 6))
     jacobian[:3, :3] = axes

@@ -59,14 +59,8 @@ def as_number_or_pair(
 ) -> float | tuple[float, float] | None:
     """Return a number as float, two numbers as a tuple of floats, and None as None.
 
-    Parameters
-    ----------
-    value : float, sequence of two floats, or None
-        Argument of the caller; also a list or an array.
-    name, unit : str
-        Name and unit of the argument, for the message.
-    pair : str
-        Names of the two numbers, for the message: ``"(min, max)"``.
+    For messages, `name` and `unit` are those of the argument, `pair` the names of two numbers, such
+    as ``"(min, max)"``.
 
     Raises
     ------

@@ -24,19 +24,11 @@ in clutter are measured fastest: smaller groups have more overhead, larger ones 
 
 
 def padded_rows(sizes: Sequence[int]) -> tuple[IntArray, BoolArray]:
-    """Return indices that arrange k concatenated arrays of up to n elements as rows.
+    """Return indices (k, n) that arrange k concatenated arrays of up to n elements as rows.
 
-    Parameters
-    ----------
-    sizes : sequence of int
-        Number of elements of each array; at least one array, each with at least one element.
-
-    Returns
-    -------
-    indices : (k, n) int ndarray
-        Indices of the elements; shorter arrays are extended by their last element.
-    valid : (k, n) bool ndarray
-        False where an element is such an extension.
+    `sizes` are the numbers of elements of the arrays, at least one each. Shorter arrays are
+    extended by their last element; the second result (k, n) is False where an element is such an
+    extension.
 
     Examples
     --------
@@ -115,22 +107,9 @@ def apply_in_groups(
 ) -> list[Result]:
     """Apply a function that stacks the arrays of its items to groups of items of similar size.
 
-    Parameters
-    ----------
-    step : callable
-        Function of a list of one or more items that returns one result for each of them.
-    items : sequence
-        Items to which `step` is applied.
-    sizes : sequence of int
-        Number of array elements of each item.
-    max_elements : int
-        Largest number of elements of a group, padding included; a larger item is a group of its
-        own.
-
-    Returns
-    -------
-    list
-        Result of each item, in the order of `items`.
+    `step` returns one result for each item of a list, `sizes` are the numbers of array elements of
+    the items, and `max_elements` is the largest number of a group, padding included; a larger item
+    is a group of its own. The results are in the order of `items`.
 
     Examples
     --------
@@ -169,19 +148,8 @@ def as_readonly_array(
 ) -> FloatArray:
     """Return a read-only float64 copy of an array after checking its shape.
 
-    Parameters
-    ----------
-    values : array_like
-        Array to copy.
-    shape : tuple
-        Expected shape; a string means any length, as in ``("n", 2)``.
-    name : str
-        Name of the array in the error message.
-
-    Returns
-    -------
-    ndarray
-        Copy; writing to it raises an error.
+    In `shape`, a string means any length, as in ``("n", 2)``; `name` is that of the array in the
+    error message.
 
     Raises
     ------
@@ -215,14 +183,9 @@ def freeze_arrays(instance: object, **shapes: tuple[int | str, ...]) -> None:
 
 
 def as_unit_vector(values: npt.ArrayLike, name: str) -> tuple[FloatArray, float]:
-    """Return the read-only unit vector (3,) along a vector, and the vector's length.
+    """Return the read-only unit vector (3,) along a vector (3,), and the vector's length.
 
-    Parameters
-    ----------
-    values : (3,) array_like
-        The vector.
-    name : str
-        Name of the vector in the error message.
+    The message of an error states the `name`.
 
     Raises
     ------
@@ -242,13 +205,7 @@ def rms(values: FloatArray) -> float:
 
 
 def measure_extent(points: Points) -> float:
-    """Return the longest side of the bounding box of points; 0 without points.
-
-    Parameters
-    ----------
-    points : (n, d) ndarray
-        Points without NaN; the result has the same unit.
-    """
+    """Return the longest side of the bounding box of finite points (n, d); 0 without points."""
     # One column at a time is faster than a reduction of the first axis.
     return max(
         (float(column.max() - column.min()) for column in points.T if len(column)), default=0.0
@@ -268,12 +225,7 @@ errors; relative to its largest element."""
 
 
 def require_coordinates(points: Points) -> None:
-    """Raise an error if points are not finite or too far away for a fit.
-
-    Parameters
-    ----------
-    points : (n, d) ndarray
-        Points to check. Units: mm.
+    """Raise an error if points (n, d) in mm are not finite or too far away for a fit.
 
     Raises
     ------
@@ -288,12 +240,7 @@ def require_coordinates(points: Points) -> None:
 
 
 def require_covariances(covariances: FloatArray) -> None:
-    """Raise an error if matrices are not covariances of points.
-
-    Parameters
-    ----------
-    covariances : (n, k, k) ndarray
-        Matrices to check. Units: mm^2.
+    """Raise an error if matrices (n, k, k) in mm^2 are not covariances of points.
 
     Raises
     ------

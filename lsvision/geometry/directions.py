@@ -6,15 +6,10 @@ from lsvision.geometry.arrays import FloatArray
 
 
 def tangent_frame(direction: FloatArray) -> FloatArray:
-    """Return the (3, 3) rotation whose rows are e_phi, e_theta and the direction.
+    """Return the (3, 3) rotation whose rows are e_phi, e_theta and the direction (unit vector).
 
-    e_theta = Z x direction (normalised) points where the azimuth of the direction increases,
-    e_phi where its angle from Z increases. For the direction Z they are Y and X, for -Z Y and -X.
-
-    Parameters
-    ----------
-    direction : (3,) ndarray
-        Unit vector.
+    e_theta = Z x direction (normalised) points where the azimuth of the direction increases, e_phi
+    where its angle from Z increases. For the direction Z they are Y and X, for -Z Y and -X.
     """
     e_theta = np.array([-direction[1], direction[0], 0.0])
     length = float(np.linalg.norm(e_theta))

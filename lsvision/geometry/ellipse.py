@@ -275,19 +275,9 @@ def orthogonal_residuals(points: Points, ellipse: Ellipse) -> FloatArray:
 
 
 def foot_points(points: Points, a: float, b: float) -> Points:
-    """Return the nearest points of an axis-parallel ellipse at the origin.
+    """Return the nearest points (n, 2) of an ellipse to points (n, 2), ellipse frame. Units: mm.
 
-    Parameters
-    ----------
-    points : (n, 2) ndarray
-        Points in the ellipse frame. Units: mm.
-    a, b : float
-        Semi-axes along the first and the second coordinate. Units: mm.
-
-    Returns
-    -------
-    (n, 2) ndarray
-        Nearest points in the ellipse frame. Units: mm.
+    `a` and `b` are its semi-axes along the first and the second coordinate.
     """
     cos, sin = foot_directions(points[:, 0], points[:, 1], a, b)
     return np.column_stack([a * cos, b * sin])

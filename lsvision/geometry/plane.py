@@ -96,22 +96,12 @@ class Plane(ComparedByValue):
 
 
 def section_pose(plane: Plane) -> Pose:
-    """Return the pose of the section frame in the frame of the camera.
+    """Return ``camera_from_section``: the section frame of a plane in the frame of the camera.
 
     Origin at the point of the plane nearest to the camera's centre; Y in the plane, opposite to the
-    optical axis; X in the plane, perpendicular to Y, increasing with image u (with image v if X is
-    closer to the direction of v); Z = X x Y. Where the plane faces the camera (within 11 deg), X
-    follows image u and Y points up in the image.
-
-    Parameters
-    ----------
-    plane : Plane
-        Plane in the camera frame, with z along the optical axis. Units: mm.
-
-    Returns
-    -------
-    Pose
-        ``camera_from_section``. Units: mm.
+    optical axis z; X in the plane, perpendicular to Y, increasing with image u (with image v if X
+    is closer to the direction of v); Z = X x Y. Where the plane faces the camera (within 11 deg), X
+    follows image u and Y points up in the image. Units: mm.
 
     Examples
     --------

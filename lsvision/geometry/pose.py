@@ -206,12 +206,7 @@ class Pose(ComparedByValue):
 
 
 def as_pose(value: Pose | npt.ArrayLike) -> Pose:
-    """Return a pose unchanged, or the pose of a 4x4 homogeneous matrix.
-
-    Parameters
-    ----------
-    value : Pose or (4, 4) array_like
-        Pose, or its row-major matrix. Units: mm.
+    """Return a pose unchanged, or the pose of a 4x4 homogeneous matrix (row-major, mm).
 
     Raises
     ------

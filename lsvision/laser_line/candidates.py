@@ -60,10 +60,7 @@ class LineCandidates:
 def matched_kernel(sigma: float) -> FloatArray:
     """Return a zero-mean Gaussian kernel whose response to its own stripe of height 1 is 1.
 
-    Parameters
-    ----------
-    sigma : float
-        Standard deviation of stripe and kernel. Units: px.
+    `sigma` is the standard deviation of stripe and kernel. Units: px.
     """
     half_width = math.ceil(3 * sigma)
     stripe = np.exp(-0.5 * (np.arange(-half_width, half_width + 1) / sigma) ** 2)
@@ -77,21 +74,10 @@ def find_line_candidates(
 ) -> LineCandidates:
     """Find the local maxima of the matched-filtered image in each column.
 
-    Parameters
-    ----------
-    signal : (height, width) ndarray
-        uint8, uint16, int16 or float32. Units: DN.
-    sigma : float
-        Standard deviation of the matched filter. Units: px.
-    min_score : float
-        Smallest score of a candidate; the noise of the image may raise it. Units: DN.
-    per_column : int
-        Largest number of candidates in a column: those with the highest scores.
-
-    Returns
-    -------
-    LineCandidates
-        Empty where no maximum exceeds the threshold.
+    `signal` (height, width) is uint8, uint16, int16 or float32, in DN; `sigma` is that of the
+    matched filter, in px. The noise of the image may raise the smallest score `min_score` of a
+    candidate, in DN. Of each column the `per_column` candidates with the highest scores are
+    returned.
     """
     response, unit = _apply_matched_filter(signal, sigma)
     sample = response[::NOISE_SAMPLE_STEP, ::NOISE_SAMPLE_STEP]

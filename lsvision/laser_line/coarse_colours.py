@@ -39,32 +39,17 @@ def select_sharper_line(
 ) -> tuple[LineImage, DetectedLine, FloatArray | float]:
     """Return the image and line of the luminance if they are better than those of the colour.
 
-    Parameters
-    ----------
-    image : LineImage
-        With the line from left to right, of a coloured laser.
-    detected : DetectedLine
-        The line in the laser's colour.
-    settings : LineSettings
-        Settings of `extract_laser_line`.
+    The given image and line, from left to right, of the laser's colour are returned if the colours
+    have the image's resolution, if the luminance has no stripe in too many columns, or if the line
+    in the luminance is rougher, as on a printed pattern (in a JPEG file: rougher than its rounding
+    explains); in a mosaic also if both lines agree or the one in the colour has the smaller
+    standard deviation. Of the line of the luminance, columns in which an edge of a print shifts it
+    are those of the colour.
 
-    Returns
-    -------
-    image, line
-        The given ones if the colours have the image's resolution, if the luminance has no stripe in
-        too many columns, or if the line in the luminance is rougher, as on a printed pattern (in a
-        JPEG file: rougher than its rounding explains). In a mosaic also if both lines agree or the
-        one in the colour has the smaller standard deviation. Otherwise those of the luminance;
-        columns in which an edge of a print shifts the luminance keep the line of the colour.
-    std : (n,) ndarray or float
-        Standard deviation that the coarseness adds; one for each column of the returned line, or
-        for all. Units: px.
-
-    Notes
-    -----
-    The error of the line in the luminance is assumed to be half of its distance from the line in
-    the colour, which has half the resolution; the error of the line in the colour, in a single
-    column of a JPEG file, to be the whole distance.
+    The third result is the standard deviation that the coarseness adds, for each column of the
+    returned line (n,) or for all, in px. The error of the line in the luminance is assumed to be
+    half of its distance from the line in the colour, which has half the resolution; the error of
+    the line in the colour, in a single column of a JPEG file, to be the whole distance.
     """
     coarse = detected.select(detected.stripes.found)
     columns, rows = coarse.windows.columns, coarse.stripes.pixels[:, 1]

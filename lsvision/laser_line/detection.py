@@ -105,15 +105,9 @@ class DetectedLine:
 def find_direction(image: LineImage, settings: LineSettings) -> Direction:
     """Decide whether the line has one point in each column or one in each row.
 
-    A line is searched in both directions of the shrunk image. The direction with the larger score
-    is chosen: squared length of the line over its ratio of rivals (`_rival_ratio`).
-
-    Parameters
-    ----------
-    image : LineImage
-        Image in its original orientation.
-    settings : LineSettings
-        Settings of `extract_laser_line`.
+    A line is searched in both directions of the shrunk image, which is in its original orientation.
+    The direction with the larger score is chosen: squared length of the line over its ratio of
+    rivals (`_rival_ratio`).
     """
     shrink = max(1, round(min(image.signal.shape) / COARSE_SIDE_PX))
     small = _shrink(image.signal, shrink)
@@ -156,18 +150,6 @@ def _line_score(candidates: LineCandidates, settings: PathSettings) -> float:
 
 def find_line(image: LineImage, settings: LineSettings) -> DetectedLine:
     """Find the laser line from left to right, with a filter that is widened to the line's width.
-
-    Parameters
-    ----------
-    image : LineImage
-        Image with the line from left to right.
-    settings : LineSettings
-        Settings of `extract_laser_line`.
-
-    Returns
-    -------
-    DetectedLine
-        Ordered by column.
 
     Raises
     ------
@@ -219,14 +201,7 @@ def _no_line_error(image: LineImage, reasons: list[str], settings: LineSettings)
 def choose_pixel_noise(image: LineImage, windows: Windows, settings: LineSettings) -> PixelNoise:
     """Return the noise of the pixels from the settings; values that they lack are estimated.
 
-    Parameters
-    ----------
-    image : LineImage
-        Image with the line from left to right.
-    windows : Windows
-        Windows around the line.
-    settings : LineSettings
-        Settings of `extract_laser_line`.
+    The estimate is that from the windows around a line from left to right.
     """
     read_noise, gain = settings.read_noise, settings.gain
     rounding_variance = ROUNDING_VARIANCE * image.value_step**2
@@ -243,23 +218,10 @@ def choose_pixel_noise(image: LineImage, windows: Windows, settings: LineSetting
 def locate_line(
     image: LineImage, columns: IntArray, rows: FloatArray, sigma: float, settings: LineSettings
 ) -> DetectedLine:
-    """Locate a line in windows around its coarse positions.
+    """Locate a line from left to right in windows around its coarse positions, in px.
 
-    Parameters
-    ----------
-    image : LineImage
-        Image with the line from left to right.
-    columns, rows : (n,) ndarray
-        Coarse positions, one for each column. Units: px.
-    sigma : float
-        Standard deviation of the filter. Units: px.
-    settings : LineSettings
-        Settings of `extract_laser_line`.
-
-    Returns
-    -------
-    DetectedLine
-        With one window for each position; `second_line_fraction` is 0, `blocks` None.
+    `columns` and `rows` (n,) have one for each column, `sigma` is that of the filter. Of the result
+    `second_line_fraction` is 0 and `blocks` None.
     """
     windows = cut_windows(image, image.signal, columns, rows, sigma)
     variances = choose_pixel_noise(image, windows, settings).variances(windows.values)
@@ -270,17 +232,8 @@ def locate_line(
 def add_rounding_errors(image: LineImage, line: DetectedLine) -> DetectedLine:
     """Add the errors of a JPEG image's coefficients to the noise of a line's pixels and its stds.
 
-    Parameters
-    ----------
-    image : LineImage
-        Image with the line from left to right.
-    line : DetectedLine
-        Line located in its signal.
-
-    Returns
-    -------
-    DetectedLine
-        As given where the image never was a JPEG image.
+    The line, from left to right, is located in the image's signal; it is returned as given where
+    the image never was a JPEG image.
     """
     signal, windows, step = image.signal, line.windows, image.value_step
     if step < 1:  # a float image: scaled to 8-bit grey levels, the unit of a JPEG file's steps

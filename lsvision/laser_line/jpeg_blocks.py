@@ -118,21 +118,9 @@ class JpegBlocks:
     def row_variances(self, signal: Image, windows: Windows, sigma: float) -> FloatArray:
         """Return the variance of independent pixel errors with the same effect as the rounding.
 
-        The effect is the standard deviation of the located line.
-
-        Parameters
-        ----------
-        signal : (height, width) ndarray
-            Signal of the laser. Units: DN.
-        windows : Windows
-            n windows around the line.
-        sigma : float
-            Standard deviation of the derivative of Gaussian that locates it. Units: px.
-
-        Returns
-        -------
-        (n,) ndarray
-            One for all pixels of a window. Units: DN^2.
+        One for all pixels of each of n windows, (n,), in DN^2. The effect is the standard deviation
+        of the line that the derivative of Gaussian of `sigma` px locates in the `signal` of the
+        laser.
         """
         tops = _first_of_block(windows.centre_rows, self.row)
         lefts = _first_of_block(windows.columns, self.column)
@@ -172,18 +160,9 @@ def _first_of_block(pixels: IntArray, start: int) -> IntArray:
 def find_jpeg_blocks(signal: Image, windows: Windows) -> JpegBlocks | None:
     """Find the blocks of an image that was a JPEG image, whatever file it comes from.
 
-    Parameters
-    ----------
-    signal : (height, width) ndarray
-        Signal of the laser. Units: DN.
-    windows : Windows
-        Windows around its line.
-
-    Returns
-    -------
-    JpegBlocks or None
-        None for an image that was never a JPEG image, was one of so high a quality that the
-        rounding is negligible, or has more than 8 bit.
+    They are found by the pixels in windows around the line of its signal (height, width), in DN.
+    None for an image that was never a JPEG image, was one of so high a quality that the rounding is
+    negligible, or has more than 8 bit.
     """
     if np.abs(windows.values).max() > MAX_LEVEL:
         return None

@@ -140,10 +140,7 @@ def prepare_line_image(
 def as_laser_off(laser_off: npt.ArrayLike | None, image: Image) -> Image | None:
     """Return a laser-off frame as an image like the one with the laser; None for None.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If it is not an image, or differs from the one with the laser in shape or type.
+    TypeError or ValueError if it is not an image, or differs from the other in shape or type.
     """
     if laser_off is None:
         return None
@@ -159,12 +156,8 @@ def as_laser_off(laser_off: npt.ArrayLike | None, image: Image) -> Image | None:
 def find_full_scale(array: Image, given: float | None) -> float:
     """Return the largest possible value of a pixel: as given, else by the type of the image.
 
-    For uint16 it is the smallest of `FULL_SCALES` that is not below the brightest pixel. Units: DN.
-
-    Raises
-    ------
-    TypeError
-        If none is given for a float image.
+    For uint16 it is the smallest of `FULL_SCALES` that is not below the brightest pixel. TypeError
+    if none is given for a float image. Units: DN.
     """
     if given is not None:
         return float(given)
@@ -189,12 +182,8 @@ def _subtract(image: Image, dark: Image) -> Image:
 def _split_channels(array: Image, channel: Channel) -> tuple[Image, Image]:
     """Return the signal and the laser's colour (see `LineImage`) of one image.
 
-    They are the same array where no colour is subtracted.
-
-    Raises
-    ------
-    ValueError
-        If colour and `channel` disagree.
+    They are the same array where no colour is subtracted. ValueError if colour and `channel`
+    disagree.
     """
     if array.ndim == 2:
         if channel not in ("grey", "white"):
@@ -212,13 +201,7 @@ def _split_channels(array: Image, channel: Channel) -> tuple[Image, Image]:
 
 
 def _grey_channel(array: Image) -> Image:
-    """Return one channel of a grey image that is stored as three equal channels.
-
-    Raises
-    ------
-    ValueError
-        If the channels differ.
-    """
+    """Return one channel of a grey image stored as three equal channels; else ValueError."""
     first = array[..., 0]
     if np.array_equal(first, array[..., 1]) and np.array_equal(first, array[..., 2]):
         return np.ascontiguousarray(first)

@@ -58,14 +58,8 @@ class LineShape:
 def compute_line_shape(rows: FloatArray, light: FloatArray, relative_std: FloatArray) -> LineShape:
     """Compute the shape of a run of a line that has at least `WINDOW` points.
 
-    Parameters
-    ----------
-    rows : (n,) ndarray
-        Sub-pixel rows in neighbouring columns. Units: px.
-    light : (n,) ndarray
-        Sum of each column's pixels, in any unit.
-    relative_std : (n,) ndarray
-        Standard deviation of `light`, relative to it, up to a common factor.
+    For neighbouring columns (n,) the sub-pixel rows in px, the `light` (sum of the column's pixels,
+    in any unit), and its standard deviation relative to it, up to a common factor.
     """
     log_light = np.log(light)
     steps = np.diff(log_light)

@@ -83,29 +83,14 @@ def estimate_line_spread(
     sheet: FloatArray,
     thickening: FloatArray | None,
 ) -> LineSpread:
-    """Estimate the blur of a run of a line from its width in each column.
+    """Estimate the blur of a run of a line from its width in each column, all (n,) in px.
 
-    Parameters
-    ----------
-    width : (n,) ndarray
-        Standard deviation of the line's cross-section. Units: px.
-    width_std : (n,) ndarray
-        Standard deviation of `width` up to a common factor; infinite where it is not to be used.
-        Units: px.
-    shape : LineShape
-        Local shape of the line at the same points.
-    blur : float, optional
-        Standard deviation of the point spread of lens and pixel, if measured. Units: px.
-    sheet : (2,) ndarray
-        Direction u, v in which the normal of the laser plane is seen: a unit vector, or zeros.
-    thickening : (n,) ndarray, optional
-        Relative change of the variance of the sheet's blur from that in the middle of the line.
-
-    Returns
-    -------
-    LineSpread
-        The prior, with its wide uncertainty, if no width is usable, as of a line that is saturated
-        everywhere; all zeros, which means no correction, if edges disturb all columns.
+    `width_std` is the standard deviation of `width` up to a common factor, infinite where it is not
+    to be used; `blur` that of the point spread of lens and pixel, if measured. `sheet` (2,) is the
+    direction u, v in which the normal of the laser plane is seen, a unit vector or zeros, and
+    `thickening` the relative change of the variance of the sheet's blur from that in the middle of
+    the line. The result is the prior, with its wide uncertainty, if no width is usable, as of a line
+    that is saturated everywhere; zero, which means no correction, if edges disturb all columns.
     """
     undisturbed = shape.far_from_edges(CLEARANCE)
     if not undisturbed.any():

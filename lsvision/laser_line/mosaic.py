@@ -21,20 +21,9 @@ COLOUR_ORDER = "BGR"
 def colour_planes(array: Image, pattern: Bayer, colour: str) -> list[tuple[int, int, Image]]:
     """Return the pixels of one colour of a mosaic, as images of every second row and column.
 
-    Parameters
-    ----------
-    array : (height, width) or (height, width, 3) ndarray
-        Raw image, or a colour image interpolated from one.
-    pattern : {"RGGB", "BGGR", "GRBG", "GBRG"}
-        Colours of the first two pixels of the first row, then of the second.
-    colour : {"red", "green", "blue"}
-        Colour of the pixels.
-
-    Returns
-    -------
-    list of (int, int, ndarray)
-        First row, first column and pixels: one for red and blue, two for green, which are in
-        different rows and columns.
+    The raw image, or a colour image interpolated from one, has in the first two pixels of the first
+    and the second row the colours of `pattern`. Each image comes after its first row and first
+    column: one for red and blue, two for green, which are in different rows and columns.
 
     Examples
     --------
@@ -55,18 +44,8 @@ def colour_planes(array: Image, pattern: Bayer, colour: str) -> list[tuple[int, 
 def interpolate_grey(array: Image, pattern: Bayer | None) -> Image:
     """Return the luminance of a mosaic at every pixel, in which objects of any colour are visible.
 
-    Parameters
-    ----------
-    array : (height, width) or (height, width, 3) ndarray
-        Raw image, or one with colours.
-    pattern : {"RGGB", "BGGR", "GRBG", "GBRG"}, optional
-        Colours of the raw image, as for `colour_planes`.
-
-    Returns
-    -------
-    ndarray
-        Luminance; the given image if it has colours or another depth than 8 or 16 bit, or if
-        `pattern` is None.
+    The given image is returned if it has colours or another depth than 8 or 16 bit, or if `pattern`
+    (see `colour_planes`) is None.
 
     Examples
     --------

@@ -81,26 +81,11 @@ class PixelNoise:
 def estimate_pixel_noise(
     signal: Image, windows: Windows, rounding_variance: float = ROUNDING_VARIANCE
 ) -> PixelNoise:
-    """Estimate read noise and gain of an image from the pixels around its laser line.
+    """Estimate read noise and gain of an image from the pixels in windows around its laser line.
 
-    Parameters
-    ----------
-    signal : (height, width) ndarray
-        Signal of the laser. Units: DN.
-    windows : Windows
-        Windows around the line.
-    rounding_variance : float
-        Smallest variance of a pixel. Units: DN^2.
-
-    Returns
-    -------
-    PixelNoise
-        Read variance and gain, neither negative.
-
-    Notes
-    -----
-    Variance against mean, fitted through the medians of bins of equal size (photon transfer,
-    EMVA 1288); each pixel's variance is its squared fourth difference along the line.
+    Variance against mean, fitted through the medians of bins of equal size (photon transfer, EMVA
+    1288); each pixel's variance is its squared fourth difference along the line. Neither is
+    negative; the smallest variance of a pixel is that of its rounding. Units: DN.
     """
     inside = np.flatnonzero((windows.columns >= 2) & (windows.columns < signal.shape[1] - 2))
     inside = inside[:: max(1, len(inside) // MAX_SAMPLE_COLUMNS)]
@@ -125,28 +110,16 @@ def estimate_pixel_noise(
 def excess_variance(
     columns: IntArray, rows: FloatArray, std: FloatArray, lag: int | None = None
 ) -> FloatArray:
-    """Estimate the variance of a line's rows in excess of their predicted noise.
+    """Estimate the variance (n,) of a line's rows in excess of their predicted noise, in px^2.
 
-    Parameters
-    ----------
-    columns : (n,) ndarray of int
-        Columns in which the line was located. Units: px.
-    rows, std : (n,) ndarray
-        Sub-pixel rows and their predicted standard deviation. Units: px.
-    lag : int, optional
-        Distance in columns from which errors are independent. By default 3, and more where the
-        scatter is that of an enlarged or strongly compressed image, whose errors are correlated
-        over many columns. Units: px.
+    `rows` and their predicted standard deviations `std` are those in the `columns` in which the
+    line was located, all (n,) in px. `lag` is the distance in columns from which errors are
+    independent: by default 3, and more where the scatter is that of an enlarged or strongly
+    compressed image, whose errors are correlated over many columns.
 
-    Returns
-    -------
-    (n,) ndarray
-        0 where the predicted noise explains the scatter, or the line is too short. Units: px^2.
-
-    Notes
-    -----
-    Speckle and roughness shift the line along its normal; the shift along a column is
-    sqrt(1 + slope^2) times as large, and so is the standard deviation on a flank.
+    The result is 0 where the predicted noise explains the scatter, or the line is too short.
+    Speckle and roughness shift the line along its normal; the shift along a column is sqrt(1 +
+    slope^2) times as large, and so is the standard deviation on a flank.
     """
     steepness = 1 + line_slopes(columns, rows) ** 2
     width = int(columns.max()) + 1 if len(columns) else 0
@@ -169,25 +142,12 @@ def excess_variance(
 def block_excess_variance(
     columns: IntArray, rows: FloatArray, std: FloatArray, block: int, first: int
 ) -> FloatArray:
-    """Estimate the variance of a line's rows in excess of their predicted noise, by block means.
+    """Estimate what `excess_variance` does, by the means of blocks of columns.
 
     The rounding of a JPEG image removes the noise of high frequencies and keeps that of low ones.
     Therefore the scatter of single columns underestimates the error of a fit, which is proportional
-    to the scatter of block means times the square root of the columns in a block.
-
-    Parameters
-    ----------
-    columns, rows, std
-        As for `excess_variance`.
-    block : int
-        Columns of a block. Units: px.
-    first : int
-        First column of the first whole block. Units: px.
-
-    Returns
-    -------
-    (n,) ndarray
-        0 where the predicted noise explains the scatter, or the line is too short. Units: px^2.
+    to the scatter of block means times the square root of the columns in a block. The first whole
+    block begins with the column `first`.
     """
     steepness = 1 + line_slopes(columns, rows) ** 2
     index = columns + block - first
@@ -203,21 +163,10 @@ def block_excess_variance(
 def errors_are_correlated(columns: IntArray, rows: FloatArray) -> bool:
     """Return whether the errors of neighbouring columns of a line are correlated.
 
-    They are where the scatter of the line depends on the distance of its points.
-
-    Parameters
-    ----------
-    columns : (n,) ndarray of int
-        Columns in which the line was located. Units: px.
-    rows : (n,) ndarray
-        Sub-pixel rows. Units: px.
-
-    Returns
-    -------
-    bool
-        True where columns were computed from their neighbours (a mosaic, the colours of a JPEG
-        file), and in speckle; False in read and shot noise, but for chance on lines of fewer than
-        about 200 columns, and False if the line is too short to tell.
+    They are where the scatter of its sub-pixel `rows` depends on the distance of the `columns`
+    (n,): if columns were computed from their neighbours (a mosaic, the colours of a JPEG file), and
+    in speckle. Not in read and shot noise, but for chance on lines of fewer than about 200 columns,
+    and not if the line is too short to tell.
     """
     scatters = _scatters(columns, rows)
     return min(scatters, default=0.0) < MAX_CORRELATED_RATIO * max(scatters, default=0.0)
@@ -227,13 +176,6 @@ def roughness(columns: IntArray, rows: FloatArray) -> float:
     """Return the largest scatter of a line over the distances of its points. Units: px.
 
     Where a line was located in two ways, the way with the smaller roughness is the better one.
-
-    Parameters
-    ----------
-    columns : (n,) ndarray of int
-        Columns in which the line was located. Units: px.
-    rows : (n,) ndarray
-        Sub-pixel rows. Units: px.
     """
     return max(_scatters(columns, rows), default=0.0)
 
@@ -248,19 +190,10 @@ def _scatters(columns: IntArray, rows: FloatArray) -> list[float]:
 
 
 def line_slopes(columns: IntArray, rows: FloatArray) -> FloatArray:
-    """Return the absolute slope of a line at each point: the smaller one of the two sides.
+    """Return the absolute slope (n,) of a line at each point: the smaller one of the two sides.
 
-    The smaller one is not affected by a jump beside the point.
-
-    Parameters
-    ----------
-    columns, rows
-        As for `errors_are_correlated`.
-
-    Returns
-    -------
-    (n,) ndarray
-        Rows per column; 0 for a point without neighbours at a distance of `SLOPE_SPAN`.
+    The smaller one is not affected by a jump beside the point. Rows per column; 0 for a point
+    without neighbours at a distance of `SLOPE_SPAN`.
     """
     width = int(columns.max()) + 1 if len(columns) else 0
     padded = np.full(width + 2 * SLOPE_SPAN, np.nan)

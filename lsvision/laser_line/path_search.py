@@ -92,22 +92,9 @@ class LinePath:
 def shortest_line_path(candidates: LineCandidates, settings: PathSettings) -> LinePath:
     """Find the path of lowest cost with at most one candidate in each column.
 
-    Parameters
-    ----------
-    candidates : LineCandidates
-        Ordered by column, then row.
-    settings : PathSettings
-        Costs and limits.
-
-    Returns
-    -------
-    LinePath
-        Empty where every segment costs more than empty columns.
-
-    Notes
-    -----
-    Nodes are the candidates and, for each column, "no line here"; every edge leads to a later
-    column, and no cost is negative, as Dijkstra's algorithm requires.
+    It is empty where every segment costs more than empty columns. Nodes are the candidates and, for
+    each column, "no line here"; every edge leads to a later column, and no cost is negative, as
+    Dijkstra's algorithm requires.
     """
     from scipy.sparse.csgraph import dijkstra
 

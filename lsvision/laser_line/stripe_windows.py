@@ -53,15 +53,9 @@ class Windows:
     def clipping_std(self, sigma: float, steepness: FloatArray) -> FloatArray:
         """Return the standard deviation of each position due to clipping at full scale (n,), in px.
 
-        The two ends of the plateau lie anywhere within their pixels.
-
-        Parameters
-        ----------
-        sigma : float
-            Standard deviation of the derivative of Gaussian, x exp(-x^2 / 2 sigma^2). Units: px.
-        steepness : (n,) ndarray
-            Minus the derivative, by the position, of the sum of values times that filter. Units: DN
-            px.
+        The two ends of the plateau lie anywhere within their pixels. `sigma` is that of the
+        derivative of Gaussian, x exp(-x^2 / 2 sigma^2); `steepness` (n,) is minus the derivative,
+        by the position, of the sum of values times that filter, in DN px.
         """
         clipped = self.saturated.sum(axis=1)
         std = np.zeros(len(clipped))
@@ -137,20 +131,11 @@ class Stripes:
 def cut_windows(
     image: LineImage, signal: Image, columns: IntArray, rows: FloatArray, sigma: float
 ) -> Windows:
-    """Cut windows around the points of a line.
+    """Cut windows around the points of a line from left to right.
 
-    Parameters
-    ----------
-    image : LineImage
-        With the line from left to right; its raw channel decides what is saturated.
-    signal : (height, width) ndarray
-        Source of the values: a channel of `image`. Units: DN.
-    columns : (n,) ndarray of int
-        Columns of the windows. Units: px.
-    rows : (n,) ndarray
-        Coarse rows of the line, at which the windows are centred. Units: px.
-    sigma : float
-        Standard deviation of the filter, which sets the width of a window. Units: px.
+    The values are those of `signal`, a channel of the image; its raw channel decides what is
+    saturated. `columns` and coarse `rows` (n,), in px, are those at which the windows are centred,
+    `sigma` is that of the filter, which sets their width.
     """
     half_width = math.ceil(HALF_WIDTH_SIGMAS * sigma)
     offsets = np.arange(-half_width, half_width + 1)

@@ -36,22 +36,13 @@ _UNDETERMINED = (
 
 
 def fisher_information(jacobian: FloatArray, variances: FloatArray) -> FloatArray:
-    """Return the Fisher information of points with independent Gaussian errors.
+    """Return the Fisher information (k, k) of points with independent Gaussian errors.
 
-    Parameters
-    ----------
-    jacobian : (n, k) ndarray
-        Derivative by the parameters of the surface's displacement along its outward normal at each
-        point.
-    variances : (n,) ndarray
-        Variance of each point's error along the surface normal, n' Sigma n. Units: mm^2.
-
-    Returns
-    -------
-    (k, k) ndarray
-        Sum over the points of j j' / variance. The dependence of the variance on the parameters
-        is neglected: a std proportional to range^2 would add a fraction of about
-        8 (std / range)^2.
+    The sum over the points of j j' / variance. A row j of the Jacobian (n, k) is the derivative by
+    the parameters of the surface's displacement along its outward normal, and the variance (n,)
+    that of the point's error along this normal, n' Sigma n, in mm^2. Its dependence on the
+    parameters is neglected: a std proportional to range^2 would add a fraction of about 8 (std /
+    range)^2.
 
     Raises
     ------
@@ -73,20 +64,10 @@ def fisher_information(jacobian: FloatArray, variances: FloatArray) -> FloatArra
 def invert_information(
     information: FloatArray, radius_prior: tuple[int, float] | None = None
 ) -> FloatArray:
-    """Return the Cramer-Rao bound: the smallest covariance of any unbiased estimate.
+    """Return the Cramer-Rao bound (k, k): the smallest covariance of any unbiased estimate.
 
-    Parameters
-    ----------
-    information : (k, k) ndarray
-        Fisher information.
-    radius_prior : tuple of int and float, optional
-        Index of the radius among the parameters, and the standard deviation of a prior on it (mm);
-        0 means exactly known.
-
-    Returns
-    -------
-    (k, k) ndarray
-        Covariance; zero in the row and column of an exactly known radius.
+    `radius_prior` is the index of the radius among the parameters, and the standard deviation of a
+    prior on it in mm. With 0 it is exactly known, and its row and column are zero.
 
     Raises
     ------

@@ -137,19 +137,10 @@ class Feed:
 
 
 def visible_points(cylinder: Cylinder, view: SensorView) -> Points:
-    """Return the noise-free points that a sensor measures of one cylinder.
+    """Return the noise-free points (n, 2) that a sensor measures of one cylinder, in mm.
 
-    Parameters
-    ----------
-    cylinder : Cylinder
-        Cylinder in the section frame; it need not be where the view places the tube.
-    view : SensorView
-        Sensor, pitch and incidence limit; a pitch is that at the view's standoff.
-
-    Returns
-    -------
-    (n, 2) ndarray
-        Visible points, section frame, in the order of the rays. Units: mm.
+    Both are in the section frame; the cylinder need not be where the view places the tube. The
+    points are in the order of the rays; a pitch is that at the view's standoff.
     """
     rays, sensor = view.rays, view.sensor
     ranges = _first_hits(cylinder.section(), np.asarray(sensor.origin), rays)

@@ -111,17 +111,9 @@ def build_cloud(
 ) -> ScanCloud:
     """Return the points of the profiles in the base frame, with their covariances.
 
-    Profiles without enough points contribute none.
-
-    Parameters
-    ----------
-    profiles : sequence of Profile
-        Profiles, each in its section frame. Units: mm.
-    base_from_sections : sequence of Pose
-        Section frame of each profile in the base frame.
-    sensor : NoiseModel or None
-        Noise model of all profiles. None: the model of each profile; if one profile has none,
-        the noise of all of them is estimated.
+    Profiles without enough points contribute none. Without a noise model of all profiles
+    (`sensor`), that of each profile is used; if one profile has none, the noise of all of them is
+    estimated.
     """
     noise_known = sensor is not None or all(profile.noise is not None for profile in profiles)
     section_arrays = []

@@ -109,25 +109,8 @@ def fit_tracks(
     """Fit one cylinder to each track, in decreasing order of the tracks' point counts.
 
     Arcs of which half or more points already belong to an earlier cylinder are left out; a track of
-    which no arc remains is dropped without a rejection: both tracks are parts of one tube.
-
-    Parameters
-    ----------
-    cloud : ScanCloud
-        All points of the scan.
-    tracks : sequence of Track
-        Tracks from `associate_arcs`.
-    known_radius : RadiusPrior or None
-        Prior on the radius of every cylinder.
-    settings : JointFitSettings
-        Iterations and limits.
-
-    Returns
-    -------
-    joint_fits : list of JointFit
-        Cylinders that are accepted, without common points.
-    rejections : list of ScanRejection
-        The other tracks.
+    which no arc remains is dropped without a rejection: both tracks are parts of one tube. The
+    accepted cylinders have no common points; the other tracks are rejections.
     """
     has_one_section = len(np.unique(cloud.point_sections)) == 1
     fits: list[JointFit] = []
@@ -189,18 +172,10 @@ def fit_track(
     known_radius: RadiusPrior | None = None,
     settings: JointFitSettings = JointFitSettings(),
 ) -> JointFit | ScanRejection:
-    """Fit one cylinder to all points of the scan that lie on the tube of a track.
+    """Fit one cylinder to all points of the cloud that lie on the tube of a track.
 
-    Parameters
-    ----------
-    cloud : ScanCloud
-        Points that are not assigned to a cylinder yet.
-    track : Track
-        Arcs of two or more sections; a single arc is rejected.
-    known_radius : RadiusPrior, optional
-        Prior on the radius.
-    settings : JointFitSettings
-        Iterations and limits.
+    The cloud holds the points that are not assigned to a cylinder yet. A track of one arc is
+    rejected.
     """
     sections = tuple(observation.section for observation in track)
     if len(sections) < 2:
@@ -357,19 +332,9 @@ def _contradicted_radius_reason(joint_fit: JointFit, settings: JointFitSettings)
 
 
 def cylinder_from_single_section(cloud: ScanCloud, observation: ArcObservation) -> JointFit:
-    """Return the cylinder of one arc, in the base frame, with its twin.
+    """Return the cylinder of one arc, in the base frame: the first of its two twins.
 
-    Parameters
-    ----------
-    cloud : ScanCloud
-        All points of the scan.
-    observation : ArcObservation
-        The arc.
-
-    Returns
-    -------
-    JointFit
-        The first of the section's two twins; `JointFit.twin` is the second.
+    `cloud` has all points of the scan.
     """
     arc, pose = observation.arc, cloud.poses[observation.section]
     first, second = (twin.transformed(pose) for twin in Cylinder.twins(arc.ellipse))

@@ -113,17 +113,9 @@ def fit_section_shifts(
 ) -> SectionShifts:
     """Return the lateral shift of each section, fitted by damped Gauss-Newton steps.
 
-    Parameters
-    ----------
-    cloud : ScanCloud
-        All points.
-    cylinder : Cylinder
-        Base frame.
-    rows : (n,) int ndarray
-        Rows of the cloud with the points of the cylinder, ascending.
-    free_radius : bool
-        Whether to fit the common radius as well: that of a straight cylinder fitted to a bent tube
-        is wrong.
+    `rows` (n,), ascending, are those of the cloud with the points of the cylinder (base frame).
+    `free_radius` fits the common radius as well: that of a straight cylinder fitted to a bent tube
+    is wrong.
     """
     lateral, stds, offsets, _ = _point_distances(cloud, cylinder, rows)
     sections, starts, counts = np.unique(
@@ -168,23 +160,10 @@ def assign_points(
     noise_factor: float,
     settings: PointAssignmentSettings = PointAssignmentSettings(),
 ) -> IntArray:
-    """Return the rows of the cloud that form arcs on a cylinder.
+    """Return the rows (m,) of the cloud, ascending, that form arcs on a cylinder.
 
-    Parameters
-    ----------
-    cloud, cylinder
-        As in `fit_section_shifts`.
-    shifts : (k, 2) ndarray
-        Lateral shift of the tube in each of the scan's profiles along e_phi and e_theta. Units: mm.
-    noise_factor : float
-        Ratio of the observed to the predicted standard deviation of the points.
-    settings : PointAssignmentSettings
-        Limits.
-
-    Returns
-    -------
-    (m,) int ndarray
-        Rows in ascending order.
+    `shifts` (k, 2) are those of the tube in each of the scan's profiles along e_phi and e_theta, in
+    mm, `noise_factor` the ratio of the observed to the predicted standard deviation of the points.
     """
     # Preselection, which saves time; the limit on the normalised distance follows.
     largest_shift = float(np.abs(shifts).max(initial=0.0))
@@ -214,14 +193,9 @@ def _point_distances(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the quantities from which residuals from a cylinder are computed.
 
-    Returns
-    -------
-    lateral : (2, n) ndarray
-        Points from the axis, along e_phi and e_theta. Units: mm.
-    stds, offsets : (n,) ndarray
-        Standard deviation and expected value of ``distance - radius``. Units: mm.
-    incidence_cosines : (n,) ndarray
-        Component of the surface normal towards the sensor.
+    Points from the axis (2, n) along e_phi and e_theta; standard deviation and expected value of
+    ``distance - radius``, (n,) each; component of the surface normal towards the sensor (n,).
+    Units: mm.
     """
     frame = tangent_frame(cylinder.direction)
     points, parameters = cloud.points[rows] @ frame.T, parameters_from_cylinder(frame, cylinder)

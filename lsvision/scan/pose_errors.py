@@ -117,23 +117,9 @@ def propagate_pose_errors(
 ) -> tuple[FloatArray, PoseErrorResponse]:
     """Return the covariance of a joint fit including the errors of the poses, and the response.
 
-    Parameters
-    ----------
-    fit : CylinderFit
-        Fit to the points of `cloud`, made with the poses taken as exact.
-    cloud : ScanCloud
-        Points to which the cylinder was fitted.
-    errors : PoseErrors
-        Uncertainty of the poses.
-    known_radius : RadiusPrior, optional
-        Prior of the fit.
-
-    Returns
-    -------
-    covariance : (5, 5) ndarray
-        In the order of ``fit.covariance``, at ``fit.point``. Units: mm, rad.
-    response : PoseErrorResponse
-        The linear response of the fit to the errors, whose covariance is a part of the first.
+    The fit to the points of `cloud`, with the prior `known_radius`, takes the poses as exact. The
+    covariance (5, 5) is at ``fit.point`` and in the order of ``fit.covariance``; that of the
+    response, which is linear, is a part of it.
     """
     starts = np.unique(cloud.point_sections, return_index=True)[1]
     if errors.is_zero:
@@ -180,20 +166,9 @@ def common_error_jacobian(
 ) -> FloatArray:
     """Return the displacement of each point along a direction by errors common to all sections.
 
-    Parameters
-    ----------
-    directions : (n, 3) ndarray
-        Unit vector for each point, base frame.
-    cloud : PosedPoints
-        Points, with the poses of their sections.
-    errors : PoseErrors
-        Uncertainty of the poses.
-
-    Returns
-    -------
-    (n, k) ndarray
-        Displacement by one standard deviation of each error: two of the feed direction, six of
-        the calibration. Units: mm.
+    `directions` (n, 3) are unit vectors, one for each point, base frame. The displacements (n, k)
+    are those by one standard deviation of each error: two of the feed direction, six of the
+    calibration. Units: mm.
     """
     columns = [np.zeros((len(directions), 0))]
     if errors.feed_std > 0:
@@ -363,19 +338,10 @@ def _scaled_variance_factor(normalised: FloatArray, dof: int, cloud: ScanCloud) 
 
 
 def feed_direction(base_from_sections: Sequence[Pose]) -> tuple[FloatArray, FloatArray]:
-    """Return the feed direction, and the position of each section along it.
+    """Return the feed direction (3,), and the position (k,) of each section along it in mm.
 
-    Parameters
-    ----------
-    base_from_sections : sequence of Pose
-        Poses of one or more sections.
-
-    Returns
-    -------
-    feed : (3,) ndarray
-        Unit vector from the first section's origin to the last's; zero if they coincide.
-    distances : (k,) ndarray
-        Position of each section along the feed, from the first. Units: mm.
+    The direction is the unit vector from the first section's origin to the last's, zero if they
+    coincide; positions are counted from the first section.
     """
     origins = np.array([pose.translation for pose in base_from_sections])
     displacement = origins[-1] - origins[0]

@@ -220,21 +220,9 @@ def fit_sections_jointly(  # noqa: PLR0913 - the measurements and the options of
     settings: ScanSettings | None = None,
     pose_errors: PoseErrors = PoseErrors(),
 ) -> ScanMeasurement:
-    """Fit cylinders jointly to profiles that have been measured one by one.
+    """Fit cylinders jointly to profiles that have been measured one by one by `measure_sections`.
 
-    Parameters
-    ----------
-    profiles, base_from_sections, known_radius, sensor, settings
-        As in `measure_scan`.
-    measurements : sequence of Measurement
-        Result of `measure_sections`.
-    pose_errors : PoseErrors
-        Uncertainty of the poses.
-
-    Raises
-    ------
-    ValueError, TypeError, DegenerateGeometry, FitFailed
-        As `measure_scan`.
+    Other parameters, and the errors, are those of `measure_scan`.
     """
     settings = settings or ScanSettings()
     poses = validate_poses(profiles, base_from_sections)
@@ -260,13 +248,8 @@ def validate_poses(
 ) -> tuple[Pose, ...]:
     """Return the poses as a tuple after checking their type, number and arrangement.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If an element is not a pose or is too far away, or their number is not that of the profiles,
-        or is zero.
-    DegenerateGeometry
-        If the sections all lie in one plane.
+    TypeError or ValueError if an element is not a pose or is too far away, or their number is not
+    that of the profiles, or is zero; DegenerateGeometry if the sections all lie in one plane.
     """
     poses = as_poses(base_from_sections)
     if len(poses) != len(profiles) or not poses:

@@ -286,16 +286,9 @@ def fit_section_centres(
 ) -> SectionCentres:
     """Return the circle fitted to the points of each section, projected along the axis.
 
-    Parameters
-    ----------
-    point_sections : (n,) int ndarray
-        Section of each point.
-    points : (3, n) ndarray
-        Coordinates along e_phi, e_theta and the axis, origin on the axis. Units: mm.
-    stds : (n,) ndarray
-        Standard deviation of each point's distance from the axis. Units: mm.
-    radius, radius_std : float
-        Mean radius of the tube, and its standard uncertainty. Units: mm.
+    Points (3, n) along e_phi, e_theta and the axis, origin on the axis; `point_sections` and `stds`
+    (n,) are the section of each and the standard deviation of its distance from the axis; `radius`
+    and `radius_std` those of the tube's mean radius. Units: mm.
     """
     sections, index = np.unique(point_sections, return_inverse=True)
     lateral, along = points[:2], points[2]
@@ -344,19 +337,8 @@ def _fit_circles(
 def triangulate_tube(tube: ScannedCylinder, facets: int = FACETS) -> tuple[Points, IntArray]:
     """Return a triangle mesh of the fitted cylinder over its measured length; ends are open.
 
-    Parameters
-    ----------
-    tube : ScannedCylinder
-        Cylinder with its axial range.
-    facets : int
-        Number of flat facets around the tube.
-
-    Returns
-    -------
-    points : (2 * facets, 3) ndarray
-        Ring at the first end, then ring at the second; base frame. Units: mm.
-    triangles : (2 * facets, 3) ndarray of int
-        Rows of `points`, counter-clockwise seen from outside.
+    Points (2 * facets, 3): ring at the first end, then ring at the second, base frame, in mm.
+    Triangles (2 * facets, 3): rows of the points, counter-clockwise seen from outside.
     """
     angles = np.linspace(0.0, 2 * np.pi, facets, endpoint=False)
     rings = [tube.cylinder.ring(end, angles) for end in tube.axial_range]

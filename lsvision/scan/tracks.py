@@ -89,17 +89,7 @@ Track = tuple[ArcObservation, ...]
 
 
 def transform_arc_to_base(section: int, arc: CylinderSection, pose: Pose) -> ArcObservation:
-    """Return an arc with its centre and both possible axes in the base frame.
-
-    Parameters
-    ----------
-    section : int
-        Index of the profile.
-    arc : CylinderSection
-        Measured arc, section frame.
-    pose : Pose
-        ``base_from_section``.
-    """
+    """Return the arc of a profile with its centre and both possible axes in the base frame."""
     covariance = arc.covariance
     return ArcObservation(
         section=section,
@@ -117,18 +107,9 @@ def associate_arcs(
 ) -> tuple[Track, ...]:
     """Return the tracks: arcs of different sections, grouped by cylinder.
 
-    Parameters
-    ----------
-    observations : sequence of ArcObservation
-        Arcs of all sections, in any order.
-    settings : TrackSettings
-        Gates of the association.
-
-    Returns
-    -------
-    tuple of Track
-        With at most one arc of each section, in the order of their first arcs. A tube with two
-        arcs in one section yields two tracks here; the joint fit unites them.
+    The arcs may be in any order. A track has at most one arc of each section; tracks are in the
+    order of their first arcs. A tube with two arcs in one section yields two tracks here; the joint
+    fit unites them.
     """
     tracks: list[list[ArcObservation]] = []
     for section in sorted({observation.section for observation in observations}):
@@ -187,22 +168,10 @@ def _normalised_gate_distance(
 
 
 def predict_axes(recent: Sequence[ArcObservation]) -> tuple[FloatArray, FloatArray, float]:
-    """Return the axis of a cylinder, predicted from some of its arcs.
+    """Return the axis of a cylinder, predicted from the last arcs of its track, one or more.
 
-    Parameters
-    ----------
-    recent : sequence of ArcObservation
-        Last arcs of the track, one or more.
-
-    Returns
-    -------
-    point : (3,) ndarray
-        Point on the axis. Units: mm.
-    directions : (1, 3) or (2, 3) ndarray
-        Direction of the line through the centres; or both twins of one arc, if their standard
-        uncertainty is smaller.
-    std : float
-        Standard uncertainty of the directions. Units: rad.
+    A point (3,) of the axis in mm; the direction of the line through the centres (1, 3), or both
+    twins of one arc (2, 3) if their standard uncertainty is smaller; that uncertainty in rad.
     """
     centres = np.array([observation.centre for observation in recent])
     mean_centre = centres.mean(axis=0)

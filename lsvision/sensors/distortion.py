@@ -79,20 +79,9 @@ def distort(normalised: Points, coefficients: FloatArray) -> tuple[Points, Float
 def undistort(distorted: Points, coefficients: FloatArray) -> tuple[Points, FloatArray]:
     """Return undistorted image coordinates: the inverse of `distort` by Newton's method.
 
-    Parameters
-    ----------
-    distorted : (n, 2) ndarray
-        Distorted points. Units: focal lengths. NaN rows stay NaN.
-    coefficients : (14,) ndarray
-        Coefficients in OpenCV's order, as for `distort`.
-
-    Returns
-    -------
-    normalised : (n, 2) ndarray
-        Undistorted points; NaN where no point within the first fold of the model is mapped to the
-        given one. Units: focal lengths.
-    jacobian : (n, 2, 2) ndarray
-        d distorted / d normalised at `normalised`; NaN where that is.
+    Parameters and results are those of `distort`: undistorted points (n, 2), and d distorted / d
+    undistorted there (n, 2, 2). Both are NaN where the distorted point is, or no point within the
+    first fold of the model is mapped to it.
     """
     normalised = np.array(distorted)
     for _ in range(MAX_NEWTON_ITERATIONS):

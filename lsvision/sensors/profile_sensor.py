@@ -156,12 +156,9 @@ KNOWN_SENSORS = {"lps36hi": LPS36HI, "lps36": LPS36}
 
 
 def find_sensor(name: str) -> ProfileSensor:
-    """Return the sensor with a given name.
+    """Return the sensor with a given name, a key of `KNOWN_SENSORS`.
 
-    Parameters
-    ----------
-    name : str
-        One of `KNOWN_SENSORS`; case, blanks, hyphens and underscores are ignored.
+    Case, blanks, hyphens and underscores are ignored.
 
     Raises
     ------

@@ -125,14 +125,7 @@ def read_json(path: str | os.PathLike[str], schema: str) -> dict[str, Any]:
 def parse_document(text: str, source: Path, schemas: Sequence[str]) -> dict[str, Any]:
     """Return the values of a JSON text of one of several schemas; see `read_json`.
 
-    Parameters
-    ----------
-    text : str
-        Text of the file.
-    source : Path
-        Name of the file in messages.
-    schemas : sequence of str
-        Names of the schemas that are accepted; messages name the last one.
+    Messages name the file `source` and the last one of the `schemas`.
     """
     try:
         values = parse_json(text)
@@ -180,13 +173,7 @@ def write_rig(
 
 
 def check_line_blur(blur: float) -> float:
-    """Return a line blur (px) as a float.
-
-    Raises
-    ------
-    ValueError
-        If it is negative, above `MAX_LINE_BLUR_PX` or not finite.
-    """
+    """Return a line blur (px) as a float; ValueError unless it is from 0 to `MAX_LINE_BLUR_PX`."""
     if not (math.isfinite(blur) and 0 <= blur <= MAX_LINE_BLUR_PX):
         raise ValueError(f"expected line_blur_px from 0 to {MAX_LINE_BLUR_PX:g}, got {blur}")
     return float(blur)

@@ -40,16 +40,9 @@ DrawShape = Callable[[np.random.Generator], PlaceShape]
 
 
 def place_outline(outline: npt.ArrayLike, centre: Centre, tilt: float = 0.0) -> Prism:
-    """Return the prism of an outline after rotating it about (0, 0) and translating it.
+    """Return the prism of an outline (k, 2) in mm, rotated about (0, 0) and then translated.
 
-    Parameters
-    ----------
-    outline : (k, 2) array_like
-        Vertices. Units: mm.
-    centre : tuple of float
-        New position of (0, 0). Units: mm.
-    tilt : float
-        Rotation from X towards Y. Units: rad.
+    `centre` is the new position of (0, 0), `tilt` the rotation from X towards Y in rad.
     """
     cos, sin = math.cos(tilt), math.sin(tilt)
     rotated = np.asarray(outline, dtype=np.float64) @ np.array([[cos, sin], [-sin, cos]])
@@ -123,14 +116,8 @@ def sine_sheet(
 def gaussian_bumps(width: float, bumps: npt.ArrayLike, centre: Centre, tilt: float = 0.0) -> Prism:
     """Return a sheet with dents and bumps.
 
-    Parameters
-    ----------
-    width : float
-        Width of the sheet. Units: mm.
-    bumps : (k, 3) array_like
-        Position along the sheet, height (negative: a dent) and standard width. Units: mm.
-    centre, tilt
-        As for `place_outline`.
+    `bumps` (k, 3) are position along the sheet, height (negative: a dent) and standard width, in
+    mm.
     """
     x = _abscissae(width)
     position, height, spread = np.asarray(bumps, dtype=np.float64).T[:, :, None]
@@ -147,13 +134,8 @@ def parabola(width: float, depth: float, centre: Centre, tilt: float = 0.0) -> P
 def spline_sheet(knots: npt.ArrayLike, centre: Centre, tilt: float = 0.0) -> Prism:
     """Return a free-form sheet: a natural cubic spline.
 
-    Parameters
-    ----------
-    knots : (k, 2) array_like
-        Points (x, y) of the spline, x ascending; the outline ends within 0.15 mm of the last one.
-        Units: mm.
-    centre, tilt
-        As for `place_outline`.
+    It runs through the knots (k, 2) in mm with ascending x; the outline ends within 0.15 mm of the
+    last one.
     """
     x, y = np.asarray(knots, dtype=np.float64).T
     curve = CubicSpline(x, y, bc_type="natural")
@@ -169,15 +151,8 @@ def _abscissae(width: float) -> FloatArray:
 def clutter_around(tubes: list[Ellipse], draw: DrawShape, rng: np.random.Generator) -> list[Prism]:
     """Return two to four random shapes beside or behind tubes, and in 60 % of cases a ground.
 
-    Parameters
-    ----------
-    tubes : list of Ellipse
-        Sections of the tubes. The top of a shape with overlapping x is at most 0.4 semi-minor axes
-        nearer to the sensor than the centre: the shape covers a flank at most.
-    draw : callable
-        `draw_planar` or `draw_mixed`.
-    rng : numpy.random.Generator
-        Source of all random choices.
+    `draw` is `draw_planar` or `draw_mixed`. The top of a shape whose x overlaps a tube's is at most
+    0.4 semi-minor axes nearer to the sensor than the tube's centre: it covers a flank at most.
     """
     shapes = [_place_shape(draw(rng), tubes, rng) for _ in range(rng.integers(2, 5))]
     if rng.random() < 0.6:

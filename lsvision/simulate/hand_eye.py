@@ -58,23 +58,9 @@ class SectionView:
 def sphere_profile(
     centre: FloatArray, radius: float, view: SectionView, rng: np.random.Generator
 ) -> Profile:
-    """Simulate the profile of a sphere.
+    """Simulate the profile of a sphere with a centre (3,) in mm, section frame.
 
-    Parameters
-    ----------
-    centre : (3,) array_like
-        Centre of the sphere, section frame. Units: mm.
-    radius : float
-        Radius of the sphere. Units: mm.
-    view : SectionView
-        Range and errors of the sensor.
-    rng : numpy.random.Generator
-        Source of the noise.
-
-    Returns
-    -------
-    Profile
-        Profile with lost points where the sphere is not measured.
+    Points are lost where the sphere is not measured; `rng` is the source of the noise.
 
     Examples
     --------
@@ -144,16 +130,9 @@ def rotation_from_vector(vector: npt.ArrayLike) -> FloatArray:
 def noisy_pose(
     pose: Pose, position_std: float, rotation_std: float, rng: np.random.Generator
 ) -> Pose:
-    """Return a robot pose with random errors.
+    """Return a robot pose with random errors of position (mm) and rotation (rad).
 
-    Parameters
-    ----------
-    pose : Pose
-        True pose.
-    position_std, rotation_std : float
-        Standard deviation of the errors, per axis of the base frame. Units: mm, rad.
-    rng : numpy.random.Generator
-        Source of the errors.
+    The standard deviations are those per axis of the base frame.
     """
     error = rotation_from_vector(rng.normal(0.0, 1.0, 3) * rotation_std)
     translation_error = rng.normal(0.0, 1.0, 3) * position_std
@@ -190,21 +169,8 @@ def section_poses_about(
 ) -> list[Pose]:
     """Draw random ``base_from_section`` poses from which a target is visible.
 
-    Parameters
-    ----------
-    target : (3,) array_like
-        Position of the target, base frame. Units: mm.
-    count : int
-        Number of poses.
-    motion : TargetMotion
-        Limits; each quantity is distributed uniformly within them.
-    rng : numpy.random.Generator
-        Source of the random numbers.
-
-    Returns
-    -------
-    list of Pose
-        Poses; the section's Y points upwards (base Z) for zero tilt.
+    The position of the target (3,) is in mm, base frame. Each quantity is distributed uniformly
+    within the limits of `motion`. The section's Y points upwards (base Z) for zero tilt.
     """
     upright = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # section Y upwards
     poses = []

@@ -80,16 +80,8 @@ def glint_gain(
 ) -> FloatArray:
     """Return the (height, width) factor on the laser light of specular reflections.
 
-    Parameters
-    ----------
-    truth_pixels : (width, 2) ndarray
-        u, v of the line in each column; NaN without a line. Units: px.
-    shape : tuple of int
-        ``(height, width)``.
-    glints : int
-        Number of reflections, at random points of the line.
-    rng : numpy.random.Generator
-        Source of positions and sizes.
+    They are at random points of the line, whose pixels u, v in each column (width, 2) are NaN where
+    there is none.
     """
     gain = np.ones(shape)
     line = truth_pixels[np.isfinite(truth_pixels[:, 1])]
@@ -139,30 +131,16 @@ def _add_blob(image: FloatArray, centre: FloatArray, sigma: float, height: float
 def speckle_field(
     shape: tuple[int, int], looks: int, fwhm: float, *, rng: np.random.Generator
 ) -> FloatArray:
-    """Return the speckle factor on the light in each pixel, with mean 1.
+    """Return the speckle factor (height, width) on the light in each pixel, with mean 1.
 
-    Parameters
-    ----------
-    shape : tuple of int
-        ``(height, width)``.
-    looks : int
-        Number of independent patterns averaged (time, colour, polarisation); at least 1.
-    fwhm : float
-        Full width at half maximum of the autocorrelation of the intensity, above 0. Units: px.
-    rng : numpy.random.Generator
-        Source of the pattern.
+    `looks`, at least 1, is the number of independent patterns averaged (time, colour,
+    polarisation): the contrast is 1 / sqrt(looks), slightly reduced by the averaging within each
+    pixel. `fwhm` is the full width at half maximum of the autocorrelation of the intensity, in px.
 
-    Returns
-    -------
-    (height, width) ndarray
-        Factor with contrast 1 / sqrt(looks), slightly reduced by the averaging within each pixel.
-
-    Notes
-    -----
     Fully developed speckle is the squared modulus of a circular complex Gaussian field. If the
     correlation of the field is mu, that of the intensity is mu^2 (Goodman, Speckle Phenomena in
-    Optics, section 4.3). A Gaussian filter of sigma s gives mu = exp(-x^2 / 4 s^2), hence
-    mu^2 = exp(-x^2 / 2 s^2), and s = fwhm / 2.355.
+    Optics, section 4.3). A Gaussian filter of sigma s gives mu = exp(-x^2 / 4 s^2), hence mu^2 =
+    exp(-x^2 / 2 s^2), and s = fwhm / 2.355.
     """
     if looks < 1:
         raise ValueError(f"expected at least one look, got {looks}")
@@ -223,19 +201,9 @@ def expose(
 ) -> npt.NDArray[np.uint8] | npt.NDArray[np.uint16]:
     """Return the pixel values of an exposure: with shot and read noise, clipped and rounded.
 
-    Parameters
-    ----------
-    light, sensitivity : (height, width) ndarray
-        Mean light in DN, and relative sensitivity of each pixel.
-    sensor : ImageSensor
-        Noise, gain and bit depth.
-    rng : numpy.random.Generator
-        Source of shot and read noise.
-
-    Notes
-    -----
-    Shot noise is normal instead of Poisson: with a read noise of several electrons the difference
-    is negligible, and it is ten times faster.
+    `light` and `sensitivity` (height, width) are the mean light in DN and the relative sensitivity
+    of each pixel. Shot noise is normal instead of Poisson: with a read noise of several electrons
+    the difference is negligible, and it is ten times faster.
     """
     electrons_per_dn = sensor.full_well / sensor.full_scale
     electrons = light * sensitivity * electrons_per_dn

@@ -69,20 +69,10 @@ class ImagingRig:
         """Return a rig whose laser plane crosses the optical axis at the stand-off.
 
         The laser line is horizontal in the image. The origin of the section frame is the point of
-        the laser plane nearest to the camera, its Y points away from the scene.
-
-        Parameters
-        ----------
-        focal_length : float
-            Focal length. Units: px.
-        size : tuple of int
-            ``(width, height)``; the principal point is at half of both. Units: px.
-        stand_off : float
-            Distance of the crossing from the camera. Units: mm.
-        angle : float
-            Triangulation angle between optical axis and laser plane. Units: rad.
-        distortion : (k,) array_like
-            Coefficients of distortion, as for the class.
+        the laser plane nearest to the camera, its Y points away from the scene. The principal point
+        is at half of the `size` in px, `stand_off` is the distance of the crossing from the camera
+        in mm, and `angle` the triangulation angle between optical axis and laser plane in rad;
+        other parameters as for the class.
         """
         if not 0 < angle < math.pi / 2:
             raise ValueError(

@@ -83,14 +83,9 @@ class Scene:
         return np.where(is_tube, np.cumsum(is_tube), CLUTTER).astype(np.int64)
 
     def first_hits(self, rays: Rays) -> tuple[Hits, IntArray]:
-        """Return where each ray first meets an object, and the label of that object.
+        """Return where each ray first meets an object, and the label (n,) of that object.
 
-        Returns
-        -------
-        hits : Hits
-            Nearest intersections of all objects.
-        labels : (n,) ndarray
-            Label of the object that each ray meets; `NOTHING` if it meets none.
+        The label is `NOTHING` for a ray that meets none.
         """
         hits = [solid.first_hits(rays) for solid in self.objects]
         distances = np.stack([hit.distances for hit in hits])
@@ -158,18 +153,10 @@ class SectionTruth:
 def tube_truths(
     scene: Scene, base_from_section: Pose, labels: IntArray, points: Points
 ) -> tuple[TubeTruth, ...]:
-    """Return the truth of each tube of a scene whose axis a section cuts.
+    """Return the truth of each tube of a scene (base frame) whose axis a section cuts.
 
-    Parameters
-    ----------
-    scene : Scene
-        Scene in the base frame.
-    base_from_section : Pose
-        Pose of the section.
-    labels : (n,) ndarray
-        Label of each column.
-    points : (n, 2) ndarray
-        Noise-free points, section frame. Units: mm.
+    `labels` (n,) are those of the columns, `points` (n, 2) the noise-free ones in mm, section
+    frame.
     """
     truths = []
     for label, tube in enumerate(scene.tubes, start=1):
@@ -188,12 +175,7 @@ def tube_truths(
 def longest_run(labels: IntArray, label: int) -> IntArray:
     """Return the columns of a tube's longest arc, without large steps or other objects in between.
 
-    Parameters
-    ----------
-    labels : (n,) ndarray
-        Label of each column.
-    label : int
-        Label of the tube.
+    `labels` (n,) are those of all columns.
     """
     columns = np.flatnonzero(labels == label)
     if len(columns) == 0:

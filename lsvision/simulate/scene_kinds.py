@@ -89,12 +89,7 @@ class TubeRanges:
     ) -> Ellipse:
         """Draw the section of a random tube, centred on (0, 0).
 
-        Parameters
-        ----------
-        rng : numpy.random.Generator
-            Source of the random numbers.
-        radius_fractions : tuple of float
-            Limits of the radii to draw from, as fractions of the range.
+        `radius_fractions` are the limits of the radii to draw from, as fractions of the range.
         """
         low, high = self.radius_mm
         radius = low + (high - low) * rng.uniform(*radius_fractions)

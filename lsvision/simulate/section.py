@@ -248,22 +248,11 @@ def _noise_model(std: FloatArray, sensor: ProfileSensor, settings: SectionSettin
 
 
 def noise_std(exact: Points, sensor: ProfileSensor) -> FloatArray:
-    """Return the standard deviation along the ray, which grows with the square of the range.
+    """Return the standard deviation (n,) along the ray, which grows with the square of the range.
 
-    This repeats the formula of `ProfileSensor` on purpose: it is the truth against which the
-    noise model of the sensor is tested.
-
-    Parameters
-    ----------
-    exact : (n, 2) ndarray
-        Noise-free points, section frame. Units: mm.
-    sensor : ProfileSensor
-        Noise at the reference range, and origin of the rays.
-
-    Returns
-    -------
-    (n,) ndarray
-        Standard deviations. Units: mm.
+    This repeats the formula of `ProfileSensor` on purpose: it is the truth against which the noise
+    model of the sensor is tested. `exact` (n, 2) are the noise-free points, section frame.
+    Units: mm.
     """
     dx, dy = exact[:, 0] - sensor.origin[0], exact[:, 1] - sensor.origin[1]
     return sensor.range_std * (dx * dx + dy * dy) / sensor.reference_range**2
@@ -274,16 +263,8 @@ def visible_at_incidence(
 ) -> BoolArray:
     """Return the mask of points that are not lost because of their angle of incidence.
 
-    Parameters
-    ----------
-    hits : Hits
-        Intersections with their surface normals.
-    rays : Rays
-        Rays with unit directions, in the frame of the hits.
-    settings : SectionSettings
-        Grazing limit and ramp.
-    rng : numpy.random.Generator
-        Source of one number for each ray.
+    The rays, with unit directions, and the normals of the hits are in one frame; `rng` yields one
+    number for each ray.
     """
     cosine = np.clip(-np.einsum("ij,ij->i", hits.normals, rays.directions), -1.0, 1.0)
     below_limit = settings.grazing_limit_deg - np.degrees(np.arccos(cosine))

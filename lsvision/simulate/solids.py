@@ -99,14 +99,8 @@ class Tube:
     def of(cls, radius: float, theta: float, phi: float, centre: tuple[float, float]) -> Self:
         """Return the tube of infinite length with a given section in the plane z = 0.
 
-        Parameters
-        ----------
-        radius : float
-            Radius of the tube. Units: mm.
-        theta, phi : float
-            Direction of the major axis, and tilt of the axis from Z towards it. Units: rad.
-        centre : tuple of float
-            Intersection of the axis with the plane. Units: mm.
+        Its axis crosses the plane at `centre` in mm, and is tilted from Z by `phi` towards the
+        major axis, whose direction is `theta`, in rad.
         """
         sin_phi = math.sin(phi)
         axis = np.array([sin_phi * math.cos(theta), sin_phi * math.sin(theta), math.cos(phi)])

@@ -33,14 +33,7 @@ RAW_DECIMALS = 4
 
 
 def profile_text(section: SimulatedSection, title: str) -> str:
-    """Return the profile as comma-separated text with a header.
-
-    Parameters
-    ----------
-    section : SimulatedSection
-        Simulated section, of which the profile is written.
-    title : str
-        Text of the first line: content and origin.
+    """Return the profile of a section as comma-separated text; `title` is in its first line.
 
     Examples
     --------
@@ -69,14 +62,9 @@ def _decimals(quantum: float) -> int:
 
 
 def truth_text(section: SimulatedSection, source: dict[str, Any]) -> str:
-    """Return the truth of a section as JSON with one line per key.
+    """Return the truth of a section, all but the profile, as JSON with one line per key.
 
-    Parameters
-    ----------
-    section : SimulatedSection
-        Simulated section, of which all but the profile is written.
-    source : dict
-        Origin (kind, seed, command), written first.
+    `source` is its origin (kind, seed, command), written first.
     """
     record = {
         "schema": TRUTH_SCHEMA,
@@ -97,18 +85,9 @@ def scan_truth_text(
     sections: Sequence[SimulatedSection],
     source: dict[str, Any],
 ) -> str:
-    """Return the truth of a scan as JSON with one line per key.
+    """Return the truth of a scan of a scene (base frame) as JSON with one line per key.
 
-    Parameters
-    ----------
-    scene : Scene
-        Scene in the base frame.
-    base_from_sections : sequence of Pose
-        Section frame of each profile in the base frame.
-    sections : sequence of SimulatedSection
-        Sections, as from `simulate_scan`.
-    source : dict
-        Origin (seed, command, feed), written first.
+    `source` is its origin (seed, command, feed), written first.
     """
     record = {
         "schema": SCAN_SCHEMA,

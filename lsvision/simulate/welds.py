@@ -22,19 +22,9 @@ CURVE_SEGMENTS = 40
 
 
 def touching_centre(fixed: Ellipse, moved: Ellipse, direction: float) -> tuple[float, float]:
-    """Return the centre at which an ellipse touches another from outside.
+    """Return the centre (x, y) in mm at which the ellipse `moved` touches `fixed` from outside.
 
-    Parameters
-    ----------
-    fixed, moved : Ellipse
-        Ellipse at its position, and ellipse to be placed, whose centre is ignored.
-    direction : float
-        Direction from the centre of `fixed` to the result, from X towards Y. Units: rad.
-
-    Returns
-    -------
-    tuple of float
-        Centre (x, y). Units: mm.
+    `direction` is that from the centre of `fixed` to the result, from X towards Y, in rad.
 
     Examples
     --------
@@ -51,17 +41,7 @@ def touching_centre(fixed: Ellipse, moved: Ellipse, direction: float) -> tuple[f
 def nested_centre(left: Ellipse, right: Ellipse, moved: Ellipse) -> tuple[float, float]:
     """Return the centre at which an ellipse touches two others, on the side of the sensor.
 
-    Parameters
-    ----------
-    left, right : Ellipse
-        Ellipses that touch, or have a gap smaller than `moved`.
-    moved : Ellipse
-        Ellipse to be placed.
-
-    Raises
-    ------
-    ValueError
-        If the gap between the two is too wide.
+    These touch, or have a gap that is smaller than `moved`; otherwise ValueError.
     """
     to_right = math.atan2(right.centre[1] - left.centre[1], right.centre[0] - left.centre[0])
 
@@ -101,23 +81,11 @@ def weld_bead(
 ) -> Prism:
     """Return the weld bead in the groove between two touching tubes, towards the sensor.
 
-    Parameters
-    ----------
-    first, second : Ellipse
-        Sections of the tubes, which touch.
-    leg : float
-        Arc length from the contact to either foot of the bead. Units: mm.
-    bulge : float
-        Height of the bead above the straight line between its feet, divided by the length of
-        that line. 0: a concave fillet, tangential to both tubes; larger: a convex bead that meets
-        the tubes in an edge.
-    along : tuple of float
-        Direction of extrusion.
-
-    Raises
-    ------
-    ValueError
-        If the leg is not positive, or longer than half the circumference of a section.
+    `leg` is the arc length from the contact to either foot of the bead in mm; ValueError unless it
+    is positive and at most half the circumference of a section. `bulge` is the height of the bead
+    above the straight line between its feet, divided by the length of that line. 0: a concave
+    fillet, tangential to both tubes; larger: a convex bead that meets the tubes in an edge. `along`
+    is the direction of extrusion.
     """
     contact = np.asarray(contact_point(first, second))
     feet = [_foot(ellipse, contact, leg) for ellipse in (first, second)]

@@ -73,23 +73,10 @@ def levenberg_marquardt(
 ) -> LeastSquares:
     """Solve a least-squares problem with MINPACK's lmder, see `scipy.optimize.leastsq`.
 
-    Parameters
-    ----------
-    residuals, jacobian : callable
-        Functions of the parameters (k,) that return the residuals (n,) and their derivatives
-        (n, k).
-    initial_guess : (k,) ndarray
-        Initial parameters.
-    xtol, ftol : float
-        Relative changes of the parameters and of the sum of squares, below which the iteration
-        has converged.
-    max_evaluations : int
-        Largest number of evaluations of the residuals.
-
-    Returns
-    -------
-    LeastSquares
-        Not converged only if `max_evaluations` were not enough.
+    `residuals` and `jacobian` are functions of the parameters (k,) that return the residuals (n,)
+    and their derivatives (n, k). The iteration has converged below relative changes of the
+    parameters `xtol` and of the sum of squares `ftol`, and not if `max_evaluations` were not
+    enough.
 
     Raises
     ------

@@ -84,16 +84,9 @@ UNCORRELATED = Correlation(1.0, math.inf, neighbours_correlated=False)
 def estimate_correlation(normalised: FloatArray) -> Correlation:
     """Estimate the correlation of the residuals of a fit, in order along the line.
 
-    Parameters
-    ----------
-    normalised : (n,) ndarray
-        Residuals over their standard deviations.
-
-    Returns
-    -------
-    Correlation
-        Below 34 points (`MIN_SPECTRUM_POINTS`) from `neighbour_correlation` alone, with the same
-        degrees of freedom if neighbours are correlated.
+    `normalised` are residuals (n,) over their standard deviations. Below 34 points
+    (`MIN_SPECTRUM_POINTS`) the result is that of `neighbour_correlation` alone, with the same
+    degrees of freedom if neighbours are correlated.
     """
     time, neighbours = neighbour_correlation(normalised, FIT_PARAMETERS)
     if len(normalised) < MIN_SPECTRUM_POINTS:
@@ -138,21 +131,12 @@ def _cosines(count: int) -> FloatArray:
 def neighbour_correlation(normalised: FloatArray, parameters: int) -> tuple[float, bool]:
     """Return the autocorrelation time, and whether neighbours are significantly correlated.
 
-    Parameters
-    ----------
-    normalised : (n,) ndarray
-        Residuals over their standard deviations, in order along the line.
-    parameters : int
-        Number of parameters of the fit.
-
-    Returns
-    -------
-    time : float
-        Number of points per effective point, 1 + 2 sum_k (1 - k / n) rho_k over the first lags
-        whose autocorrelation rho_k exceeds 2 / sqrt(n); 1 for uncorrelated errors.
-    correlated : bool
-        rho_1 exceeds -parameters / n, its mean for uncorrelated errors, by 3 / sqrt(n): the sensor
-        smooths along the line. Never below 8 points.
+    `normalised` are residuals (n,) over their standard deviations, in order along the line,
+    `parameters` the number of parameters of their fit. The time is the number of points per
+    effective point, 1 + 2 sum_k (1 - k / n) rho_k over the first lags whose autocorrelation rho_k
+    exceeds 2 / sqrt(n); 1 for uncorrelated errors. Neighbours are correlated if rho_1 exceeds
+    -parameters / n, its mean for uncorrelated errors, by 3 / sqrt(n): the sensor smooths along the
+    line. Never below 8 points.
     """
     n = len(normalised)
     if n < MIN_POINTS:
@@ -180,24 +164,13 @@ def autocorrelation_time(normalised: FloatArray) -> float:
 
 
 def debiased_autocorrelation_time(residuals: FloatArray, parameters: int) -> float:
-    """Return the autocorrelation time of residuals, corrected for the parameters of their fit.
+    """Return the autocorrelation time of residuals, at least 1, corrected for their fit.
 
     Definition: 1 + 2 sum rho_k over the lags k < n / 2 up to the first pair of lags whose sum is
     not significant (Geyer 1992, initial positive sequence), divided by the fraction that the fit
     has not absorbed: a fit decreases each rho_k of its residuals by about parameters / n times the
-    result. The mean is not subtracted: a fit has absorbed it.
-
-    Parameters
-    ----------
-    residuals : (n,) ndarray
-        Residuals in order along the line, divided by their standard deviations.
-    parameters : int
-        Number of parameters of the fit.
-
-    Returns
-    -------
-    float
-        At least 1.
+    result. The mean is not subtracted: a fit has absorbed it. The residuals (n,) are in order along
+    the line and divided by their standard deviations.
 
     Examples
     --------

@@ -7,25 +7,16 @@ from lsvision.geometry.arrays import TINY
 
 
 def invert_normal_matrix(matrix: FloatArray) -> FloatArray:
-    """Return the inverse of J'J, computed with its diagonal scaled to 1.
+    """Return the inverse of J'J (k, k), computed with its diagonal scaled to 1.
 
-    Without the scaling, parameters in px and in rad differ by so many orders of magnitude that the
-    inverse loses its digits.
-
-    Parameters
-    ----------
-    matrix : (k, k) ndarray
-        Normal matrix J'J, positive definite.
-
-    Returns
-    -------
-    (k, k) ndarray
-        Inverse: the covariance of the parameters for residuals of unit variance.
+    It is the covariance of the parameters for residuals of unit variance. Without the scaling,
+    parameters in px and in rad differ by so many orders of magnitude that the inverse loses its
+    digits.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        If it is singular.
+        If the matrix is singular.
 
     Examples
     --------

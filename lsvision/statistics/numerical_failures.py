@@ -13,12 +13,7 @@ def report_numerical_failure(what: str) -> Iterator[None]:
     """Raise `FitFailed` for a singular matrix or an overflow within the block.
 
     Floating-point warnings are suppressed within the block: check its results with
-    `require_finite`.
-
-    Parameters
-    ----------
-    what : str
-        Name of what is fitted, for the message.
+    `require_finite`. `what` names in the message what is fitted.
 
     Raises
     ------
@@ -41,20 +36,7 @@ def report_numerical_failure(what: str) -> Iterator[None]:
 
 
 def require_finite(what: str, *numbers: object) -> None:
-    """Raise `FitFailed` if a number of a fit is not finite.
-
-    Parameters
-    ----------
-    what : str
-        Name of what is fitted, for the message.
-    *numbers : float or array_like
-        Numbers to check.
-
-    Raises
-    ------
-    FitFailed
-        If a number is NaN or infinite.
-    """
+    """Raise `FitFailed` if one of the numbers or arrays of a fit of `what` is NaN or infinite."""
     for number in numbers:
         if not np.isfinite(np.asarray(number, dtype=np.float64)).all():
             raise FitFailed(_describe_failure(what, "its numbers are not finite"))

@@ -13,14 +13,9 @@ significant, a larger one of a single point may be an outlier."""
 
 
 def upper_median(values: FloatArray) -> float:
-    """Return the median of finite values; five times as fast as `np.median`.
+    """Return the median of finite values (n,), n >= 1; five times as fast as `np.median`.
 
     For an even number of values it is the upper of the two middle ones.
-
-    Parameters
-    ----------
-    values : (n,) ndarray
-        At least one value.
     """
     middle, ordered = len(values) // 2, values.copy()
     ordered.partition(middle)
@@ -28,12 +23,7 @@ def upper_median(values: FloatArray) -> float:
 
 
 def median(values: FloatArray) -> float:
-    """Return the median, NaN if one of the values is; three times as fast as `np.median`.
-
-    Parameters
-    ----------
-    values : ndarray
-        At least one value.
+    """Return the median of an array, NaN if a value is; three times as fast as `np.median`.
 
     Examples
     --------
