@@ -30,7 +30,7 @@ RELATIVE_TOLERANCE = 1e-10
 
 @dataclass(frozen=True, eq=False)
 class BentBoardFit:
-    """Camera, poses and shape of the board, with standard deviations.
+    """Camera, poses and shape of the board, flat for a bow of zeros, with uncertainties.
 
     Parameters
     ----------
@@ -73,11 +73,11 @@ def fit_bent_board(
     problem = _Problem(views, shape, transfer)
     state, normal = _minimise(problem, _State.of(camera, poses))
     dof = 2 * sum(len(view.points) for view in views) - 6 * len(views) - len(normal.reduced)
-    covariance = normal.inverse * (normal.chi2 / max(dof, 1))
+    covariance = invert_normal_matrix(normal.reduced) * (normal.chi2 / max(dof, 1))
     free_intrinsics = transfer.shape[1]
     return BentBoardFit(
         state.camera(camera),
-        state.board_poses(),
+        [Pose(cv2.Rodrigues(vector[:3])[0], vector[3:]) for vector in state.poses],
         transfer @ covariance[:free_intrinsics, :free_intrinsics] @ transfer.T,
         shape,
         state.bow,
@@ -109,10 +109,6 @@ class _State:
         matrix[[0, 1, 0, 1], [0, 1, 2, 2]] = self.intrinsics[:4]
         return replace(like, matrix=matrix, distortion=self.intrinsics[4:])
 
-    def board_poses(self) -> list[Pose]:
-        """Return ``camera_from_board`` of each view."""
-        return [Pose(cv2.Rodrigues(vector[:3])[0], vector[3:]) for vector in self.poses]
-
 
 @dataclass(frozen=True, eq=False)
 class _NormalEquations:
@@ -134,21 +130,10 @@ class _NormalEquations:
     pose_equations: list[tuple[FloatArray, FloatArray, FloatArray]]
     chi2: float
 
-    @property
-    def scaled(self) -> tuple[FloatArray, FloatArray]:
-        """The matrix `reduced`, scaled to a unit diagonal, and the scale (p,)."""
-        scale = 1 / np.sqrt(np.diag(self.reduced))
-        return self.reduced * np.outer(scale, scale), scale
-
-    @property
-    def inverse(self) -> FloatArray:
-        """Inverse of `reduced`: covariance of the common parameters for a noise of 1 px."""
-        return invert_normal_matrix(self.reduced)
-
     def step(self, damping: float) -> tuple[FloatArray, FloatArray]:
         """Return the step of the common parameters, and of the poses (v, 6)."""
-        matrix, scale = self.scaled
-        damped = matrix + damping * np.eye(len(matrix))
+        scale = 1 / np.sqrt(np.diag(self.reduced))  # to a unit diagonal
+        damped = self.reduced * np.outer(scale, scale) + damping * np.eye(len(scale))
         common_step = scale * np.linalg.solve(damped, scale * self.gradient)
         pose_steps = [
             np.linalg.solve(information, gradient - cross @ common_step)

@@ -132,8 +132,8 @@ def turn_boards(
         key=lambda labels: _total_cost(costs, labels),
     )
     _require_certain(costs, labels)
-    most_frequent = int(np.bincount(labels).argmax())
-    labels = _relative_labels(labels, most_frequent, len(group))
+    # The turns are a cyclic group, in the order of their angles.
+    labels = (labels - int(np.bincount(labels).argmax())) % len(group)
     poses, jacobians = [], []
     for pose, label in zip(camera_from_boards, labels, strict=True):
         poses.append(pose @ group[label])
@@ -142,14 +142,6 @@ def turn_boards(
         jacobian[:3, 3:] = -cross_matrices(lever_arm)
         jacobians.append(jacobian)
     return TurnedBoards(tuple(poses), np.array(jacobians), tuple(np.flatnonzero(labels).tolist()))
-
-
-def _relative_labels(labels: IntArray, reference: int | IntArray, size: int) -> IntArray:
-    """Return the turns that lead from a reference turn to others.
-
-    The `size` turns are a cyclic group, in the order of their angles.
-    """
-    return (labels - reference) % size
 
 
 def _angle_differences(
@@ -183,10 +175,7 @@ def _label_costs(costs: FloatArray, labels: IntArray) -> FloatArray:
     count, _, size = costs.shape
     others = np.arange(count)
     sums = [
-        [
-            costs[others, view, _relative_labels(np.full(count, turn), labels, size)].sum()
-            for turn in range(size)
-        ]
+        [costs[others, view, (turn - labels) % size].sum() for turn in range(size)]
         for view in range(count)
     ]
     mean_costs: FloatArray = np.array(sums) / (count - 1)  # the cost of a view with itself is 0

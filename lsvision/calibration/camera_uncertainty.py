@@ -125,8 +125,9 @@ def covariance_by_camera(
     `solve` returns the result (p,) for a camera; `covariance` is that of the intrinsics.
     """
     nominal = solve(camera)
-    camera_covariance = np.zeros((len(nominal), len(nominal)))
-    for changed_camera in camera_modes(camera, covariance):
-        difference = solve(changed_camera) - nominal
-        camera_covariance += np.outer(difference, difference)
+    cameras = camera_modes(camera, covariance)
+    differences = np.array([solve(changed) - nominal for changed in cameras]).reshape(
+        -1, len(nominal)
+    )
+    camera_covariance: FloatArray = differences.T @ differences
     return camera_covariance

@@ -26,7 +26,6 @@ from lsvision.calibration.target import (
     find_target,
 )
 from lsvision.errors import CalibrationFailed, LsvisionError
-from lsvision.geometry import Pose
 from lsvision.laser_line.extraction import LineSettings
 from lsvision.laser_line.image_array import grey_image
 from lsvision.laser_line.mosaic import interpolate_grey
@@ -239,7 +238,8 @@ def missing_views(views: Sequence[TargetView], pairs: int) -> tuple[str, ...]:
         return tuple(missing)
     if areas := _empty_areas(views):
         missing.append(f"board into the image's {', '.join(areas)}")
-    poses = [_rough_pose(view) for view in views]
+    camera = rough_camera(views[0].size)
+    poses = [guess_camera_from_board(view, camera.rays(view.pixels)) for view in views]
     sides = [
         name
         for name, axis, sign in _SIDES
@@ -272,8 +272,3 @@ def _empty_areas(views: Sequence[TargetView]) -> list[str]:
         for column, column_name in enumerate(_COLUMNS)
         if not covered[np.ix_(blocks == row, blocks == column)].any()
     ]
-
-
-def _rough_pose(view: TargetView) -> Pose:
-    """Return the approximate ``camera_from_board`` (mm), as seen by the `rough_camera`."""
-    return guess_camera_from_board(view, rough_camera(view.size).rays(view.pixels))

@@ -289,29 +289,13 @@ def _restricted_likelihood(
     return likelihood
 
 
-@dataclass(frozen=True, slots=True)
-class LeastDeterminedDirection:
-    """Direction of the sensor's pose that the poses determine least.
-
-    Parameters
-    ----------
-    std : float
-        Standard deviation for the stated or nominal robot; one radian counts as 100 mm. Units: mm.
-    description : str
-        Direction in words.
-    """
-
-    std: float
-    description: str
-
-
 def find_least_determined_direction(
     observations: Observations, fit: ErrorsInVariablesFit
-) -> LeastDeterminedDirection:
-    """Return the motion of the sensor that the inlier poses determine least.
+) -> tuple[float, str]:
+    """Return the std in mm of the motion that the inlier poses determine least, and the motion.
 
-    Its standard deviation does not depend on the residuals: it is predicted for the stated or
-    nominal robot. It is infinite where the normal matrix is singular.
+    One radian counts as 100 mm. The std does not depend on the residuals: it is predicted for the
+    stated or nominal robot. It is infinite where the normal matrix is singular.
     """
     whitening = fit.mask[:, None, None] * robot_whitening(observations, fit.states, (1.0, 1.0))
     jacobian, _ = whitened_jacobian_and_residuals(observations, fit.states, whitening)
@@ -326,9 +310,7 @@ def find_least_determined_direction(
     projected = mount - basis @ (basis.T @ mount)
     _, singular_values, directions = np.linalg.svd(projected, full_matrices=False)
     std = float("inf") if singular_values[-1] < 1e-12 else float(1 / singular_values[-1])
-    return LeastDeterminedDirection(
-        std, _describe_direction(directions[-1], fit.states.rotations[0])
-    )
+    return std, _describe_direction(directions[-1], fit.states.rotations[0])
 
 
 def _describe_direction(direction: FloatArray, rotation: FloatArray) -> str:

@@ -37,28 +37,6 @@ MIN_INFORMATION_RATIO = 1e-12
 """Fraction of the information on the size that a solution leaves, below which it is rounding."""
 
 
-def hand_eye_warnings(
-    residual_rms: float,
-    robot_std: tuple[float, float],
-    height_scale: Scale | None,
-    target_scale: Scale | None,
-    *,
-    radius_is_given: bool,
-) -> tuple[str, ...]:
-    """Return the warnings about a calibration, with numbers and remedy; empty for a good one.
-
-    See `HandEye` for the parameters; `radius_is_given` is that of a sphere.
-    """
-    warnings = []
-    if residual_rms > LARGE_RESIDUAL_MM:
-        warnings.append(_describe_residuals(residual_rms, robot_std))
-    if height_scale and is_wrong_scale(height_scale, MIN_HEIGHT_SCALE_ERROR):
-        warnings.append(_describe_height_scale(height_scale, radius_is_given=radius_is_given))
-    if target_scale and is_wrong_scale(target_scale, MIN_BOARD_SCALE_ERROR):
-        warnings.append(describe_board_scale(target_scale))
-    return tuple(warnings)
-
-
 def is_wrong_scale(scale: Scale, min_error: float) -> bool:
     """Return whether a scale, with its standard deviation, differs from 1 significantly."""
     factor, std = scale
@@ -81,7 +59,8 @@ def describe_board_scale(scale: Scale) -> str:
     )
 
 
-def _describe_residuals(residual_rms: float, robot_std: tuple[float, float]) -> str:
+def describe_residuals(residual_rms: float, robot_std: tuple[float, float]) -> str:
+    """Return the warning about large residuals of `HandEye`, with the remedy."""
     position, rotation = robot_std
     return (
         f"the residuals are {residual_rms:.2g} mm rms, as with a robot of {position:.2g} mm and "
@@ -90,7 +69,8 @@ def _describe_residuals(residual_rms: float, robot_std: tuple[float, float]) -> 
     )
 
 
-def _describe_height_scale(scale: Scale, *, radius_is_given: bool) -> str:
+def describe_height_scale(scale: Scale, *, radius_is_given: bool) -> str:
+    """Return the warning about wrong heights of a sensor, with the remedy."""
     factor, std = scale
     radius = "the given radius (calibrate without it, it is estimated then), " * radius_is_given
     return (

@@ -99,7 +99,10 @@ def _fit_two_targets(
     """Return the fit with one target before pose `first_moved` and another from it on."""
     groups = (np.arange(len(mask)) >= first_moved).astype(np.int64)
     observations = replace(observations, groups=groups)
-    guess = _duplicate_target(fit.states) if fit else _best_state(observations, mask)
+    if fit is None:
+        guess = _best_state(observations, mask)
+    else:
+        guess = replace(fit.states, targets=np.repeat(fit.states.targets[:, :1], 2, axis=1))
     return _fit_hypothesis(observations, guess, mask, fit)
 
 
@@ -170,9 +173,3 @@ def _residual_rms(observations: Observations, states: States, mask: FloatArray) 
     """Return the root mean square residual of the masked poses. Units: mm."""
     norms = residual_norms(observations, observations.linearise(states).residuals[0])
     return float(np.sqrt((norms**2 * mask).sum() / mask.sum()))
-
-
-def _duplicate_target(states: States) -> States:
-    """Return states with two targets, both equal to the first."""
-    targets = np.repeat(states.targets[:, :1], 2, axis=1)
-    return States(states.rotations, states.translations, targets)

@@ -11,7 +11,15 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.calibration.hand_eye_checks import hand_eye_warnings
+from lsvision.calibration.hand_eye_checks import (
+    LARGE_RESIDUAL_MM,
+    MIN_BOARD_SCALE_ERROR,
+    MIN_HEIGHT_SCALE_ERROR,
+    describe_board_scale,
+    describe_height_scale,
+    describe_residuals,
+    is_wrong_scale,
+)
 from lsvision.calibration.hand_eye_json import read_hand_eye, write_hand_eye
 from lsvision.calibration.observations import Mounting, RejectedPose, Sensor, Sphere
 from lsvision.calibration.pose_outliers import OutlierSettings
@@ -209,13 +217,15 @@ class HandEye(Result):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings about large residuals, the sensor's heights, and the stated size of a board."""
-        return hand_eye_warnings(
-            self.residual_rms,
-            self.robot_std,
-            self.height_scale,
-            self.target_scale,
-            radius_is_given=isinstance(self.target, Sphere) and self.target.radius_std == 0,
-        )
+        warnings, height, size = [], self.height_scale, self.target_scale
+        if self.residual_rms > LARGE_RESIDUAL_MM:
+            warnings.append(describe_residuals(self.residual_rms, self.robot_std))
+        if height and is_wrong_scale(height, MIN_HEIGHT_SCALE_ERROR):
+            is_given = isinstance(self.target, Sphere) and self.target.radius_std == 0
+            warnings.append(describe_height_scale(height, radius_is_given=is_given))
+        if size and is_wrong_scale(size, MIN_BOARD_SCALE_ERROR):
+            warnings.append(describe_board_scale(size))
+        return tuple(warnings)
 
     @property
     def working_point_std(self) -> float:

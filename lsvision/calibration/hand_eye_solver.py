@@ -106,17 +106,16 @@ def solve_hand_eye(
         raise DegenerateGeometry(str(error)) from error
     fit = solution.fit
     _require_consistent_poses(observations, fit, pose_indices, min_poses, settings)
-    least_determined = find_least_determined_direction(observations, fit)
-    if least_determined.std > settings.max_least_determined_std:
+    std, motion = find_least_determined_direction(observations, fit)
+    if std > settings.max_least_determined_std:
         raise DegenerateGeometry(
-            f"the sensor is determined to {least_determined.std:.3g} mm only in "
-            f"{least_determined.description}: add poses tilted 20 to 35 deg about two axes, with "
-            "the target at other positions in the view"
+            f"the sensor is determined to {std:.3g} mm only in {motion}: add poses tilted 20 to 35 "
+            "deg about two axes, with the target at other positions in the view"
         )
     if fit.mask.sum() >= MIN_MOVED_TARGET_POSES:
-        motion = detect_moved_target(observations, fit.mask, pose_indices, fit)
-        if motion:
-            raise CalibrationFailed(motion)
+        mistake = detect_moved_target(observations, fit.mask, pose_indices, fit)
+        if mistake:
+            raise CalibrationFailed(mistake)
     return solution
 
 
@@ -210,7 +209,7 @@ def build_hand_eye(
         )
         for index in np.flatnonzero(fit.mask == 0)
     ]
-    least_determined = find_least_determined_direction(observations, fit)
+    least_determined_std, direction = find_least_determined_direction(observations, fit)
     return HandEye(
         mount_from_sensor=Pose(fit.states.rotations[0], fit.states.translations[0]),
         covariance=fit.covariance[:6, :6],
@@ -221,8 +220,8 @@ def build_hand_eye(
         working_point=context.working_point,
         robot_std=_estimate_robot_std(fit, settings),
         ambiguity_ratio=ratio,
-        least_determined_std=least_determined.std,
-        least_determined_direction=least_determined.description,
+        least_determined_std=least_determined_std,
+        least_determined_direction=direction,
         mounting=context.mounting,
         sensor=context.sensor,
     )

@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.calibration import result_tables
-from lsvision.calibration.bent_board import fit_bent_board
-from lsvision.calibration.board_shape import SHAPE_TERMS, bow_warning, determine_shape
+from lsvision.calibration.bent_board import BentBoardFit, fit_bent_board
+from lsvision.calibration.board_shape import SHAPE_TERMS, BoardShape, bow_warning, determine_shape
 from lsvision.calibration.camera_uncertainty import intrinsics_covariance
 from lsvision.calibration.camera_warnings import check_camera
 from lsvision.calibration.target import (
@@ -254,16 +254,15 @@ def fit_camera(
     require_views(len(views), MIN_VIEWS, "the target", "add images of the board", sources)
     _require_equal_sizes([view.size for view in views], sources.image_indices(len(views)))
     settings = settings or CameraSettings()
-    solution = _solve(views, settings)
-    camera, std, poses = solution.camera, solution.std, solution.poses
+    solution, std = _solve(views, settings)
+    camera, poses, indices = solution.camera, solution.poses, sources.image_indices(len(views))
+    bent = [solution.shape.bend(view.points, solution.bow) for view in views]
     calibrated_views = tuple(
         CalibratedView(index, view, pose, camera.project(pose.apply(points)) - view.pixels)
-        for index, view, pose, points in zip(
-            sources.image_indices(len(views)), views, poses, solution.points, strict=True
-        )
+        for index, view, pose, points in zip(indices, views, poses, bent, strict=True)
     )
     outliers = outlier_views(
-        [view.index for view in calibrated_views],
+        indices,
         [view.rms_px for view in calibrated_views],
         OUTLIER_FACTOR,
         remedy="blurred, moved, or wrong points; leave it out and calibrate again",
@@ -288,42 +287,22 @@ def _independent_mask(std: FloatArray, settings: CameraSettings) -> BoolArray:
     return free
 
 
-@dataclass(frozen=True, eq=False)
-class _Solution:
-    """Camera, poses and board of a set of views; see `CameraCalibration` for uncertainties and bow.
+def _solve(
+    views: Sequence[TargetView], settings: CameraSettings
+) -> tuple[BentBoardFit, FloatArray]:
+    """Return camera, poses and board by least squares, and the stds of the parameters (4 + k,).
 
-    `poses` are ``camera_from_board``, `points` those of the possibly bent board, one per view.
+    The board is flat if its shape is not estimated.
     """
-
-    camera: Camera
-    std: FloatArray
-    covariance: FloatArray
-    poses: list[Pose]
-    points: list[FloatArray]
-    bow: FloatArray
-    bow_std: FloatArray
-
-
-def _solve(views: Sequence[TargetView], settings: CameraSettings) -> _Solution:
-    """Return camera, poses and board by least squares; the board is flat if it is not estimated."""
     matrix, distortion, std, poses = _solve_flat(views, settings)
     require_tilted(poses, "the focal length")
     corners = np.concatenate([view.points for view in views])
     camera, free = Camera(matrix, distortion, views[0].size), _independent_mask(std, settings)
     if not settings.bent_board or len(views) < MIN_BOW_VIEWS or not determine_shape(corners):
-        covariance = intrinsics_covariance(camera, views, poses, free)
-        points, flat = [view.points for view in views], np.zeros(SHAPE_TERMS)
-        return _Solution(camera, std, covariance, poses, points, flat, flat)
+        covariance, flat = intrinsics_covariance(camera, views, poses, free), np.zeros(SHAPE_TERMS)
+        return BentBoardFit(camera, poses, covariance, BoardShape.of(corners), flat, flat), std
     bent = fit_bent_board(camera, views, poses, free)
-    return _Solution(
-        bent.camera,
-        np.sqrt(bent.covariance.diagonal()),
-        bent.covariance,
-        bent.poses,
-        [bent.shape.bend(view.points, bent.bow) for view in views],
-        bent.bow,
-        bent.bow_std,
-    )
+    return bent, np.sqrt(bent.covariance.diagonal())
 
 
 @contextmanager

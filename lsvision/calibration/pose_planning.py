@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -13,8 +12,6 @@ from lsvision.calibration.batched_least_squares import whitened_jacobian_and_res
 from lsvision.calibration.errors_in_variables import NOMINAL_ROBOT_STD, robot_whitening
 from lsvision.calibration.observations import (
     MM_PER_RADIAN,
-    FlangePoses,
-    Observations,
     States,
     stack_flange_poses,
 )
@@ -139,49 +136,8 @@ class PosePlan(Result):
         ]
 
 
-class PlanningTarget(Protocol):
-    """Target of planned poses: viewing direction, visibility, and predicted observations."""
-
-    @property
-    def requirement(self) -> str:
-        """Requirement on a pose, for an error message."""
-        ...
-
-    @property
-    def centre(self) -> FloatArray:
-        """Point (3,) that the sensor looks at, base frame. Units: mm."""
-        ...
-
-    @property
-    def viewing_rotation(self) -> FloatArray:
-        """Rotation (3, 3) from the base's Z to the direction towards the sensor."""
-        ...
-
-    @property
-    def max_plane_offset(self) -> float:
-        """Largest useful distance of the laser plane from the centre. Units: mm."""
-        ...
-
-    @property
-    def state(self) -> FloatArray:
-        """Numbers (k,) that describe the target in `States`."""
-        ...
-
-    @property
-    def prior_std(self) -> tuple[float, ...]:
-        """Prior standard deviation (d,) of the target's step coordinates; uninformative."""
-        ...
-
-    def visibility(self, sections: Sequence[Pose]) -> tuple[FloatArray, BoolArray]:
-        """Return the target's position (n, 3) in each section frame in mm, and its visibility."""
-        ...
-
-    def predict_observations(
-        self, positions: FloatArray, sections: Sequence[Pose], flanges: FlangePoses
-    ) -> Observations:
-        """Return the observations of sections without noise."""
-        ...
-
+PlanningTarget = SpherePlanningTarget | PlanePlanningTarget
+"""Target of planned poses: viewing direction, visibility, and predicted observations."""
 
 SPHERE_DEFAULTS = PosePlanSettings()
 PLANE_DEFAULTS = PosePlanSettings(max_tilt=np.radians(40.0))

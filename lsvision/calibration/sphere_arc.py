@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.errors import CalibrationFailed, TooFewPoints
+from lsvision.errors import CalibrationFailed, LsvisionError, TooFewPoints
 from lsvision.geometry import BoolArray, FloatArray, IntArray, Points
 from lsvision.geometry.arrays import freeze_arrays
 from lsvision.profile import Profile
@@ -175,15 +175,17 @@ def _best_hypothesis(
     facing = offset[..., 1] >= math.cos(settings.max_incidence) * distance
     support = np.where(facing, 1.0 - cost, 0.0).sum(axis=1)
     circles = circles[np.argsort(-support, kind="stable")]
+    failure: LsvisionError | None = None
     for circle in circles:
         inliers = _arc_mask(points, circle, settings.tolerance, settings)
-        if _is_arc(points, circle, inliers, settings):
+        try:
+            _require_arc(points, circle, inliers, settings)
+        except (TooFewPoints, CalibrationFailed) as error:
+            failure = failure or error
+        else:
             best: FloatArray = circle
             return best
-    if len(circles):  # no arc either, but the error has its numbers
-        inliers = _arc_mask(points, circles[0], settings.tolerance, settings)
-        _require_arc(points, circles[0], inliers, settings)
-    raise TooFewPoints("best arc of the sphere", 0, settings.min_points, _HINT)
+    raise failure or TooFewPoints("best arc of the sphere", 0, settings.min_points, _HINT)
 
 
 def _near_triples(count: int, trials: int, rng: np.random.Generator) -> IntArray:
@@ -234,15 +236,6 @@ def _angular_coverage(points: Points, circle: FloatArray) -> float:
     angles = np.arctan2(points[:, 0] - circle[0], points[:, 1] - circle[1])
     low, high = np.percentile(angles, [2, 98])
     return float(high - low)
-
-
-def _is_arc(
-    points: Points, circle: FloatArray, inliers: BoolArray, settings: SphereArcSettings
-) -> bool:
-    """Return whether there are enough inliers, over enough of the circle."""
-    if inliers.sum() < settings.min_points:
-        return False
-    return _angular_coverage(points[inliers], circle) >= settings.min_coverage
 
 
 def _require_arc(

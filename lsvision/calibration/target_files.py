@@ -1,7 +1,7 @@
 """Printable files of a target at true scale: page layout in mm, drawn as SVG or PDF."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -91,7 +91,11 @@ def target_svg(target: Target) -> str:
         f'{page.height:g}">',
         f'<rect width="{page.width:g}" height="{page.height:g}" fill="white"/>',
         '<g fill="black">',
-        *(_svg_disc(shape) for shape in page.shapes if isinstance(shape, Disc)),
+        *(
+            f'<circle cx="{shape.x:.6g}" cy="{shape.y:.6g}" r="{shape.radius:.6g}"/>'
+            for shape in page.shapes
+            if isinstance(shape, Disc)
+        ),
         # One path: touching squares drawn separately show grey seams.
         f'<path d="{_svg_rectangles(page)}"/>',
         "</g>",
@@ -117,7 +121,11 @@ def target_pdf(target: Target) -> bytes:
     content = [f"q {scale:.6f} 0 0 {-scale:.6f} 0 {page.height * scale:.4f} cm 0 g"]
     content += [_pdf_disc(shape) for shape in page.shapes if isinstance(shape, Disc)]
     # One path, one fill: squares filled separately show grey seams.
-    content += [_pdf_rectangle(shape) for shape in page.shapes if isinstance(shape, Rectangle)]
+    content += [
+        f"{shape.x:.5f} {shape.y:.5f} {shape.width:.5f} {shape.height:.5f} re"
+        for shape in page.shapes
+        if isinstance(shape, Rectangle)
+    ]
     text = page.text.replace("\\", "\\\\").replace("(", "\\(").replace(")", "\\)")
     x, y = page.text_position[0] * scale, (page.height - page.text_position[1]) * scale
     content += ["f Q", f"BT /F1 10 Tf {x:.3f} {y:.3f} Td ({text}) Tj ET"]
@@ -135,11 +143,6 @@ def target_pdf(target: Target) -> bytes:
     )
 
 
-def _svg_disc(disc: Disc) -> str:
-    """Return the SVG element of a disc."""
-    return f'<circle cx="{disc.x:.6g}" cy="{disc.y:.6g}" r="{disc.radius:.6g}"/>'
-
-
 def _svg_rectangles(page: PageLayout) -> str:
     """Return the SVG path of all rectangles."""
     return " ".join(
@@ -147,11 +150,6 @@ def _svg_rectangles(page: PageLayout) -> str:
         for shape in page.shapes
         if isinstance(shape, Rectangle)
     )
-
-
-def _pdf_rectangle(shape: Rectangle) -> str:
-    """Return the PDF path of a rectangle."""
-    return f"{shape.x:.5f} {shape.y:.5f} {shape.width:.5f} {shape.height:.5f} re"
 
 
 def _pdf_disc(disc: Disc) -> str:
@@ -223,7 +221,7 @@ def _layout_page(
         max(size[0], RULER_LENGTH) + 2 * MARGIN, size[1] + 2 * MARGIN + FOOTER_HEIGHT
     )
     left, top = (width - size[0]) / 2, (height - size[1] - FOOTER_HEIGHT) / 2
-    centred = [_translate(shape, left, top) for shape in shapes]
+    centred = [replace(shape, x=shape.x + left, y=shape.y + top) for shape in shapes]
     bar_top = top + size[1] + MARGIN
     ruler = [
         Rectangle(MARGIN, bar_top + 2, RULER_LENGTH, 0.4),
@@ -241,13 +239,6 @@ def _smallest_paper(width: float, height: float) -> tuple[float, float]:
             if width <= sheet[0] and height <= sheet[1]:
                 return sheet
     return width, height
-
-
-def _translate(shape: Rectangle | Disc, x: float, y: float) -> Rectangle | Disc:
-    """Return a shape translated by (x, y) in mm."""
-    if isinstance(shape, Disc):
-        return Disc(shape.x + x, shape.y + y, shape.radius)
-    return Rectangle(shape.x + x, shape.y + y, shape.width, shape.height)
 
 
 def _checker_squares(

@@ -236,9 +236,8 @@ def place_section(
             _UncertainMotion(section_pose.translation, flange_pose.rotation, mount.covariance)
         )
         if base_from_flange is not None:
-            motions.append(
-                _UncertainMotion(flange_pose.translation, np.eye(3), robot_covariance(mount))
-            )
+            robot = np.diag(np.repeat(np.square(mount.robot_std), 3))
+            motions.append(_UncertainMotion(flange_pose.translation, np.eye(3), robot))
     else:
         section_pose = flange_pose @ as_pose(calibration)
     placed = []
@@ -333,12 +332,6 @@ def rigid_motion_jacobian(cylinder: Cylinder, pivot: FloatArray, axes: FloatArra
     jacobian[:3, 3:] = np.cross(axes.T, cylinder.point - pivot).T
     jacobian[3:6, 3:] = np.cross(axes.T, cylinder.direction).T
     return jacobian
-
-
-def robot_covariance(calibration: SectionMount) -> FloatArray:
-    """Return the (6, 6) covariance of the flange pose: translation (mm), then rotation (rad)."""
-    position_std, rotation_std = calibration.robot_std
-    return np.diag([position_std**2] * 3 + [rotation_std**2] * 3)
 
 
 def _scale_to_limit(limit: float, gradient: FloatArray, covariance: FloatArray) -> float:

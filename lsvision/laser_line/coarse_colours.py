@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.geometry import BoolArray, FloatArray, IntArray
+from lsvision.geometry import BoolArray, FloatArray
 from lsvision.laser_line.detection import DetectedLine, add_rounding_errors, locate_line
 from lsvision.laser_line.line_image import LineImage
 from lsvision.laser_line.noise import errors_are_correlated, roughness
@@ -60,7 +60,7 @@ def select_sharper_line(
     if luminance_line.stripes.found.mean() < MIN_LUMINANCE_FRACTION:
         return image, detected, 0.0
     luminance_line = add_rounding_errors(luminance_image, luminance_line)
-    pair = _ComparedLines.of(coarse, luminance_line)
+    pair = _ComparedLines(coarse, luminance_line)
     compressed = luminance_line.blocks is not None
     if pair.agrees and not compressed:
         return image, detected, 0.0
@@ -78,36 +78,24 @@ def select_sharper_line(
 
 @dataclass(frozen=True, eq=False)
 class _ComparedLines:
-    """The line in colour and in luminance: columns, rows and standard deviations, (n,) each.
+    """The line in colour and in luminance, in the same n columns.
 
-    Units: px; NaN where the line is not found in the luminance.
+    Rows and standard deviations are NaN where the line is not found in the luminance.
     """
 
-    columns: IntArray
-    colour_rows: FloatArray
-    luminance_rows: FloatArray
-    colour_std: FloatArray
-    luminance_std: FloatArray
-
-    @classmethod
-    def of(cls, colour: DetectedLine, luminance_line: DetectedLine) -> "_ComparedLines":
-        return cls(
-            colour.windows.columns,
-            colour.stripes.pixels[:, 1],
-            luminance_line.stripes.pixels[:, 1],
-            colour.stripes.std,
-            luminance_line.stripes.std,
-        )
+    colour: DetectedLine
+    luminance: DetectedLine
 
     @property
     def distances(self) -> FloatArray:
         """Distance of both lines in each column, (n,). Units: px."""
-        return np.abs(self.luminance_rows - self.colour_rows)
+        rows, other_rows = (line.stripes.pixels[:, 1] for line in (self.luminance, self.colour))
+        return np.abs(rows - other_rows)
 
     @property
     def noise(self) -> FloatArray:
         """Standard deviation of the distance predicted from the noise, (n,). Units: px."""
-        return np.hypot(self.luminance_std, self.colour_std)
+        return np.hypot(self.luminance.stripes.std, self.colour.stripes.std)
 
     @property
     def scatter(self) -> float:
@@ -128,35 +116,41 @@ class _ComparedLines:
     @property
     def colour_roughness(self) -> float:
         """Roughness of the line in the colour. Units: px."""
-        return roughness(self.columns, self.colour_rows)
+        return _roughness(self.colour, np.full(len(self.noise), True))
 
     @property
     def luminance_roughness(self) -> float:
         """Roughness of the line in the luminance. Units: px."""
-        found = np.isfinite(self.luminance_rows)
-        return roughness(self.columns[found], self.luminance_rows[found])
+        return _roughness(self.luminance, np.isfinite(self.distances))
 
     @property
     def print_in_luminance(self) -> bool:
         """Whether the line in the luminance is rougher, in spite of the finer resolution."""
-        found = np.isfinite(self.luminance_rows)
-        return self.luminance_roughness > roughness(self.columns[found], self.colour_rows[found])
+        of_colour = _roughness(self.colour, np.isfinite(self.distances))
+        return self.luminance_roughness > of_colour
 
     @property
     def noise_explains_luminance(self) -> bool:
         """Whether the luminance is no rougher than its noise with the rounding of a JPEG file."""
-        std = float(np.nanmedian(self.luminance_std))
+        std = float(np.nanmedian(self.luminance.stripes.std))
         return self.luminance_roughness < MAX_ROUGHNESS_SIGMAS * std
 
     @property
     def colour_is_better(self) -> bool:
         """Whether the colour has the smaller standard deviation, including its coarseness."""
-        of_colour = np.nanmedian(np.hypot(self.colour_std, self.colour_error))
-        return bool(of_colour < np.nanmedian(np.hypot(self.luminance_std, self.scatter / 2)))
+        of_colour = np.nanmedian(np.hypot(self.colour.stripes.std, self.colour_error))
+        return bool(
+            of_colour < np.nanmedian(np.hypot(self.luminance.stripes.std, self.scatter / 2))
+        )
 
     @property
     def disturbed(self) -> BoolArray:
         """Columns in which the luminance deviates far more than in most, or has no line, (n,)."""
-        limit = MAX_DISTANCE_SIGMAS * np.hypot(self.scatter, self.luminance_std)
+        limit = MAX_DISTANCE_SIGMAS * np.hypot(self.scatter, self.luminance.stripes.std)
         near: BoolArray = self.distances <= limit
         return ~near
+
+
+def _roughness(line: DetectedLine, which: BoolArray) -> float:
+    """Return the roughness of a line in the columns of a mask (n,). Units: px."""
+    return roughness(line.windows.columns[which], line.stripes.pixels[which, 1])

@@ -247,18 +247,12 @@ def _interleave(lines: list[LaserLine], starts: list[int]) -> LaserLine:
     )
     order = np.argsort(columns, kind="stable")
 
-    def merge(name: str) -> Any:
-        return np.concatenate([getattr(first, name), getattr(second, name)])[order]
-
-    return replace(
-        first,
-        pixels=merge("pixels"),
-        std=merge("std"),
-        intensity=merge("intensity"),
-        width=merge("width"),
-        saturated=merge("saturated"),
-        second_line_fraction=max(first.second_line_fraction, second.second_line_fraction),
-    )
+    merged: dict[str, Any] = {
+        name: np.concatenate([getattr(first, name), getattr(second, name)])[order]
+        for name in ("pixels", "std", "intensity", "width", "saturated")
+    }
+    fraction = max(first.second_line_fraction, second.second_line_fraction)
+    return replace(first, second_line_fraction=fraction, **merged)
 
 
 def _check_exposure(image: LineImage) -> None:

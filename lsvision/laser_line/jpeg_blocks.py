@@ -12,6 +12,7 @@ grid.
 import math
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from lsvision.geometry import FloatArray, IntArray
@@ -75,25 +76,13 @@ STANDARD_STEPS = np.array(
 rows and columns."""
 
 
-def _cosines() -> FloatArray:
-    """Return the discrete cosine transform of 8 pixels (frequency, pixel), an orthogonal matrix."""
-    pixels = np.arange(BLOCK)
-    angles = (2 * pixels + 1) * pixels[:, None] * (np.pi / (2 * BLOCK))
-    basis: FloatArray = np.cos(angles) * np.sqrt(2 / BLOCK)
-    basis[0] /= np.sqrt(2)
-    return basis
-
-
-def _shifted_cosines() -> Image:
-    """Return the transforms (shift, frequency, pixel) of each 8 neighbours among 15 pixels."""
-    shifted = np.zeros((BLOCK, BLOCK, PATCH), dtype=np.float32)
-    for shift in range(BLOCK):
-        shifted[shift, :, shift : shift + BLOCK] = COSINES
-    return shifted
-
-
-COSINES = _cosines()
-SHIFTED_COSINES = _shifted_cosines()
+COSINES: FloatArray = cv2.dct(np.eye(BLOCK), flags=cv2.DCT_ROWS).T
+"""Discrete cosine transform of 8 pixels (frequency, pixel), an orthogonal matrix."""
+SHIFTED_COSINES: Image = np.array(
+    [np.pad(COSINES, ((0, 0), (shift, PATCH - BLOCK - shift))) for shift in range(BLOCK)],
+    dtype=np.float32,
+)
+"""Transforms (shift, frequency, pixel) of each 8 neighbours among 15 pixels."""
 
 
 @dataclass(frozen=True, eq=False)

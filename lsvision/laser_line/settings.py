@@ -81,22 +81,13 @@ class LineSettings(ShowsChanges):
     path: PathSettings = field(default_factory=PathSettings)
 
     def __post_init__(self) -> None:
-        choices = {"method": Method, "channel": Channel}
-        for name, allowed in choices.items():
-            if getattr(self, name) not in get_args(allowed):
-                raise ValueError(
-                    f"expected {name} among {', '.join(get_args(allowed))}, "
-                    f"got {getattr(self, name)!r}"
-                )
-        if self.direction not in (None, *get_args(Direction)):
-            raise ValueError(
-                f"expected direction among {', '.join(get_args(Direction))} or None, "
-                f"got {self.direction!r}"
-            )
-        if self.bayer not in (None, *get_args(Bayer)):
-            raise ValueError(
-                f"expected bayer among {', '.join(get_args(Bayer))}, got {self.bayer!r}"
-            )
+        choices = {"method": Method, "channel": Channel, "direction": Direction, "bayer": Bayer}
+        for name, literal in choices.items():
+            allowed, value = get_args(literal), getattr(self, name)
+            may_be_none = name in ("direction", "bayer")
+            if value not in allowed and not (value is None and may_be_none):
+                none = " or None" * (name == "direction")
+                raise ValueError(f"expected {name} among {', '.join(allowed)}{none}, got {value!r}")
         if self.bayer and self.channel in ("grey", "white"):
             raise ValueError(
                 f"expected channel red, green or blue beside bayer, got {self.channel!r}"

@@ -134,7 +134,11 @@ def associate_arcs(
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Prediction:
-    """Radius (mm) of a cylinder from some of its arcs, and its axis from `predict_axes`."""
+    """Radius (mm) of a cylinder from the last arcs of its track, and its axis.
+
+    A point (3,) of the axis in mm; the direction of the line through the centres (1, 3), or both
+    twins of one arc (2, 3) if their standard uncertainty is smaller; that uncertainty in rad.
+    """
 
     radius: float
     radius_std: float
@@ -146,7 +150,16 @@ class _Prediction:
 def _predict(recent: Sequence[ArcObservation]) -> _Prediction:
     radius = median(np.array([observation.radius for observation in recent]))
     radius_std = min(observation.radius_std for observation in recent)
-    return _Prediction(radius, radius_std, *predict_axes(recent))
+    centres = np.array([observation.centre for observation in recent])
+    mean_centre = centres.mean(axis=0)
+    best = min(recent, key=lambda observation: observation.twins_std)
+    if len(recent) > 1:
+        _, lengths, directions = np.linalg.svd(centres - mean_centre, full_matrices=False)
+        centre_std = median(np.array([observation.centre_std for observation in recent]))
+        line_std = centre_std / max(float(lengths[0]), 1e-12)
+        if line_std < best.twins_std:
+            return _Prediction(radius, radius_std, mean_centre, directions[:1], line_std)
+    return _Prediction(radius, radius_std, best.centre, best.twins, best.twins_std)
 
 
 def _normalised_gate_distance(
@@ -165,21 +178,3 @@ def _normalised_gate_distance(
     uncertainty = settings.sigmas * arc.centre_std + direction_uncertainty
     gate = min(settings.gate * radius + uncertainty, settings.max_gate * radius)
     return float(distances.min()) / gate
-
-
-def predict_axes(recent: Sequence[ArcObservation]) -> tuple[FloatArray, FloatArray, float]:
-    """Return the axis of a cylinder, predicted from the last arcs of its track, one or more.
-
-    A point (3,) of the axis in mm; the direction of the line through the centres (1, 3), or both
-    twins of one arc (2, 3) if their standard uncertainty is smaller; that uncertainty in rad.
-    """
-    centres = np.array([observation.centre for observation in recent])
-    mean_centre = centres.mean(axis=0)
-    best = min(recent, key=lambda observation: observation.twins_std)
-    if len(recent) > 1:
-        _, lengths, directions = np.linalg.svd(centres - mean_centre, full_matrices=False)
-        centre_std = median(np.array([observation.centre_std for observation in recent]))
-        line_std = centre_std / max(float(lengths[0]), 1e-12)
-        if line_std < best.twins_std:
-            return mean_centre, directions[:1], line_std
-    return best.centre, best.twins, best.twins_std

@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from lsvision.geometry import BoolArray, FloatArray, Plane, Pose
 from lsvision.profile import Profile
+from lsvision.simulate.section import correlated_unit_noise
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -103,22 +104,11 @@ def _noisy_profile(
     rng: np.random.Generator,
 ) -> Profile:
     """Return the profile with noise and height scale; points that are not measured are lost."""
-    noise = _correlate(rng.normal(0.0, 1.0, len(x)), view) * view.range_std
+    noise = view.range_std * correlated_unit_noise(len(x), view.correlation, rng)
     heights = view.height_scale * y + noise
     measured = measured & (heights >= view.depth[0]) & (heights <= view.depth[1])
     points = np.where(measured[:, None], np.column_stack([x, heights]), np.nan)
     return Profile(points)
-
-
-def _correlate(noise: FloatArray, view: SectionView) -> FloatArray:
-    """Return the noise after a Gaussian filter along the columns, with unchanged std."""
-    if not view.correlation > 0:
-        return noise
-    half_width = math.ceil(4 * view.correlation)
-    kernel = np.exp(-0.5 * (np.arange(-half_width, half_width + 1) / view.correlation) ** 2)
-    kernel /= np.sqrt((kernel**2).sum())
-    periodic = np.pad(noise, half_width, mode="wrap")
-    return np.convolve(periodic, kernel, "valid")
 
 
 def rotation_from_vector(vector: npt.ArrayLike) -> FloatArray:

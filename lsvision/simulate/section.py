@@ -159,7 +159,9 @@ def simulate_section(
     rays = column_rays(sensor, settings)
     base_rays = rays.transformed(pose)
     hits, labels = scene.first_hits(base_rays)
-    measured = _in_range(hits, rays, sensor) & visible_at_incidence(hits, base_rays, settings, rng)
+    depths = -hits.distances * rays.directions[:, 1]
+    measured = (depths >= sensor.min_range) & (depths <= sensor.max_range)
+    measured &= visible_at_incidence(hits, base_rays, settings, rng)
     exact = rays.origins + np.where(measured, hits.distances, np.nan)[:, None] * rays.directions
     if settings.camera is not None:
         measured &= _visible_from(settings.camera, exact, scene, pose)
@@ -168,7 +170,8 @@ def simulate_section(
     exact = np.where(measured[:, None], exact, np.nan)[:, :2]
     std = noise_std(exact, sensor)
     jumps = draw_jumps(sensor.columns, settings, rng)
-    noise = settings.noise_factor * std * correlated_unit_noise(sensor.columns, settings, rng)
+    unit_noise = correlated_unit_noise(sensor.columns, settings.correlation_columns, rng)
+    noise = settings.noise_factor * std * unit_noise
     points = exact + (noise + jumps)[:, None] * rays.directions[:, :2]
     if sensor.quantum > 0:
         points = np.round(points / sensor.quantum) * sensor.quantum
@@ -214,12 +217,6 @@ def column_rays(sensor: ProfileSensor, settings: SectionSettings) -> Rays:
         return Rays(origins, np.column_stack([zeros, zeros - 1.0, zeros]))
     directions = np.column_stack([x, zeros - sensor.max_range, zeros])
     return Rays(origins, directions / np.linalg.norm(directions, axis=1, keepdims=True))
-
-
-def _in_range(hits: Hits, rays: Rays, sensor: ProfileSensor) -> BoolArray:
-    """Return the mask of hits within the sensor's measuring range along -Y."""
-    depth = -hits.distances * rays.directions[:, 1]
-    return (depth >= sensor.min_range) & (depth <= sensor.max_range)
 
 
 def _visible_from(
@@ -295,11 +292,11 @@ def draw_jumps(columns: int, settings: SectionSettings, rng: np.random.Generator
     )
 
 
-def correlated_unit_noise(
-    columns: int, settings: SectionSettings, rng: np.random.Generator
-) -> FloatArray:
-    """Return a standard normal error of each column, correlated by a Gaussian filter if set."""
-    filter_std = settings.correlation_columns
+def correlated_unit_noise(columns: int, filter_std: float, rng: np.random.Generator) -> FloatArray:
+    """Return a standard normal error of each column, correlated by a Gaussian filter.
+
+    `filter_std` is its standard deviation in columns; 0 for independent errors.
+    """
     if filter_std == 0:
         return rng.standard_normal(columns)
     half_width = math.ceil(4 * filter_std)
