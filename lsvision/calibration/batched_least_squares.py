@@ -134,13 +134,15 @@ def prior_jacobian_and_residuals(
     observations: Observations, states: States
 ) -> tuple[FloatArray, FloatArray]:
     """Return Jacobian and residuals of the prior on the targets, as rows of the whitened system."""
-    weights = 1 / observations.target_prior[1]
+    mean, std = observations.target_prior
     count, groups = states.targets.shape[:2]
-    size = groups * len(weights)
+    weights, size = 1 / std, groups * len(std)
     jacobian = np.zeros((count, size, 6 + size))
     jacobian[:, range(size), range(6, 6 + size)] = np.tile(weights, groups)
-    residuals = observations.prior_residuals(states.targets) * weights
-    return jacobian, residuals.reshape(count, size)
+    if not weights.any():
+        return jacobian, np.zeros((count, size))
+    # A target with a prior is described by its step coordinates.
+    return jacobian, ((states.targets - mean) * weights).reshape(count, size)
 
 
 def _expand_target_columns(jacobian: FloatArray, groups: IntArray, count: int) -> FloatArray:

@@ -177,10 +177,9 @@ def _camera_centre(homography: FloatArray, view: TargetView) -> FloatArray:
 
 def _rq_decomposition(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return K and R of the RQ decomposition, K with positive diagonal and K[2, 2] = 1."""
-    matrix = matrix * np.sign(np.linalg.det(matrix))
-    flip = np.eye(3)[::-1]
-    Q, U = np.linalg.qr((flip @ matrix).T)
-    K, R = flip @ U.T @ flip, flip @ Q.T
+    from scipy.linalg import rq
+
+    K, R = rq(matrix * np.sign(np.linalg.det(matrix)))
     signs = np.diag(np.sign(np.diag(K)))
     K, R = K @ signs, signs @ R
     return K / K[2, 2], R

@@ -99,10 +99,6 @@ class BoardObservations:
         flat = rotated.reshape(*targets.shape[:-1], 9)
         return np.concatenate([targets[..., :3] + steps[..., :3], flat], axis=-1)
 
-    def prior_residuals(self, targets: FloatArray) -> FloatArray:
-        """Return zeros: there is no prior."""
-        return np.zeros((*targets.shape[:2], 6))
-
     def target_distance(self, first: FloatArray, second: FloatArray) -> float:
         """Return the distance of the origins. Units: mm."""
         return float(np.linalg.norm((first - second)[:3]))

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.calibration.rotations import cross_matrices
+from lsvision.calibration.rotations import cross_matrices, vectors_from_rotations
 from lsvision.calibration.target import Chessboard, CircleGrid, Target
 from lsvision.errors import CalibrationFailed
 from lsvision.geometry import FloatArray, IntArray, Pose
@@ -127,9 +127,10 @@ def turn_boards(
     costs = _angle_differences(camera_from_boards, flanges, group)
     # The label of a view is the index of its turn in the group. Each view in turn is the one from
     # which the initial labels of the others follow.
+    views = np.arange(len(flanges))
     labels = min(
-        (_consistent_labels(costs, costs[view].argmin(axis=1)) for view in range(len(flanges))),
-        key=lambda labels: _total_cost(costs, labels),
+        (_consistent_labels(costs, costs[view].argmin(axis=1)) for view in views),
+        key=lambda labels: _label_costs(costs, labels)[views, labels].sum(),
     )
     _require_certain(costs, labels)
     # The turns are a cyclic group, in the order of their angles.
@@ -165,8 +166,7 @@ def _angle_differences(
 
 def _angles(rotations: FloatArray) -> FloatArray:
     """Return the angles of rotations (..., 3, 3). Units: rad."""
-    cosine = (np.trace(rotations, axis1=-2, axis2=-1) - 1) / 2
-    angles: FloatArray = np.arccos(np.clip(cosine, -1.0, 1.0))
+    angles: FloatArray = np.linalg.norm(vectors_from_rotations(rotations), axis=-1)
     return angles
 
 
@@ -193,16 +193,11 @@ def _consistent_labels(costs: FloatArray, labels: IntArray) -> IntArray:
     return labels
 
 
-def _total_cost(costs: FloatArray, labels: IntArray) -> float:
-    """Return the sum over all views of the mean cost of their turns."""
-    return float(_label_costs(costs, labels)[np.arange(len(labels)), labels].sum())
-
-
 def _require_certain(costs: FloatArray, labels: IntArray) -> None:
     """Raise an error unless every other turn of every view fits worse by `MIN_MARGIN`."""
-    label_costs = _label_costs(costs, labels)
-    selected_costs = label_costs[np.arange(len(labels)), labels]
-    label_costs[np.arange(len(labels)), labels] = np.inf
+    label_costs, views = _label_costs(costs, labels), np.arange(len(labels))
+    selected_costs = label_costs[views, labels]
+    label_costs[views, labels] = np.inf
     margins = label_costs.min(axis=1) - selected_costs
     if margins.min() < MIN_MARGIN:
         raise CalibrationFailed(

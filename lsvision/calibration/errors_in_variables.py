@@ -63,6 +63,8 @@ class ErrorsInVariablesFit:
     robot_std_scales : (2,) ndarray
         Standard deviations of the robot's position and orientation in units of the stated or
         nominal ones.
+    robot_std_is_estimated : bool
+        Whether these scales were estimated from the residuals.
     chi2 : float
         Sum of squared whitened residuals of the used poses and the prior.
     dof : int
@@ -78,6 +80,7 @@ class ErrorsInVariablesFit:
     jacobian: FloatArray
     residuals: FloatArray
     robot_std_scales: FloatArray
+    robot_std_is_estimated: bool
     chi2: float
     dof: int
     variance_factor: float
@@ -187,6 +190,7 @@ def _build_fit(
         jacobian=jacobian[0],
         residuals=residuals[0],
         robot_std_scales=scales,
+        robot_std_is_estimated=estimate,
         chi2=chi2,
         dof=dof,
         variance_factor=variance_factor,

@@ -33,7 +33,7 @@ from lsvision.calibration.views import (
     rms_distance,
 )
 from lsvision.errors import CalibrationFailed
-from lsvision.geometry import BoolArray, FloatArray, Pose
+from lsvision.geometry import FloatArray, Pose
 from lsvision.geometry.equality import ComparedByValue
 from lsvision.laser_line.image_array import as_image
 from lsvision.results.quantities import Record
@@ -168,7 +168,10 @@ class CameraCalibration(Result):
     @property
     def parameters(self) -> dict[str, tuple[float, float]]:
         """Value and standard deviation of fx, fy, cx, cy (px) and the distortion coefficients."""
-        return result_tables.camera_parameters(self)
+        matrix = self.camera.matrix
+        values = [*matrix[[0, 1, 0, 1], [0, 1, 2, 2]].tolist(), *self.camera.distortion.tolist()]
+        pairs = zip(values, self.std.items(), strict=True)
+        return {name: (value, std) for value, (name, std) in pairs}
 
     def to_dict(self) -> Record:
         """Return the intrinsics with one sigma each, ready for JSON.
@@ -180,7 +183,11 @@ class CameraCalibration(Result):
             tau_y are in rad), ``rms_px``, ``board_bow_mm`` and its std, number of views, rejected
             views, outliers and warnings.
         """
-        return result_tables.camera_record(self)
+        record: Record = {}
+        for name, (value, std) in self.parameters.items():
+            unit = "_px" if name in ("fx", "fy", "cx", "cy") else ""
+            record |= {f"{name}{unit}": value, f"{name}_std{unit}": std}
+        return record | {"rms_px": self.rms_px, **result_tables.common_record(self)}
 
     def _summary(self) -> str:
         width, height = self.camera.size
@@ -280,13 +287,6 @@ def fit_camera(
     )
 
 
-def _independent_mask(std: FloatArray, settings: CameraSettings) -> BoolArray:
-    """Return the mask of independently estimated intrinsics: without fx if fx = fy."""
-    free: BoolArray = std > 0
-    free[0] &= not settings.fixed_aspect
-    return free
-
-
 def _solve(
     views: Sequence[TargetView], settings: CameraSettings
 ) -> tuple[BentBoardFit, FloatArray]:
@@ -297,7 +297,8 @@ def _solve(
     matrix, distortion, std, poses = _solve_flat(views, settings)
     require_tilted(poses, "the focal length")
     corners = np.concatenate([view.points for view in views])
-    camera, free = Camera(matrix, distortion, views[0].size), _independent_mask(std, settings)
+    camera, free = Camera(matrix, distortion, views[0].size), std > 0
+    free[0] &= not settings.fixed_aspect  # which makes fx a multiple of fy
     if not settings.bent_board or len(views) < MIN_BOW_VIEWS or not determine_shape(corners):
         covariance, flat = intrinsics_covariance(camera, views, poses, free), np.zeros(SHAPE_TERMS)
         return BentBoardFit(camera, poses, covariance, BoardShape.of(corners), flat, flat), std

@@ -10,7 +10,7 @@ import numpy as np
 from lsvision.calibration.bundle_adjustment_problem import LaserView
 from lsvision.calibration.result_tables import (
     cells_of_rows,
-    laser_plane_record,
+    common_record,
     laser_plane_rows,
     rejection_lines,
 )
@@ -19,7 +19,7 @@ from lsvision.geometry import FloatArray, Plane, Pose
 from lsvision.geometry.arrays import rms
 from lsvision.geometry.equality import ComparedByValue
 from lsvision.results.number_format import format_value
-from lsvision.results.quantities import Record
+from lsvision.results.quantities import Record, json_numbers
 from lsvision.results.result import Result
 from lsvision.sensors.light_section import LightSection
 
@@ -112,7 +112,17 @@ class LaserPlaneCalibration(Result):
         dict
             Camera frame; lengths in ``*_mm``, angles in ``*_deg``, residuals in ``*_px``.
         """
-        return laser_plane_record(self)
+        tilt_x, tilt_y, distance = (math.sqrt(value) for value in self.covariance.diagonal())
+        return {
+            "normal": json_numbers(self.plane.normal),
+            "tilt_x_std_deg": math.degrees(tilt_x),
+            "tilt_y_std_deg": math.degrees(tilt_y),
+            "distance_mm": self.plane.distance,
+            "distance_std_mm": distance,
+            "line_rms_px": self.line_rms,
+            "corner_rms_px": self.corner_rms,
+            **common_record(self),
+        }
 
     def _summary(self) -> str:
         std = math.sqrt(float(self.covariance[2, 2]))

@@ -197,10 +197,6 @@ class Observations(Protocol):
         """
         ...
 
-    def prior_residuals(self, targets: FloatArray) -> FloatArray:
-        """Return target minus prior mean, (s, g, d); any number where there is no prior."""
-        ...
-
     def target_distance(self, first: FloatArray, second: FloatArray) -> float:
         """Return the distance of two targets (k,). Units: mm."""
         ...

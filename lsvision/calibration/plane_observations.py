@@ -74,9 +74,8 @@ class PlaneObservations:
         mount_from_target = np.swapaxes(self.flanges.rotations, -1, -2)
         normal_in_mount = (mount_from_target @ normal[..., None])[..., 0]
         # Axis 2: the midpoint, for the offset, and the direction, which is not translated.
-        vectors_in_mount = np.stack(
-            [_rotate_to_mount(states, v) for v in (self.midpoints, self.directions)], axis=2
-        )
+        vectors = np.stack([self.midpoints, self.directions], axis=1)
+        vectors_in_mount = np.einsum("sij,nkj->snki", states.rotations, vectors)
         lever_arms = vectors_in_mount.copy()
         vectors_in_mount[:, :, 0] += states.translations[:, None]
         normal_in_section = (normal_in_mount[..., None, :] @ states.rotations[:, None])[..., 0, :2]
@@ -116,10 +115,6 @@ class PlaneObservations:
         normals = targets[..., :3] + tilt
         normals = normals / np.linalg.norm(normals, axis=-1, keepdims=True)
         return np.concatenate([normals, targets[..., 3:] + steps[..., 2:]], axis=-1)
-
-    def prior_residuals(self, targets: FloatArray) -> FloatArray:
-        """Return zeros: there is no prior."""
-        return np.zeros((*targets.shape[:2], 3))
 
     def target_distance(self, first: FloatArray, second: FloatArray) -> float:
         """Return the mean distance of two planes at the flange origins. Units: mm."""
@@ -162,12 +157,6 @@ class PlaneObservations:
         normals = np.broadcast_to(normal, (len(masks), count, 3))
         targets = np.concatenate([normals, solution[:, 9:, None]], axis=-1)
         return States(rotations, solution[:, 6:9], targets)
-
-
-def _rotate_to_mount(states: States, vectors: FloatArray) -> FloatArray:
-    """Return vectors (n, 3) of the sensor frame in the mount's axes, (s, n, 3)."""
-    rotated: FloatArray = np.einsum("sij,nj->sni", states.rotations, vectors)
-    return rotated
 
 
 def _tangent_bases(normals: FloatArray) -> FloatArray:

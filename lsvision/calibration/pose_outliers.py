@@ -97,10 +97,8 @@ def fit_with_outlier_rejection(
     state = _least_trimmed_squares_guess(observations, settings, min_poses)
     mask = _reject_gross_outliers(observations, state)
     fit = fit_errors_in_variables(observations, state, mask, estimate_robot_std=estimate_robot_std)
-    fit = _reject_outliers(
-        observations, fit, settings, min_poses=min_poses, estimate_robot_std=estimate_robot_std
-    )
-    fit = _restore_inliers(observations, fit, settings, estimate_robot_std=estimate_robot_std)
+    fit = _reject_outliers(observations, fit, settings, min_poses)
+    fit = _restore_inliers(observations, fit, settings)
     return RobustHandEyeFit(fit, _outlier_p_values(fit))
 
 
@@ -180,9 +178,7 @@ def _reject_outliers(
     observations: Observations,
     fit: ErrorsInVariablesFit,
     settings: OutlierSettings,
-    *,
     min_poses: int,
-    estimate_robot_std: bool,
 ) -> ErrorsInVariablesFit:
     """Return the fit without the poses of smallest p-value, until all are above significance.
 
@@ -194,16 +190,12 @@ def _reject_outliers(
         rejected = int(p_values.argmin())
         if p_values[rejected] * fit.mask.sum() > settings.significance:
             break
-        fit = _toggle_pose(observations, fit, rejected, estimate_robot_std=estimate_robot_std)
+        fit = _toggle_pose(observations, fit, rejected)
     return fit
 
 
 def _restore_inliers(
-    observations: Observations,
-    fit: ErrorsInVariablesFit,
-    settings: OutlierSettings,
-    *,
-    estimate_robot_std: bool,
+    observations: Observations, fit: ErrorsInVariablesFit, settings: OutlierSettings
 ) -> ErrorsInVariablesFit:
     """Return the fit with poses above the significance restored, largest p-value first."""
     while not fit.mask.all():
@@ -211,19 +203,18 @@ def _restore_inliers(
         restored = int(p_values.argmax())
         if p_values[restored] * len(fit.mask) <= settings.significance:
             break
-        fit = _toggle_pose(observations, fit, restored, estimate_robot_std=estimate_robot_std)
+        fit = _toggle_pose(observations, fit, restored)
     return fit
 
 
 def _toggle_pose(
-    observations: Observations, fit: ErrorsInVariablesFit, index: int, *, estimate_robot_std: bool
+    observations: Observations, fit: ErrorsInVariablesFit, index: int
 ) -> ErrorsInVariablesFit:
     """Return the fit without a pose that it used, or with one that it did not use."""
     mask = fit.mask.copy()
     mask[index] = 1.0 - mask[index]
-    return fit_errors_in_variables(
-        observations, fit.states, mask, estimate_robot_std=estimate_robot_std
-    )
+    estimated = fit.robot_std_is_estimated
+    return fit_errors_in_variables(observations, fit.states, mask, estimate_robot_std=estimated)
 
 
 def _outlier_p_values(fit: ErrorsInVariablesFit) -> FloatArray:

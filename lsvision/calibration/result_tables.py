@@ -49,16 +49,7 @@ def camera_rows(calibration: "CameraCalibration") -> list[Row]:
     return [*rows, ("residual, rms", f"{calibration.rms_px:.3f}", "px"), *_bow_rows(calibration)]
 
 
-def camera_record(calibration: "CameraCalibration") -> "Record":
-    """Return the intrinsics with their standard deviations, and residuals, ready for JSON."""
-    record: Record = {}
-    for name, (value, std) in calibration.parameters.items():
-        unit = "_px" if name in ("fx", "fy", "cx", "cy") else ""
-        record |= {f"{name}{unit}": value, f"{name}_std{unit}": std}
-    return record | {"rms_px": calibration.rms_px, **_common_record(calibration)}
-
-
-def _common_record(calibration: "CameraCalibration | LaserPlaneCalibration") -> "Record":
+def common_record(calibration: "CameraCalibration | LaserPlaneCalibration") -> "Record":
     """Return the board's shape, and the views and warnings, ready for JSON."""
     return {
         "board_bow_mm": json_numbers(calibration.board_bow),
@@ -68,20 +59,6 @@ def _common_record(calibration: "CameraCalibration | LaserPlaneCalibration") -> 
         "outliers": [{"image": view.index, "reason": view.reason} for view in calibration.outliers],
         "warnings": list(calibration.warnings),
     }
-
-
-def camera_parameters(calibration: "CameraCalibration") -> dict[str, tuple[float, float]]:
-    """Return the value and standard deviation of fx, fy, cx, cy (px) and of each coefficient."""
-    matrix = calibration.camera.matrix
-    values = [
-        matrix[0, 0],
-        matrix[1, 1],
-        matrix[0, 2],
-        matrix[1, 2],
-        *calibration.camera.distortion,
-    ]
-    pairs = zip(values, calibration.std.items(), strict=True)
-    return {name: (float(value), std) for value, (name, std) in pairs}
 
 
 def laser_plane_rows(calibration: "LaserPlaneCalibration") -> list[Row]:
@@ -108,21 +85,6 @@ def _bow_rows(calibration: "CameraCalibration | LaserPlaneCalibration") -> list[
     return [
         (f"board's {name}", format_value(float(bow), float(std)), "mm") for name, bow, std in pairs
     ]
-
-
-def laser_plane_record(calibration: "LaserPlaneCalibration") -> "Record":
-    """Return the plane with its standard deviations, and residuals, ready for JSON."""
-    tilt_x, tilt_y, distance = (math.sqrt(value) for value in calibration.covariance.diagonal())
-    return {
-        "normal": json_numbers(calibration.plane.normal),
-        "tilt_x_std_deg": math.degrees(tilt_x),
-        "tilt_y_std_deg": math.degrees(tilt_y),
-        "distance_mm": calibration.plane.distance,
-        "distance_std_mm": distance,
-        "line_rms_px": calibration.line_rms,
-        "corner_rms_px": calibration.corner_rms,
-        **_common_record(calibration),
-    }
 
 
 def rotation_vector_deg(hand_eye: "HandEye") -> tuple[FloatArray, FloatArray]:

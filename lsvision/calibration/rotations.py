@@ -6,8 +6,6 @@ Small changes of a rotation R from frame b to frame a, and their covariances, ar
 rotations in this package: vectors w (rad) along the axes of frame a, R -> exp([w]x) R.
 """
 
-import itertools
-
 import numpy as np
 
 from lsvision.geometry import FloatArray
@@ -81,12 +79,7 @@ def list_cube_rotations() -> FloatArray:
 
     They are initial guesses for an unknown rotation: one of them is at most 63 deg from it.
     """
-    rotations = []
-    for columns in itertools.permutations(range(3)):
-        for signs in itertools.product((1.0, -1.0), repeat=3):
-            matrix = np.zeros((3, 3))
-            matrix[range(3), columns] = signs
-            # The other half of the 48 signed permutations are reflections.
-            if np.linalg.det(matrix) > 0:
-                rotations.append(matrix)
-    return np.array(rotations)
+    from scipy.spatial.transform import Rotation
+
+    rotations: FloatArray = Rotation.create_group("O").as_matrix().round()
+    return rotations

@@ -82,15 +82,12 @@ class SphereArc:
     autocorrelation_time : float
         Number of points per effective point; 1 for uncorrelated points. The estimate of a single
         arc is inaccurate: take the mean of many, and multiply `covariance` by it.
-    indices : tuple of int
-        Indices of the inliers in the profile.
     """
 
     circle: FloatArray
     covariance: FloatArray
     height_scale_gradient: FloatArray
     autocorrelation_time: float
-    indices: tuple[int, ...]
 
     def __post_init__(self) -> None:
         freeze_arrays(self, circle=(3,), covariance=(3, 3), height_scale_gradient=(2, 3))
@@ -149,9 +146,7 @@ def find_sphere_arc(
         if np.array_equal(inliers, previous):
             break
     _require_arc(points, circle, inliers, settings)
-    return _build_arc(
-        points[inliers], circle, variances[inliers], indices[inliers], profile.noise is None
-    )
+    return _build_arc(points[inliers], circle, variances[inliers], profile.noise is None)
 
 
 def _best_hypothesis(
@@ -290,7 +285,6 @@ def _build_arc(
     points: Points,
     circle: FloatArray,
     variances: FloatArray,
-    indices: IntArray,
     estimate_noise: bool,
 ) -> SphereArc:
     """Return the arc with covariance and autocorrelation time.
@@ -307,9 +301,7 @@ def _build_arc(
     covariance = variance_factor * np.linalg.inv(information) + 1e-12 * np.eye(3)
     gradient = _height_scale_gradient(points, circle, variances)
     autocorrelation_time = debiased_autocorrelation_time(residuals / np.sqrt(variances), 3)
-    return SphereArc(
-        circle, covariance, gradient, autocorrelation_time, tuple(int(i) for i in indices)
-    )
+    return SphereArc(circle, covariance, gradient, autocorrelation_time)
 
 
 def _height_scale_gradient(points: Points, circle: FloatArray, variances: FloatArray) -> FloatArray:

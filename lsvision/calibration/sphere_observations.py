@@ -132,10 +132,6 @@ class SphereObservations:
         """Return centre, radius and error of the height scale after a step (addition)."""
         return targets + steps
 
-    def prior_residuals(self, targets: FloatArray) -> FloatArray:
-        """Return target minus prior; numbers without prior have weight zero."""
-        return targets - self.target_prior[0]
-
     def target_distance(self, first: FloatArray, second: FloatArray) -> float:
         """Return the distance of the centres. Units: mm."""
         return float(np.linalg.norm((first - second)[:3]))

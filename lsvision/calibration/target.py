@@ -83,11 +83,6 @@ class Target(Protocol):
 class PrintedTarget(ABC):
     """Base class of the targets that this package prints and finds."""
 
-    @property
-    @abstractmethod
-    def points(self) -> Points:
-        """All points, (n, 3), board frame, z = 0. Units: mm."""
-
     def find(self, image: npt.NDArray[np.uint8]) -> tuple[Points, Points] | None:
         """Return the points of the target in an image.
 

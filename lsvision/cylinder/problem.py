@@ -141,7 +141,8 @@ def distance_stds_and_biases(
         normal_errors += np.where(plausible, foot_distances - radius, 0.0)
         error_directions = _multiply(covariances, normals)
         variances = np.maximum((normals * error_directions).sum(axis=0), min_variances)
-    tangents = _tangents(normals, parameters)
+    axis = np.array([parameters[2], parameters[3], 1.0])
+    tangents = np.cross(axis / np.linalg.norm(axis), normals, axisb=0).T
     normal_tangent = (tangents * error_directions).sum(axis=0)
     tangent_variances = (tangents * _multiply(covariances, tangents)).sum(axis=0)
     uncorrelated = tangent_variances - normal_tangent**2 / variances
@@ -199,12 +200,6 @@ def normalised_residuals(
         parameters_from_cylinder(frame, cylinder),
     )
     return residuals, stds, (residuals - offsets) / stds
-
-
-def _tangents(normals: FloatArray, parameters: FloatArray) -> FloatArray:
-    """Return the (3, n) unit vectors perpendicular to the axis and to the normals."""
-    u = np.array([parameters[2], parameters[3], 1.0])
-    return np.cross(u / np.linalg.norm(u), normals, axisb=0).T
 
 
 def minimise(problem: CylinderProblem, initial_guess: FloatArray) -> FloatArray:

@@ -136,8 +136,9 @@ class Pose(ComparedByValue):
                 f"expected a Pose after @, got {type(other).__name__}: Pose.from_matrix "
                 "converts a 4x4 matrix, and pose.apply(points) transforms points"
             )
-        rotation = self.rotation @ other.rotation
-        return Pose(_nearest_rotation(rotation), self.apply_one(other.translation))
+        # The nearest rotation to the product: long products stay orthonormal.
+        u, _, vh = np.linalg.svd(self.rotation @ other.rotation)
+        return Pose(u @ vh, self.apply_one(other.translation))
 
     def __rmatmul__(self, other: object) -> NoReturn:
         """Raise a TypeError with the remedy: the left operand of ``@`` is not a pose."""
@@ -252,10 +253,3 @@ def as_poses(values: Iterable[Pose | npt.ArrayLike]) -> tuple[Pose, ...]:
         except (TypeError, ValueError) as error:
             raise type(error)(f"pose {index}: {error}") from None
     return tuple(poses)
-
-
-def _nearest_rotation(matrix: FloatArray) -> FloatArray:
-    """Return the rotation nearest to a product of rotations: long products stay orthonormal."""
-    u, _, vh = np.linalg.svd(matrix)
-    nearest: FloatArray = u @ vh
-    return nearest

@@ -95,11 +95,6 @@ class ScanCloud:
             indices=self.indices[rows],
         )
 
-    def exclude(self, other: "ScanCloud") -> "ScanCloud":
-        """Return the cloud without the points that another cloud of the scan contains."""
-        contained = other.contains(self.point_sections, self.indices)
-        return self.subset(np.flatnonzero(~contained))
-
 
 def has_enough_points(profile: Profile) -> bool:
     """Return whether a profile has `MIN_POINTS` or more points that are not lost."""

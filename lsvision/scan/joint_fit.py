@@ -129,7 +129,8 @@ def fit_tracks(
             rejections.append(result)
         else:
             fits.append(result)
-            cloud = cloud.exclude(result.cloud)
+            fitted = result.cloud.contains(cloud.point_sections, cloud.indices)
+            cloud = cloud.subset(np.flatnonzero(~fitted))
     return fits, rejections
 
 

@@ -60,11 +60,6 @@ class PoseErrors:
                 f"{type(self.calibration).__name__}"
             )
 
-    @property
-    def is_zero(self) -> bool:
-        """Whether the poses are taken as exact."""
-        return self.pose_std == 0 and self.feed_std == 0 and self.calibration is None
-
 
 def require_feed(base_from_sections: Sequence[Pose], errors: PoseErrors) -> None:
     """Raise an error if the direction of the feed is uncertain, and there is none.
@@ -122,7 +117,7 @@ def propagate_pose_errors(
     response, which is linear, is a part of it.
     """
     starts = np.unique(cloud.point_sections, return_index=True)[1]
-    if errors.is_zero:
+    if errors == PoseErrors():
         no_response = np.zeros((PARAMETERS, 0)), np.zeros((len(starts), PARAMETERS, 3))
         return fit.covariance, PoseErrorResponse(*no_response)
     if len(starts) == 1:

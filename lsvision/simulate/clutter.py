@@ -33,10 +33,9 @@ MIN_RANGE_MM, MAX_RANGE_MM = 330.0, 560.0
 """Limits of the range at which clutter is placed. Units: mm."""
 
 Centre = tuple[float, float]
-PlaceShape = Callable[[Centre], Prism]
-"""Function that returns a shape, placed at a centre in mm."""
-DrawShape = Callable[[np.random.Generator], PlaceShape]
-"""Function that draws the parameters of a random shape."""
+ORIGIN = (0.0, 0.0)
+DrawShape = Callable[[np.random.Generator], Prism]
+"""Function that draws a random shape at `ORIGIN`."""
 
 
 def place_outline(outline: npt.ArrayLike, centre: Centre, tilt: float = 0.0) -> Prism:
@@ -161,22 +160,22 @@ def clutter_around(tubes: list[Ellipse], draw: DrawShape, rng: np.random.Generat
     return shapes
 
 
-def draw_planar(rng: np.random.Generator) -> PlaceShape:
+def draw_planar(rng: np.random.Generator) -> Prism:
     """Draw a bar, box or angle iron."""
     tilt = rng.uniform(-0.6, 0.6)
     width = rng.uniform(15.0, 90.0)
     choice = rng.integers(4)
     if choice == 0:
         height = rng.uniform(10.0, 60.0)
-        return lambda centre: bar(width * 0.6, height, centre, tilt / 3)
+        return bar(width * 0.6, height, ORIGIN, tilt / 3)
     if choice == 1:
         leg, thickness = rng.uniform(15.0, 45.0), rng.uniform(3.0, 6.0)
-        return lambda centre: angle_iron(leg, thickness, centre, tilt)
+        return angle_iron(leg, thickness, ORIGIN, tilt)
     thickness = rng.uniform(3.0, 10.0)
-    return lambda centre: bar(width, thickness, centre, tilt)
+    return bar(width, thickness, ORIGIN, tilt)
 
 
-def draw_mixed(rng: np.random.Generator) -> PlaceShape:
+def draw_mixed(rng: np.random.Generator) -> Prism:
     """Draw any kind of shape, planar with probability 1/3."""
     if rng.random() < 1 / 3:
         return draw_planar(rng)
@@ -192,26 +191,26 @@ def draw_mixed(rng: np.random.Generator) -> PlaceShape:
     return kinds[rng.integers(len(kinds))](rng)
 
 
-def _place_shape(place: PlaceShape, tubes: list[Ellipse], rng: np.random.Generator) -> Prism:
+def _place_shape(shape: Prism, tubes: list[Ellipse], rng: np.random.Generator) -> Prism:
     """Return a shape at a random position: beside the tubes at any range, or behind their crests.
 
     See `clutter_around`.
     """
-    low, high = _bounding_box(place((0.0, 0.0)).outline)
+    low, high = _bounding_box(shape.outline)
     top = rng.uniform(MIN_RANGE_MM, MAX_RANGE_MM - 40.0)
     x = rng.uniform(-HALF_FIELD_PER_RANGE, HALF_FIELD_PER_RANGE) * top
     for tube in tubes:
         left, right = _bounding_box(tube.points_at(np.linspace(0.0, 2 * math.pi, 181)))
         if x + high[0] > left[0] - 3.0 and x + low[0] < right[0] + 3.0:
             top = max(top, rng.uniform(-0.4 * tube.semi_minor, 40.0) - tube.centre[1])
-    return place((x, -top - high[1]))
+    return Prism(shape.outline + np.array([x, -top - high[1]]))
 
 
 def _bounding_box(points: FloatArray) -> tuple[FloatArray, FloatArray]:
     return points.min(axis=0), points.max(axis=0)
 
 
-def _draw_sine(rng: np.random.Generator) -> PlaceShape:
+def _draw_sine(rng: np.random.Generator) -> Prism:
     """Draw a corrugated sheet: shallow, or with crests of a smaller radius than a tube."""
     width, tilt = rng.uniform(50.0, 130.0), rng.uniform(-0.4, 0.4)
     if rng.random() < 0.25:
@@ -219,10 +218,10 @@ def _draw_sine(rng: np.random.Generator) -> PlaceShape:
     else:
         wavelength = rng.uniform(22.0, 70.0)
         amplitude = wavelength * MAX_SLOPE * rng.uniform(0.3, 1.0) / (2 * math.pi)
-    return lambda centre: sine_sheet(width, amplitude, wavelength, centre, tilt)
+    return sine_sheet(width, amplitude, wavelength, ORIGIN, tilt)
 
 
-def _draw_bumps(rng: np.random.Generator) -> PlaceShape:
+def _draw_bumps(rng: np.random.Generator) -> Prism:
     """Draw a sheet with bumps and dents."""
     width, tilt = rng.uniform(60.0, 140.0), rng.uniform(-0.3, 0.3)
     bumps = []
@@ -231,45 +230,45 @@ def _draw_bumps(rng: np.random.Generator) -> PlaceShape:
         steepest = MAX_SLOPE * spread * math.sqrt(math.e)
         height = rng.choice([-1.0, 1.0]) * rng.uniform(0.3, 0.95) * steepest
         bumps.append((position, height, spread))
-    return lambda centre: gaussian_bumps(width, bumps, centre, tilt)
+    return gaussian_bumps(width, bumps, ORIGIN, tilt)
 
 
-def _draw_ridge(rng: np.random.Generator) -> PlaceShape:
+def _draw_ridge(rng: np.random.Generator) -> Prism:
     """Draw a parabola towards the sensor; its vertex radius is not that of a tube."""
     tilt, flat = rng.uniform(-0.3, 0.3), rng.random() < 0.6
     vertex = rng.uniform(60.0, 150.0) if flat else rng.uniform(1.5, 5.0)
     width = rng.uniform(50.0, 110.0) if flat else rng.uniform(10.0, 24.0)
-    return lambda centre: parabola(width, width**2 / (8 * vertex), centre, tilt)
+    return parabola(width, width**2 / (8 * vertex), ORIGIN, tilt)
 
 
-def _draw_trough(rng: np.random.Generator) -> PlaceShape:
+def _draw_trough(rng: np.random.Generator) -> Prism:
     """Draw a concave parabola with the curvature of a tube."""
     tilt, vertex = rng.uniform(-0.3, 0.3), rng.uniform(12.0, 45.0)
     width = vertex * rng.uniform(0.8, 2.0)
-    return lambda centre: parabola(width, -(width**2) / (8 * vertex), centre, tilt)
+    return parabola(width, -(width**2) / (8 * vertex), ORIGIN, tilt)
 
 
-def _draw_spline(rng: np.random.Generator) -> PlaceShape:
+def _draw_spline(rng: np.random.Generator) -> Prism:
     """Draw a free-form sheet, its heights scaled to the largest slope."""
     tilt, spacing = rng.uniform(-0.4, 0.4), rng.uniform(10.0, 24.0)
     count = int(rng.integers(5, 8))
     x = (np.arange(count) - (count - 1) / 2) * spacing
     y = rng.uniform(-1.0, 1.0, count)
-    outline = spline_sheet(np.column_stack([x, y]), (0.0, 0.0)).outline
+    outline = spline_sheet(np.column_stack([x, y]), ORIGIN).outline
     steepest = np.abs(np.diff(outline[:, 1]) / np.diff(outline[:, 0])).max()
     knots = np.column_stack([x, y * MAX_SLOPE * rng.uniform(0.4, 1.0) / steepest])
-    return lambda centre: spline_sheet(knots, centre, tilt)
+    return spline_sheet(knots, ORIGIN, tilt)
 
 
-def _draw_rounded_box(rng: np.random.Generator) -> PlaceShape:
+def _draw_rounded_box(rng: np.random.Generator) -> Prism:
     """Draw a square tube with corners of 2-5 mm."""
     width, height, tilt = rng.uniform(20.0, 70.0), rng.uniform(12.0, 50.0), rng.uniform(-0.5, 0.5)
     corner = rng.uniform(2.0, MAX_CORNER_RADIUS)
-    return lambda centre: rounded_box(width, height, corner, centre, tilt)
+    return rounded_box(width, height, corner, ORIGIN, tilt)
 
 
-def _draw_v_groove(rng: np.random.Generator) -> PlaceShape:
+def _draw_v_groove(rng: np.random.Generator) -> Prism:
     """Draw a plate with a V groove."""
     width, tilt = rng.uniform(40.0, 110.0), rng.uniform(-0.4, 0.4)
     opening, depth = rng.uniform(8.0, 25.0), rng.uniform(4.0, 15.0)
-    return lambda centre: v_groove(width, opening, depth, centre, tilt)
+    return v_groove(width, opening, depth, ORIGIN, tilt)

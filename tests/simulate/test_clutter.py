@@ -46,7 +46,7 @@ def test_the_turning_angle_is_large_for_a_tube_and_zero_for_a_trough():
 
 def test_no_random_clutter_resembles_a_tube():
     for seed in range(300):
-        outline = draw_mixed(np.random.default_rng(seed))((0.0, -400.0)).outline
+        outline = draw_mixed(np.random.default_rng(seed)).outline
         assert longest_round_turn(outline) < MAX_TUBE_LIKE_TURN, seed
 
 
