@@ -102,6 +102,8 @@ class LineOnBoardSettings:
         for name, value in vars(self).items():
             if name != "extraction" and not 0 <= value < math.inf:
                 raise ValueError(f"expected a finite {name} >= 0, got {value}")
+        if not self.max_line_deviation_px > 0:
+            raise ValueError("expected a positive max_line_deviation_px, got 0")
 
 
 def find_laser_views(

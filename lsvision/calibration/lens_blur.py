@@ -154,7 +154,7 @@ def measure_lens_blur(
 def estimate_blur_from_views(
     images: Sequence[npt.ArrayLike],
     views: Sequence[TargetView | LaserView],
-    along: Literal["u", "v"] = "u",
+    along: Literal["u", "v"],
 ) -> LensBlur:
     """Return the blur from images and the views of the board in them, one for each image.
 

@@ -37,10 +37,10 @@ CONCENTRATION_STEPS = 5
 
 def guess_cylinder(
     points: Points,
-    covariances: FloatArray | None = None,
-    known_radius: RadiusPrior | None = None,
+    covariances: FloatArray | None,
+    known_radius: RadiusPrior | None,
     *,
-    has_outliers: bool = False,
+    has_outliers: bool,
 ) -> Cylinder:
     """Estimate a cylinder without an initial guess.
 

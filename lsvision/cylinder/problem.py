@@ -156,7 +156,7 @@ def weighted_problem(
     points: Points,
     covariances: FloatArray | None,
     parameters: FloatArray,
-    known_radius: RadiusPrior | None = None,
+    known_radius: RadiusPrior | None,
 ) -> CylinderProblem:
     """Return the least-squares problem with the weights and foot points of a given cylinder.
 

@@ -13,7 +13,8 @@ from lsvision.geometry.arrays import TINY, FloatArray, Points
 MAX_FOOT_POINT_ITERATIONS = 30
 """Largest number of steps of the foot point iteration."""
 FOOT_POINT_TOLERANCE = 1e-5
-"""Change of the cosine of the eccentric anomaly at which the foot point iteration stops."""
+"""Change of the cosine of the eccentric anomaly at which the foot point iteration stops. The
+anomaly is then exact to 1e-7 rad up to some radii of curvature from the ellipse."""
 
 
 class WithEllipse:
@@ -284,7 +285,7 @@ def foot_points(points: Points, a: float, b: float) -> Points:
 
 
 def foot_directions(
-    u: FloatArray, v: FloatArray, a: float, b: float, tolerance: float = FOOT_POINT_TOLERANCE
+    u: FloatArray, v: FloatArray, a: float, b: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return cosine and sine of the eccentric anomaly of the nearest point of an ellipse.
 
@@ -298,9 +299,6 @@ def foot_directions(
         Coordinates of the points, ellipse frame. Units: mm.
     a, b : float
         Semi-axes along u and v. Units: mm.
-    tolerance : float
-        Change of the cosine at which the iteration stops. With the default, the eccentric anomaly
-        is then exact to 1e-7 rad up to some radii of curvature from the ellipse.
 
     Returns
     -------
@@ -327,7 +325,7 @@ def foot_directions(
         cos, sin = _normalise(
             np.maximum(ex + dx * scale, 0.0) * b, np.maximum(ey + dy * scale, 0.0) * a
         )
-        if np.abs(cos - previous).max(initial=0.0) < tolerance:
+        if np.abs(cos - previous).max(initial=0.0) < FOOT_POINT_TOLERANCE:
             break
     return np.copysign(cos, u), np.copysign(sin, v)
 

@@ -70,7 +70,7 @@ class PixelNoise:
 
     read_variance: float
     gain: float
-    rounding_variance: float = ROUNDING_VARIANCE
+    rounding_variance: float
 
     def variances(self, values: FloatArray) -> FloatArray:
         """Return the variance (DN^2) of pixels by their values (DN), at least that of rounding."""
@@ -78,9 +78,7 @@ class PixelNoise:
         return np.maximum(variances, self.rounding_variance)
 
 
-def estimate_pixel_noise(
-    signal: Image, windows: Windows, rounding_variance: float = ROUNDING_VARIANCE
-) -> PixelNoise:
+def estimate_pixel_noise(signal: Image, windows: Windows, rounding_variance: float) -> PixelNoise:
     """Estimate read noise and gain of an image from the pixels in windows around its laser line.
 
     Variance against mean, fitted through the medians of bins of equal size (photon transfer, EMVA

@@ -62,7 +62,7 @@ def fisher_information(jacobian: FloatArray, variances: FloatArray) -> FloatArra
 
 
 def invert_information(
-    information: FloatArray, radius_prior: tuple[int, float] | None = None
+    information: FloatArray, radius_prior: tuple[int, float] | None
 ) -> FloatArray:
     """Return the Cramer-Rao bound (k, k): the smallest covariance of any unbiased estimate.
 

@@ -170,8 +170,8 @@ def _check_recognised_fraction(
 def fit_track(
     cloud: ScanCloud,
     track: Track,
-    known_radius: RadiusPrior | None = None,
-    settings: JointFitSettings = JointFitSettings(),
+    known_radius: RadiusPrior | None,
+    settings: JointFitSettings,
 ) -> JointFit | ScanRejection:
     """Fit one cylinder to all points of the cloud that lie on the tube of a track.
 
@@ -199,7 +199,7 @@ def select_twin(
     cloud: ScanCloud,
     track: Track,
     known_radius: RadiusPrior | None,
-    settings: JointFitSettings = JointFitSettings(),
+    settings: JointFitSettings,
 ) -> Cylinder:
     """Return the best cylinder fitted to a few arcs of a track from several initial guesses.
 

@@ -158,7 +158,7 @@ def assign_points(
     cylinder: Cylinder,
     shifts: FloatArray,
     noise_factor: float,
-    settings: PointAssignmentSettings = PointAssignmentSettings(),
+    settings: PointAssignmentSettings,
 ) -> IntArray:
     """Return the rows (m,) of the cloud, ascending, that form arcs on a cylinder.
 

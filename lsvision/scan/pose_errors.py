@@ -108,7 +108,7 @@ def propagate_pose_errors(
     fit: CylinderFit,
     cloud: ScanCloud,
     errors: PoseErrors,
-    known_radius: RadiusPrior | None = None,
+    known_radius: RadiusPrior | None,
 ) -> tuple[FloatArray, PoseErrorResponse]:
     """Return the covariance of a joint fit including the errors of the poses, and the response.
 

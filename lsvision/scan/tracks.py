@@ -103,7 +103,7 @@ def transform_arc_to_base(section: int, arc: CylinderSection, pose: Pose) -> Arc
 
 
 def associate_arcs(
-    observations: Sequence[ArcObservation], settings: TrackSettings = TrackSettings()
+    observations: Sequence[ArcObservation], settings: TrackSettings
 ) -> tuple[Track, ...]:
     """Return the tracks: arcs of different sections, grouped by cylinder.
 

@@ -151,7 +151,7 @@ def write_rig(
     camera: Camera,
     plane: Plane,
     provenance: Mapping[str, str],
-    line_blur_px: float = 0.0,
+    line_blur_px: float,
 ) -> None:
     """Write a rig file; an existing file is replaced only after everything is written.
 

@@ -316,3 +316,8 @@ def test_a_margin_beyond_the_horizon_of_the_board_rejects_the_pair(images, margi
 def test_invalid_settings_of_the_line_are_rejected(numbers):
     with pytest.raises(ValueError, match=f"expected a finite {next(iter(numbers))} >= 0, got"):
         LineOnBoardSettings(**numbers)
+
+
+def test_a_largest_deviation_of_zero_is_rejected():
+    with pytest.raises(ValueError, match="expected a positive max_line_deviation_px, got 0"):
+        LineOnBoardSettings(max_line_deviation_px=0.0)
