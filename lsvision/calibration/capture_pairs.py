@@ -28,7 +28,7 @@ from lsvision.calibration.target import (
 from lsvision.errors import CalibrationFailed, LsvisionError
 from lsvision.laser_line.extraction import LineSettings
 from lsvision.laser_line.image_array import grey_image
-from lsvision.laser_line.mosaic import interpolate_grey
+from lsvision.laser_line.line_image import interpolate_grey
 from lsvision.sensors.camera import Camera
 from lsvision.statistics.robust import mad_std
 

@@ -131,15 +131,15 @@ def calibrate_hand_eye_sphere(
         np.zeros(len(observed), dtype=np.int64),
     )
     require_distinct_cuts(observations.circles, radius)
-    solution = solve_hand_eye(observations, poses, observed, min_poses, settings)
-    *centre, fitted_radius, height_scale_error = solution.fit.states.targets[0, 0].tolist()
-    target_std = np.sqrt(np.diag(solution.fit.covariance)[6:])
+    fit = solve_hand_eye(observations, poses, observed, min_poses, settings)
+    *centre, fitted_radius, height_scale_error = fit.states.targets[0, 0].tolist()
+    target_std = np.sqrt(np.diag(fit.covariance)[6:])
     *_, radius_std, height_scale_std = target_std.tolist()
     size = (fitted_radius, radius_std) if radius is None else (radius, 0.0)
     target = Sphere(np.array(centre), *size)
     working_point = np.append(observations.circles[:, :2].mean(axis=0), 0.0)
     context = ResultContext(observed, unobserved, working_point, mounting, "section", settings)
-    result = build_hand_eye(observations, solution, target, context)
+    result = build_hand_eye(observations, fit, target, context)
     return replace(result, height_scale=(1 + height_scale_error, height_scale_std))
 
 
@@ -203,12 +203,12 @@ def calibrate_hand_eye_plane(
         stack_flange_poses(poses, mounting, settings.robot_std or NOMINAL_ROBOT_STD),
         np.zeros(len(observed), dtype=np.int64),
     )
-    solution = solve_hand_eye(observations, poses, observed, MIN_PLANE_INLIERS, settings)
-    normal_distance = solution.fit.states.targets[0, 0]
+    fit = solve_hand_eye(observations, poses, observed, MIN_PLANE_INLIERS, settings)
+    normal_distance = fit.states.targets[0, 0]
     target = Plane(normal_distance[:3], float(normal_distance[3]))
     working_point = observations.midpoints.mean(axis=0)
     context = ResultContext(observed, unobserved, working_point, mounting, "section", settings)
-    return build_hand_eye(observations, solution, target, context)
+    return build_hand_eye(observations, fit, target, context)
 
 
 def calibrate_hand_eye_board(
@@ -281,13 +281,13 @@ def calibrate_hand_eye_board(
         stack_flange_poses(poses, mounting, settings.robot_std or NOMINAL_ROBOT_STD),
         np.zeros(len(observed), dtype=np.int64),
     )
-    solution = solve_hand_eye(observations, poses, observed, MIN_BOARD_INLIERS, settings)
-    board = solution.fit.states.targets[0, 0]
+    fit = solve_hand_eye(observations, poses, observed, MIN_BOARD_INLIERS, settings)
+    board = fit.states.targets[0, 0]
     target = Pose(board[3:].reshape(3, 3), board[:3])
     working_point = observations.origins.mean(axis=0)
     context = ResultContext(observed, unobserved, working_point, mounting, "camera", settings)
-    hand_eye = build_hand_eye(observations, solution, target, context)
-    return _with_camera_and_board_errors(hand_eye, solution.fit, observations, shifts, settings)
+    hand_eye = build_hand_eye(observations, fit, target, context)
+    return _with_camera_and_board_errors(hand_eye, fit, observations, shifts, settings)
 
 
 def _board_covariances(covariances: npt.ArrayLike | None, count: int) -> FloatArray:

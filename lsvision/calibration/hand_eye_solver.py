@@ -27,9 +27,9 @@ from lsvision.calibration.observations import (
     residual_norms,
 )
 from lsvision.calibration.pose_outliers import (
-    RobustHandEyeFit,
     ambiguity_ratio,
     fit_with_outlier_rejection,
+    outlier_p_values,
 )
 from lsvision.errors import CalibrationFailed, DegenerateGeometry, FitFailed
 from lsvision.geometry import FloatArray, Plane, Pose
@@ -80,7 +80,7 @@ def solve_hand_eye(
     pose_indices: Sequence[int],
     min_poses: int,
     settings: HandEyeSettings,
-) -> RobustHandEyeFit:
+) -> ErrorsInVariablesFit:
     """Return the solution on the inlier poses, or raise an error with the most likely cause.
 
     `poses` are ``base_from_flange`` of each observation, `pose_indices` their indices among those
@@ -96,7 +96,7 @@ def solve_hand_eye(
     require_rotation(poses)
     estimate_robot_std = settings.robot_std is None
     try:
-        solution = fit_with_outlier_rejection(
+        fit = fit_with_outlier_rejection(
             observations,
             settings.outliers,
             min_poses=min_poses,
@@ -104,7 +104,6 @@ def solve_hand_eye(
         )
     except FitFailed as error:
         raise DegenerateGeometry(str(error)) from error
-    fit = solution.fit
     _require_consistent_poses(observations, fit, pose_indices, min_poses, settings)
     std, motion = find_least_determined_direction(observations, fit)
     if std > settings.max_least_determined_std:
@@ -116,7 +115,7 @@ def solve_hand_eye(
         mistake = detect_moved_target(observations, fit.mask, pose_indices, fit)
         if mistake:
             raise CalibrationFailed(mistake)
-    return solution
+    return fit
 
 
 def _require_consistent_poses(
@@ -186,12 +185,12 @@ def _find_mistake(
 
 def build_hand_eye(
     observations: Observations,
-    solution: RobustHandEyeFit,
+    fit: ErrorsInVariablesFit,
     target: Sphere | Plane | Pose,
     context: ResultContext,
 ) -> HandEye:
     """Return the result; DegenerateGeometry if another solution fits nearly as well."""
-    fit, settings = solution.fit, context.settings
+    settings, p_values = context.settings, outlier_p_values(fit)
     residuals = observations.linearise(fit.states).residuals[0]
     norms = residual_norms(observations, residuals)
     leave_one_out = residual_norms(observations, fit.leave_one_out_residuals())
@@ -205,7 +204,7 @@ def build_hand_eye(
         RejectedPose(
             context.observed_poses[index],
             f"{leave_one_out[index]:.3g} mm off the prediction of the other poses "
-            f"(p-value {solution.outlier_p_values[index]:.1g})",
+            f"(p-value {p_values[index]:.1g})",
         )
         for index in np.flatnonzero(fit.mask == 0)
     ]

@@ -28,7 +28,7 @@ from lsvision.geometry import BoolArray, FloatArray, IntArray, Points
 from lsvision.geometry.plane import apply_homography
 from lsvision.laser_line.extraction import LaserLine, LineSettings, extract_laser_line
 from lsvision.laser_line.image_array import as_image, grey_image
-from lsvision.laser_line.mosaic import interpolate_grey
+from lsvision.laser_line.line_image import interpolate_grey
 from lsvision.sensors.camera import Camera
 
 EDGE_INFLUENCE_SIGMAS = 2.5

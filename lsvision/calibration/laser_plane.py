@@ -51,7 +51,7 @@ from lsvision.geometry import FloatArray
 from lsvision.geometry.arrays import BoolArray, rms
 from lsvision.laser_line.extraction import LineSettings
 from lsvision.laser_line.image_array import as_image
-from lsvision.laser_line.mosaic import colour_planes
+from lsvision.laser_line.line_image import colour_planes
 from lsvision.sensors.camera import Camera
 from lsvision.sensors.light_section import LightSection
 

@@ -66,30 +66,14 @@ class OutlierSettings:
         return max(min_poses, count - int(self.max_outlier_fraction * count))
 
 
-@dataclass(frozen=True, eq=False)
-class RobustHandEyeFit:
-    """Hand-eye solution on the inlier poses.
-
-    Parameters
-    ----------
-    fit : ErrorsInVariablesFit
-        Fit whose mask marks the inlier poses.
-    outlier_p_values : (n,) ndarray
-        Probability of a residual as large as that of each pose, if the pose is correct.
-    """
-
-    fit: ErrorsInVariablesFit
-    outlier_p_values: FloatArray
-
-
 def fit_with_outlier_rejection(
     observations: Observations,
     settings: OutlierSettings,
     *,
     min_poses: int,
     estimate_robot_std: bool,
-) -> RobustHandEyeFit:
-    """Return the sensor pose, estimated without initial guess and without outlying robot poses.
+) -> ErrorsInVariablesFit:
+    """Return the fit to the inlier poses, found without initial guess; its mask marks them.
 
     Least trimmed squares, then leave-one-out F tests. `min_poses` is the smallest number of inlier
     poses; for `estimate_robot_std` see `fit_errors_in_variables`.
@@ -98,8 +82,7 @@ def fit_with_outlier_rejection(
     mask = _reject_gross_outliers(observations, state)
     fit = fit_errors_in_variables(observations, state, mask, estimate_robot_std=estimate_robot_std)
     fit = _reject_outliers(observations, fit, settings, min_poses)
-    fit = _restore_inliers(observations, fit, settings)
-    return RobustHandEyeFit(fit, _outlier_p_values(fit))
+    return _restore_inliers(observations, fit, settings)
 
 
 def solve_from_all_guesses(
@@ -186,7 +169,7 @@ def _reject_outliers(
     """
     min_inliers = settings.min_inliers(len(fit.mask), min_poses)
     while fit.mask.sum() > min_inliers:
-        p_values = np.where(fit.mask > 0, _outlier_p_values(fit), 1.0)
+        p_values = np.where(fit.mask > 0, outlier_p_values(fit), 1.0)
         rejected = int(p_values.argmin())
         if p_values[rejected] * fit.mask.sum() > settings.significance:
             break
@@ -199,7 +182,7 @@ def _restore_inliers(
 ) -> ErrorsInVariablesFit:
     """Return the fit with poses above the significance restored, largest p-value first."""
     while not fit.mask.all():
-        p_values = np.where(fit.mask > 0, 0.0, _outlier_p_values(fit))
+        p_values = np.where(fit.mask > 0, 0.0, outlier_p_values(fit))
         restored = int(p_values.argmax())
         if p_values[restored] * len(fit.mask) <= settings.significance:
             break
@@ -217,7 +200,7 @@ def _toggle_pose(
     return fit_errors_in_variables(observations, fit.states, mask, estimate_robot_std=estimated)
 
 
-def _outlier_p_values(fit: ErrorsInVariablesFit) -> FloatArray:
+def outlier_p_values(fit: ErrorsInVariablesFit) -> FloatArray:
     """Return each pose's p-value (n,) by the F test of its leave-one-out residual.
 
     It is 1 where the other poses leave no degree of freedom for the test.

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from lsvision.calibration.laser_line_on_board import LineOnBoardSettings
     from lsvision.calibration.laser_plane_result import LaserPlaneCalibration
     from lsvision.io.profiles import ReadOptions
-    from lsvision.laser_line.mosaic import Bayer
+    from lsvision.laser_line.line_image import Bayer
     from lsvision.profile import Profile
 
 Report = Annotated[

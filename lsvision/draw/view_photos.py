@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from lsvision.geometry import FloatArray, Points
 from lsvision.laser_line.image_array import grey_image
-from lsvision.laser_line.mosaic import Bayer, interpolate_grey
+from lsvision.laser_line.line_image import Bayer, interpolate_grey
 from lsvision.results.palette import CORNER, CORNER_RESIDUAL, LASER_PLANE
 
 PHOTO_WIDTH = 640

@@ -18,13 +18,14 @@ from lsvision.laser_line.detection import DetectedLine, find_direction, find_lin
 from lsvision.laser_line.image_array import MIN_SIZE_PX, Image, as_image
 from lsvision.laser_line.jpeg_blocks import BLOCK
 from lsvision.laser_line.line_image import (
+    Bayer,
     Direction,
     LineImage,
     as_laser_off,
+    colour_planes,
     find_full_scale,
     prepare_line_image,
 )
-from lsvision.laser_line.mosaic import Bayer, colour_planes
 from lsvision.laser_line.noise import SLOPE_SPAN, block_excess_variance, excess_variance
 from lsvision.laser_line.settings import LineSettings
 from lsvision.laser_line.stripe_windows import Stripes, cut_windows

@@ -5,8 +5,7 @@ from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 from lsvision.geometry.settings_repr import ShowsChanges
-from lsvision.laser_line.line_image import Channel, Direction
-from lsvision.laser_line.mosaic import Bayer
+from lsvision.laser_line.line_image import Bayer, Channel, Direction
 from lsvision.laser_line.path_search import PathSettings
 
 Method = Literal["derivative", "gaussian", "steger"]
