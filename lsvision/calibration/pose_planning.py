@@ -75,6 +75,9 @@ class PosePlanSettings(ShowsChanges):
     seed: int = 0
 
     def __post_init__(self) -> None:
+        limits = (self.max_tilt, self.max_spin, self.max_lateral_offset, self.max_depth_offset)
+        if not all(0 <= limit < np.inf for limit in (*limits, self.max_cut_offset)):
+            raise ValueError(f"expected finite tilts, spin and offsets of at least 0, got {self}")
         stds = (self.circle_std, *self.line_std, *self.robot_std)
         if not all(0 < value < np.inf for value in (self.count, self.candidates, *stds)):
             raise ValueError(f"expected positive counts and standard deviations, got {self}")

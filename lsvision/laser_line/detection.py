@@ -109,6 +109,8 @@ def find_direction(image: LineImage, settings: LineSettings) -> Direction:
     The direction with the larger score is chosen: squared length of the line over its ratio of
     rivals (`_rival_ratio`).
     """
+    if settings.sigma > max(image.signal.shape):
+        raise _no_line_error(image, [], settings)  # such a filter would be computed for minutes
     shrink = max(1, round(min(image.signal.shape) / COARSE_SIDE_PX))
     small = _shrink(image.signal, shrink)
     # The cost of a restart is about the number of columns of the shortest segment.

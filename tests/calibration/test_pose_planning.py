@@ -56,3 +56,10 @@ def test_no_candidates_and_invalid_radius_are_rejected():
         plan_hand_eye_poses(MOUNT, TARGET, RADIUS, candidates=[Pose()], settings=SETTINGS)
     with pytest.raises(ValueError, match="positive, finite radius"):
         plan_hand_eye_poses(MOUNT, TARGET, 0.0)
+
+
+@pytest.mark.parametrize("limit", ["max_tilt", "max_spin", "max_depth_offset", "max_cut_offset"])
+@pytest.mark.parametrize("value", [np.nan, np.inf, -1.0])
+def test_limits_of_planned_poses_are_finite(limit, value):
+    with pytest.raises(ValueError, match="expected finite tilts, spin and offsets"):
+        PosePlanSettings(**{limit: value})

@@ -163,3 +163,11 @@ def test_a_line_with_flags_of_another_length_is_rejected():
         LaserLine(np.zeros((5, 2)), numbers, numbers, numbers, np.zeros(3), "columns", 0.0, 2.0)
     with pytest.raises(ValueError, match="expected direction 'columns' or 'rows', got 'row'"):
         LaserLine(np.zeros((5, 2)), numbers, numbers, numbers, numbers, "row", 0.0, 2.0)
+
+
+@pytest.mark.parametrize("sigma", [40.0, 1e6])
+def test_a_filter_wider_than_the_image_is_named(sigma):
+    place = np.exp(-0.5 * ((np.arange(200)[:, None] - 100.3) / 1.5) ** 2)
+    image = (10 + 90 * place * np.ones(300)).astype(np.uint8)
+    with pytest.raises(NoLaserLine, match=f"needs {4 * 3 * sigma:.0f} px for a filter of sigma"):
+        extract_laser_line(image, LineSettings(sigma=sigma))
