@@ -62,7 +62,7 @@ class ScannedCylinder(WithCylinder, Result):
     poses : tuple of Pose
         ``base_from_section`` of each profile of the scan.
     pose_errors : PoseErrors
-        Uncertainty of the poses that was stated; the shape of the tube heeds it.
+        Stated uncertainty of the poses, which the shape of the tube takes into account.
 
     Examples
     --------
@@ -378,11 +378,8 @@ def twin_notes(tubes: Sequence[ScannedCylinder]) -> list[str]:
 
 def twin_note(twin: Cylinder) -> str:
     """Return a line with the other possible direction of a cylinder of one section only."""
-    x, y, z = twin.direction
-    return (
-        f"one section alone: its twin ({x:+z.4f} {y:+z.4f} {z:+z.4f}) fits equally well; a second "
-        "section decides"
-    )
+    direction = " ".join(f"{component:+z.4f}" for component in twin.direction)
+    return f"one section alone: its twin ({direction}) fits equally well; a second section decides"
 
 
 def format_ranges(sections: Sequence[int]) -> str:

@@ -14,6 +14,7 @@ import numpy as np
 from lsvision.cylinder.fit_result import estimate_variance_factor
 from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import FloatArray, IntArray, Points, tangent_frame
+from lsvision.scan.pose_errors import PoseErrors
 from lsvision.scan.scan_result import ScannedCylinder
 from lsvision.scan.shape_pose_errors import PoseDisplacements, centre_covariances
 from lsvision.scan.shape_result import FormDeviation, SectionCentres, TubeShape
@@ -98,7 +99,7 @@ def measure_shape(tube: ScannedCylinder) -> TubeShape:
     stds = axis_points.stds * std_scale * math.sqrt(factor)
     radius, radius_std = float(estimate[4]), math.sqrt(covariance[4, 4])
     centres = fit_section_centres(tube.point_sections, points, stds, radius, radius_std)
-    if not tube.pose_errors.is_zero:
+    if tube.pose_errors != PoseErrors():
         by_poses = centre_covariances(tube, centres.along)
         centres = replace(centres, deviation_covariances=centres.deviation_covariances + by_poses)
     return TubeShape(
@@ -121,7 +122,7 @@ def _estimate_covariance(
     """
     inverse = np.asarray(np.linalg.inv(jacobian.T @ jacobian), dtype=np.float64)
     by_poses, absorbed_dof = np.zeros((PARAMETERS, PARAMETERS)), 0.0
-    if not tube.pose_errors.is_zero:
+    if tube.pose_errors != PoseErrors():
         displacements = PoseDisplacements.of_tube(tube)
         by_poses = displacements.covariance(jacobian, inverse)
         residuals, absorbed_dof = displacements.removed_from(residuals, jacobian)
