@@ -15,6 +15,7 @@ import numpy as np
 
 from lsvision.ellipse.arc_noise import estimate_arc_correlation
 from lsvision.ellipse.arc_solutions import SolvedArc, StartedArc, solve_arcs
+from lsvision.ellipse.bias import remove_bias
 from lsvision.ellipse.fit_result import EllipseFit
 from lsvision.ellipse.outcomes import apply_to_successes, catch_error, replace_some, unwrap
 from lsvision.ellipse.parameters import (
@@ -203,8 +204,8 @@ def _fit_where_noncircular(
 def _fit(arcs: list[StartedArc], priors: Priors, settings: FittingSettings) -> Fits:
     """Fit ellipses with the priors, whose weight relative to the points follows the residuals.
 
-    A variance factor scales the covariances of the points, but not the priors: where it is not 1,
-    the fit is repeated with scaled points.
+    The variance factor scales the covariances of the points, but not the priors, and the bias was
+    removed from the points alone: with priors the fit is repeated.
     """
     starts: Sequence[StartedArc | LsvisionError] = arcs
     if priors != NO_PRIORS and settings.variance == "estimated":
@@ -222,12 +223,8 @@ def _fit(arcs: list[StartedArc], priors: Priors, settings: FittingSettings) -> F
     )
     if priors == NO_PRIORS:
         return fits
-    rescaled = {
-        i: fit
-        for i, fit in enumerate(fits)
-        if isinstance(fit, EllipseFit) and fit.variance_factor != 1
-    }
-    replace_some(fits, rescaled, _refit_with_scaled_stds)
+    successes = {i: fit for i, fit in enumerate(fits) if isinstance(fit, EllipseFit)}
+    replace_some(fits, successes, _refit_with_scaled_stds)
     return fits
 
 
@@ -310,7 +307,7 @@ def _update_fit(fit: EllipseFit, problem: EllipseProblem, solution: Solution) ->
 
 def _build_fit(arc: SolvedArc, variance: Literal["given", "estimated"]) -> EllipseFit:
     """Return the fit of a solved arc, with the variance factor of its residuals."""
-    _, problem, solution = arc
+    points, problem, solution = arc
     count, normalised = len(problem.points), solution.residuals
     residuals = normalised * problem.stds
     correlation = estimate_arc_correlation(residuals, normalised, solution.parameters)
@@ -324,10 +321,13 @@ def _build_fit(arc: SolvedArc, variance: Literal["given", "estimated"]) -> Ellip
         normalised = normalised / np.sqrt(factor)
         dof = max(dof / correlation.autocorrelation_time, 1.0)
     dof = min(dof, correlation.degrees_of_freedom)
+    parameters = solution.parameters
+    if problem.residual == "orthogonal":
+        problem, parameters = remove_bias(problem, solution, points, reduced_chi2)
     return EllipseFit(
-        ellipse=ellipse_from_parameters(solution.parameters),
+        ellipse=ellipse_from_parameters(parameters),
         problem=problem,
-        parameters=solution.parameters,
+        parameters=parameters,
         residuals=residuals,
         normalised=normalised,
         normals=solution.normals,

@@ -122,8 +122,9 @@ def test_a_vague_radius_changes_nothing(rng):
     covariances = SENSOR.covariances(points)
     free = fit_ellipse(points, truth, covariances)
     vague = fit_ellipse(points, truth, covariances, known_radius=RadiusPrior(30.0, 1e5))
-    assert_same_ellipse(vague.ellipse, free.ellipse, atol=1e-5)
-    np.testing.assert_allclose(vague.parameter_covariance, free.parameter_covariance, rtol=1e-3)
+    # Without priors the bias, 0.007 mm, is removed to first order.
+    assert_same_ellipse(vague.ellipse, free.ellipse, atol=3e-4)
+    np.testing.assert_allclose(vague.parameter_covariance, free.parameter_covariance, rtol=3e-3)
 
 
 def test_a_true_noise_model_is_taken_at_its_word(rng):
@@ -205,8 +206,8 @@ def ray_stds(points, ellipse, std=0.05):
 def test_the_fit_is_the_weighted_least_squares_of_another_solver(rng):
     truth = pipe(30.0)
     points = measured(upper_arc(truth), rng)
-    wanted, _ = least_squares_by_scipy(points, ray_stds(points, truth), truth)
     fit = fit_noisy_points(noisy(points), truth, settings=FittingSettings(reweightings=0))
+    wanted, _ = least_squares_by_scipy(fit.problem.points, ray_stds(points, truth), truth)
     assert_same_ellipse(fit.ellipse, wanted, atol=1e-5)
 
 
@@ -313,6 +314,7 @@ def test_a_known_radius_weighs_as_its_std_says_whatever_the_assumed_noise(assume
     known = RadiusPrior(truth.radius + 0.3, std)
     fit = fit_noisy_points(noisy(points, assumed), truth, known, settings=ESTIMATED)
     stds = ray_stds(points, truth)
+    points = fit.problem.points  # without the bias
     free, solution = least_squares_by_scipy(points, stds, truth)
     size = math.sqrt(2 * solution.cost / 195)
     wanted, _ = least_squares_by_scipy(
@@ -338,15 +340,15 @@ def test_a_known_tilt_weighs_as_its_std_says_whatever_the_assumed_noise():
     truth, std = pipe(30.0), math.radians(0.5)
     points = measured(upper_arc(truth, count=200), np.random.default_rng(1))
     known = PhiPrior(math.radians(32.0), std)
-    stds = ray_stds(points, truth)
-    free, solution = least_squares_by_scipy(points, stds, truth)
-    size = math.sqrt(2 * solution.cost / 195)
-    wanted, _ = least_squares_by_scipy(
-        points, size * stds, truth, lambda e: (e.phi - known.phi) / std
-    )
-    assert wanted.phi - free.phi > 0.1 * std
     for assumed in (1e-4, 1e4):
         fit = fit_noisy_points(noisy(points, assumed), truth, None, known, ESTIMATED)
+        unbiased, stds = fit.problem.points, ray_stds(points, truth)
+        free, solution = least_squares_by_scipy(unbiased, stds, truth)
+        size = math.sqrt(2 * solution.cost / 195)
+        wanted, _ = least_squares_by_scipy(
+            unbiased, size * stds, truth, lambda e: (e.phi - known.phi) / std
+        )
+        assert wanted.phi - free.phi > 0.1 * std
         assert fit.ellipse.phi == pytest.approx(wanted.phi, abs=0.03 * (wanted.phi - free.phi))
 
 

@@ -1,0 +1,86 @@
+"""Bias of an ellipse fitted to noisy points, to second order in their errors.
+
+An error with the components e_n along the normal and e_t along the tangent moves the foot of a
+point on the ellipse by e_t along the arc s, and gives the residual e_n + kappa e_t^2 / 2, with the
+curvature kappa. Errors along the ray of the sensor have both components: the residuals are then
+correlated with their derivatives J by the parameters, and the minimum of chi^2 has the bias
+
+    A^-1 sum w (J kappa var(e_t) / 2 + dJ/ds cov(e_n, e_t)),    A = sum w J J',
+
+with the weights w. The radius becomes too small: by 1.6 noise / radius sqrt(n) of its standard
+deviations for n points on an arc of 130 deg, by 2.3 for 90 deg (0.3 for 400 points with a noise of
+1 % of the radius, but 1 for 4000). The fit of a cylinder avoids this bias by evaluating J at the
+most probable true points (`lsvision.cylinder.problem`).
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from lsvision.ellipse.parameters import parameter_jacobian, split_parameters
+from lsvision.ellipse.problem import EllipseProblem, Solution
+from lsvision.ellipse.robust_gauss_newton import solve_positive_definite
+from lsvision.geometry import FloatArray
+from lsvision.geometry.noisy_points import NoisyPoints, as_vectors
+
+
+def remove_bias(
+    problem: EllipseProblem, solution: Solution, points: NoisyPoints, variance_factor: float
+) -> tuple[EllipseProblem, FloatArray]:
+    """Displace the points of a problem such that its minimum has no bias.
+
+    Parameters
+    ----------
+    problem : EllipseProblem
+        Problem with orthogonal residuals of these points.
+    solution : Solution
+        Minimum of the problem.
+    points : NoisyPoints
+        Points (n,) with the covariances of their errors.
+    variance_factor : float
+        Ratio of the true variances to those of `points`.
+
+    Returns
+    -------
+    problem : EllipseProblem
+        Problem with points displaced along the normals by a small fraction of their noise; the
+        same one if its points do not determine an ellipse.
+    parameters : (5,) ndarray
+        Parameters at its minimum without priors, to first order in the bias. Units: mm.
+    """
+    with np.errstate(all="ignore"):  # a result that is not finite is not used
+        jacobian, score = _jacobian_and_score(problem.stds, solution, points)
+        information = (jacobian / (problem.stds * problem.stds)) @ jacobian.T
+        bias = variance_factor * solve_positive_definite(information, score)
+        z = points.z - (bias @ jacobian) * solution.normals
+    if not np.isfinite(z).all():
+        return problem, solution.parameters
+    return replace(problem, points=as_vectors(z)), solution.parameters - bias
+
+
+def _jacobian_and_score(
+    stds: FloatArray, solution: Solution, points: NoisyPoints
+) -> tuple[FloatArray, FloatArray]:
+    """Return J (5, n) and sum w (J kappa var(e_t) / 2 + dJ/ds cov(e_n, e_t)), (5,) in 1/mm.
+
+    Symbols: the ellipse is c + E w with unit vectors w, E w = m w + d conj(w); its derivative by
+    the angle of w is i length n, with the outward unit normal n.
+    """
+    _, m, d = split_parameters(solution.parameters)
+    normals = solution.normals
+    w = m * normals + d * normals.conj()
+    w /= np.abs(w)
+    length = np.abs(m * w - d * w.conj())
+    curvature, turn = (m * m - abs(d) ** 2) / length**3, 1 / length
+    rotated = points.deviator * (normals * normals)
+    tangential_variance, cross_covariance = points.mean_variance - rotated.real, -rotated.imag
+    jacobian = parameter_jacobian(normals, w)
+    # Along the arc, n turns by kappa and w by 1 / length.
+    slopes = np.empty_like(jacobian)
+    along, deviating = 1j * curvature * normals, 1j * (curvature + turn) * normals * w
+    slopes[0], slopes[1] = along.real, along.imag
+    slopes[2] = (1j * (curvature - turn) * normals * w.conj()).real
+    slopes[3], slopes[4] = deviating.real, deviating.imag
+    weights = 1 / (stds * stds)
+    score = jacobian @ (weights * curvature * tangential_variance / 2)
+    return jacobian, score + slopes @ (weights * cross_covariance)
