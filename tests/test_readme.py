@@ -1,6 +1,7 @@
 """The README is the truth: its commands run, and their output is what it shows."""
 
 import contextlib
+import importlib
 import io
 import re
 import shlex
@@ -11,6 +12,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+import lsvision
 from lsvision.cli.app import app
 from tests.printed import differing
 
@@ -132,3 +134,15 @@ def test_the_python_example_prints_what_it_says(monkeypatch):
     with contextlib.redirect_stdout(printed):
         exec(compile(PYTHON, "README.md", "exec"), {})
     assert differing(printed.getvalue().splitlines(), PYTHON_OUTPUT.splitlines()) == []
+
+
+def test_every_public_name_exists():
+    names = set(re.findall(r"\blsv\.(\w+)", README))
+    assert [name for name in sorted(names) if not hasattr(lsvision, name)] == []
+
+
+def test_every_function_of_a_module_exists():
+    functions = re.findall(r"`(\w+)\([^`]*\)` of\s+`(lsvision[.\w]+)`", README)
+    assert functions
+    for name, module in functions:
+        assert callable(getattr(importlib.import_module(module), name))
