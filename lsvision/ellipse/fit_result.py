@@ -23,7 +23,8 @@ class EllipseFit:
     ellipse : Ellipse
         Estimated ellipse. Units: mm, rad.
     problem : EllipseProblem
-        Points, weights and priors of the least-squares problem.
+        Points, weights and priors of the least-squares problem. Orthogonal residuals: the measured
+        points are displaced by a fraction of their noise, see `lsvision.ellipse.bias`.
     parameters : (5,) ndarray
         ``centre_x, centre_y, m, p, q``; see `lsvision.ellipse.parameters`. Units: mm.
     residuals : (n,) ndarray
