@@ -125,7 +125,7 @@ def _estimate_covariance(
     if tube.pose_errors != PoseErrors():
         displacements = PoseDisplacements.of_tube(tube)
         by_poses = displacements.covariance(jacobian, inverse)
-        residuals, absorbed_dof = displacements.removed_from(residuals, jacobian)
+        residuals, absorbed_dof = displacements.remove_from(residuals, jacobian)
     factor, dof, std_scale = estimate_variance_factor(
         residuals,
         max(len(residuals) - PARAMETERS - round(absorbed_dof), 1),

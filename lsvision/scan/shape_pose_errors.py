@@ -20,13 +20,17 @@ from lsvision.scan.scan_result import ScannedCylinder
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PoseDisplacements:
-    """Displacements of the points by pose errors of one standard deviation, over the points' stds.
+    """Displacements of the points of a tube along its surface normals, by the errors of the poses.
+
+    Each is that by an error of one standard deviation, divided by the standard deviation of the
+    point, as normalised residuals are.
 
     Parameters
     ----------
-    common, own : (n, k) ndarray
-        Along the normals of the surface: by the errors common to all sections, and by those of each
-        point's section.
+    common : (n, k) ndarray
+        By the k errors that are common to all sections, see `common_error_jacobian`.
+    own : (n, j) ndarray
+        By the j errors of the section of each point, see `section_error_jacobian`.
     point_sections : (n,) int ndarray
         Section of each point.
     """
@@ -37,7 +41,7 @@ class PoseDisplacements:
 
     @classmethod
     def of_tube(cls, tube: ScannedCylinder) -> Self:
-        """Return those of the points of a tube."""
+        """Return the displacements of the points of a tube."""
         from_point = tube.points - tube.point
         normals = from_point - np.outer(from_point @ tube.direction, tube.direction)
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -56,7 +60,7 @@ class PoseDisplacements:
         jacobian : (n, p) ndarray
             Derivatives of the normalised residuals by the parameters.
         inverse : (p, p) ndarray
-            Inverse of the information matrix of the fit, which takes the poses as exact.
+            Inverse of the information matrix of the fit, in which the poses are taken as exact.
         """
         responses = [jacobian.T @ self.common]
         for section in np.unique(self.point_sections):
@@ -66,15 +70,17 @@ class PoseDisplacements:
         covariance: FloatArray = response @ response.T
         return covariance
 
-    def removed_from(self, residuals: FloatArray, jacobian: FloatArray) -> tuple[FloatArray, float]:
-        """Return normalised residuals (n,) without the pose errors, and the dofs these absorb."""
+    def remove_from(self, residuals: FloatArray, jacobian: FloatArray) -> tuple[FloatArray, float]:
+        """Return the residuals without the effect of the pose errors; see `remove_pose_errors`."""
         return remove_pose_errors(residuals, jacobian, self.common, self.own, self.point_sections)
 
 
 def centre_covariances(tube: ScannedCylinder, along: FloatArray) -> FloatArray:
-    """Return the covariances (k, 2, 2) of section centres, from the straight axis, by pose errors.
+    """Return the covariances (k, 2, 2) of the section centres' deviations from the axis, in mm^2.
 
-    Sections move as rigid bodies, and the axis follows their centres as a straight line.
+    They are those by the errors of the poses alone, along e_phi and e_theta (`tangent_basis`). Each
+    section moves with its pose as a rigid body, and the axis is the straight line through the
+    centres, weighted by the number of points of each section.
 
     Parameters
     ----------
