@@ -54,24 +54,27 @@ HEIGHT_WORDS = _fold_words(_HEIGHT)
 RANGE_WORDS = _fold_words(_RANGE)
 """Words that name distances from the sensor."""
 AXIS_WORDS = _fold_words(_AXIS)
-"""Words beside x, y or z in the name of a coordinate."""
-_ACCENTED_WORDS = frozenset(
+"""Words that may stand beside x, y or z in the name of a coordinate, such as "x axis"."""
+_NON_ASCII_WORDS = frozenset(
     fold_accents(word)
     for word in f"{_WIDTH} {_HEIGHT} {_RANGE} {_AXIS}".split()
     if not word.isascii() and len(word) > 1
 )
 _LETTERS = re.compile(r"[^\W\d_]+")
-_WIDE_LETTERS = re.compile(r"[^\W\d_a-z]+")
+# In "x座標" the word follows a Latin letter without a blank.
+_LETTERS_BEYOND_LATIN = re.compile(r"[^\W\d_a-z]+")
 
 
-def count_accented_words(text: str) -> int:
-    """Return the number of different words beyond ASCII in a text that name coordinates.
+def count_non_ascii_words(text: str) -> int:
+    """Return the number of different words in a text that name coordinates, of those beyond ASCII.
+
+    With the right encoding there are more of them than with a wrong one.
 
     Examples
     --------
-    >>> count_accented_words("X座標;Höhe [mm]"), count_accented_words("H\u0446he [mm]")
+    >>> count_non_ascii_words("X座標;Höhe [mm]"), count_non_ascii_words("H\u0446he [mm]")
     (2, 0)
     """
     folded = fold_accents(text)
-    words = {*_LETTERS.findall(folded), *_WIDE_LETTERS.findall(folded)}
-    return len(words & _ACCENTED_WORDS)
+    words = {*_LETTERS.findall(folded), *_LETTERS_BEYOND_LATIN.findall(folded)}
+    return len(words & _NON_ASCII_WORDS)

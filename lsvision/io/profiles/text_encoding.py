@@ -5,12 +5,13 @@ import re
 import numpy as np
 
 from lsvision.errors import UnreadableFile
-from lsvision.io.profiles.column_words import count_accented_words
+from lsvision.io.profiles.column_words import count_non_ascii_words
 
 _LEGACY_ENCODINGS = ("latin-1", "cp1250", "cp1251", "cp1254", "cp932", "gb18030", "cp949", "big5")
-"""Encodings of text that is not UTF-8; of several with the same words, the first is taken."""
+"""Encodings of text that is not UTF-8; of several with equally many known words, the first one is
+taken."""
 _HEAD_LENGTH = 4000
-"""Bytes in which words are searched that show the encoding."""
+"""Number of bytes, from the start of the file, in which known words are searched."""
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1b\x7f]")
 _CHECKED_BYTES = 1 << 16  # at once: few enough for the processor's cache
 
@@ -35,7 +36,10 @@ def decode_text(content: bytes) -> str:
 
 
 def _has_control_characters(content: bytes, text: str) -> bool:
-    """Return whether a text matches `_CONTROL`; ASCII is searched in its bytes, which is faster."""
+    """Return whether a text has control characters, which binary data have.
+
+    These are the characters of `_CONTROL`. ASCII is searched in its bytes, which is faster.
+    """
     if not (content.isascii() and len(content) == len(text)):  # the bytes of UTF-16 may be ASCII
         return bool(_CONTROL.search(text))
     codes = np.frombuffer(content, np.uint8)
@@ -47,7 +51,11 @@ def _has_control_characters(content: bytes, text: str) -> bool:
 
 
 def _encodings(content: bytes) -> list[str]:
-    """Return the encodings to try, by byte order mark or by the position of null bytes."""
+    """Return the encodings to try, in this order.
+
+    UTF-16 and UTF-32 are recognised by a byte order mark, UTF-16 without one by its null bytes:
+    every second byte of Latin letters and digits.
+    """
     if content.startswith((b"\xff\xfe\0\0", b"\0\0\xfe\xff")):
         return ["utf-32"]
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
@@ -61,14 +69,15 @@ def _encodings(content: bytes) -> list[str]:
 
 
 def _legacy_encoding(content: bytes) -> str:
-    """Return the code page in which most words above the numbers name coordinates; else Latin-1.
+    """Return the code page in which a text has the most words that name coordinates.
 
-    Spreadsheets write CSV in the code page of their language.
+    Spreadsheets write CSV in the code page of their language, and its names of columns show which
+    one it is. It is Latin-1 if the text is ASCII or has no such word.
     """
     head = content[:_HEAD_LENGTH]
     if head.isascii():
         return "latin-1"
     return max(
         _LEGACY_ENCODINGS,
-        key=lambda encoding: count_accented_words(head.decode(encoding, "replace")),
+        key=lambda encoding: count_non_ascii_words(head.decode(encoding, "replace")),
     )
