@@ -52,10 +52,10 @@ class PartOptions:
 class FilePart:
     """Consecutive profiles of a file: `file` has only those of this part.
 
-    `first` is the index of its first profile in the whole file, from 0; `several` whether that has
-    several profiles, so that each is printed with its number. The lines of the header, a summary
-    and notes, are printed before the results. Flanges are ``base_from_flange`` of each profile;
-    without `pictures`, a file for each profile, none are drawn.
+    `first` is the index of its first profile in the whole file, from 0. If the whole file has
+    `several` profiles, each is printed with its number. The lines of the header, a summary and
+    notes, are printed before the results. `flanges` are ``base_from_flange`` of each profile,
+    `pictures` the file of each profile's picture; None draws none.
     """
 
     file: "ProfileFile | ImageFile"

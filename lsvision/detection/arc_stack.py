@@ -55,7 +55,7 @@ class SplitArc(NamedTuple):
         """Return whether the outermost point of an end is an inlier, and the profile continues.
 
         `members` (2, m) are the masks of the inliers of both ends, which may be padded. False
-        unless there are more of them than in the identified arc.
+        unless the ends have more inliers than points of the identified arc.
         """
         if np.count_nonzero(members) <= sum(map(np.count_nonzero, self.members)):
             return False

@@ -20,9 +20,9 @@ RADIUS_TOLERANCE = 0.2
 class Matching:
     """Assignment of cylinders to parts.
 
-    `cylinders` are the index of the cylinder of each part that was found, `additional` those of
-    cylinders that are not parts of the job; `owners` the earlier part of each part whose cylinder
-    was already assigned to it.
+    `cylinders` has the index of the cylinder of each part that was found, `additional` the indices
+    of cylinders that are not parts of the job. `owners` is for parts whose cylinder already belongs
+    to an earlier part: it has the name of that earlier part.
     """
 
     cylinders: Mapping[str, int]

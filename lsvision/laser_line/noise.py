@@ -82,8 +82,8 @@ def estimate_pixel_noise(signal: Image, windows: Windows, rounding_variance: flo
     """Estimate read noise and gain of an image from the pixels in windows around its laser line.
 
     Variance against mean, fitted through the medians of bins of equal size (photon transfer, EMVA
-    1288); each pixel's variance is its squared fourth difference along the line. Neither is
-    negative; the smallest variance of a pixel is that of its rounding. Units: DN.
+    1288); each pixel's variance is its squared fourth difference along the line. Neither
+    read noise nor gain is negative. No variance is below `rounding_variance`, in DN^2.
     """
     inside = np.flatnonzero((windows.columns >= 2) & (windows.columns < signal.shape[1] - 2))
     inside = inside[:: max(1, len(inside) // MAX_SAMPLE_COLUMNS)]

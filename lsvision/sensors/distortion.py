@@ -79,9 +79,9 @@ def distort(normalised: Points, coefficients: FloatArray) -> tuple[Points, Float
 def undistort(distorted: Points, coefficients: FloatArray) -> tuple[Points, FloatArray]:
     """Return undistorted image coordinates: the inverse of `distort` by Newton's method.
 
-    Parameters and results are those of `distort`: undistorted points (n, 2), and d distorted / d
-    undistorted there (n, 2, 2). Both are NaN where the distorted point is, or no point within the
-    first fold of the model is mapped to it.
+    Points (n, 2) are in focal lengths, the coefficients (14,) as for `distort`. The second result
+    (n, 2, 2) is d distorted / d undistorted at the undistorted points. Both are NaN where the
+    distorted point is, or no point within the first fold of the model is mapped to it.
     """
     normalised = np.array(distorted)
     for _ in range(MAX_NEWTON_ITERATIONS):

@@ -74,9 +74,9 @@ def levenberg_marquardt(
     """Solve a least-squares problem with MINPACK's lmder, see `scipy.optimize.leastsq`.
 
     `residuals` and `jacobian` are functions of the parameters (k,) that return the residuals (n,)
-    and their derivatives (n, k). The iteration has converged below relative changes of the
-    parameters `xtol` and of the sum of squares `ftol`, and not if `max_evaluations` were not
-    enough.
+    and their derivatives (n, k). The iteration ends, converged, when the relative
+    changes of the parameters are below `xtol` or that of the sum of squares is below `ftol`, and
+    without convergence after `max_evaluations` of the residuals.
 
     Raises
     ------

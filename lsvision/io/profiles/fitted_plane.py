@@ -26,9 +26,9 @@ MAX_ZERO_DEPTH = 1e-3
 class FittedSections:
     """Points of one or several profiles in the plane that was fitted to all of them.
 
-    Sections are (n, 2) points (x, y) in the section frame, NaN where lost; its pose in the frame of
-    the points has Z along the plane's normal; the note describes the plane and its residuals.
-    Units: mm.
+    `sections` are (n, 2) points (x, y) in the section frame, NaN where lost. `file_from_section` is
+    the section frame, with Z along the plane's normal, in the frame of the points. The note
+    describes the plane and its residuals. Units: mm.
     """
 
     sections: tuple[FloatArray, ...]
