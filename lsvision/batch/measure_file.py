@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from lsvision.measure import Measurement
 
 _READING_DEFAULTS = {setting.name: setting.default for setting in fields(ReadSettings)}
+TEMPORARY = ".lsvision."
+"""Beginning of the name of an output that is being written."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,10 +80,6 @@ class BatchJob:
         """Hash of the settings (16 hex digits); all results in a folder have the same."""
         canonical = json.dumps(self.settings, sort_keys=True, allow_nan=False)
         return hashlib.sha256(canonical.encode()).hexdigest()[:16]
-
-
-TEMPORARY = ".lsvision."
-"""Beginning of the name of an output that is being written."""
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,12 @@ from lsvision.files.printable import printable
 
 FAILED = 1
 """Exit code for data that cannot be measured, or output that cannot be written; usage is 2."""
+_KINDS = {"int": "a whole number", "float": "a number"}
+"""What is expected, by the beginning of pydantic's error types, such as ``int_parsing``."""
+_BOUNDS = {"ge": "at least", "gt": "above", "le": "at most", "lt": "below"}
+"""What is expected, by the names of pydantic's limits."""
+BAR_WIDTH = 24
+"""Width of the bar. Units: characters."""
 
 
 def print_error(message: str, *, debug: bool = False) -> None:
@@ -53,12 +59,6 @@ def internal_error(error: Exception) -> str:
     return f"internal error, {type(error).__name__}: {reason} (--debug shows where; please report)"
 
 
-_KINDS = {"int": "a whole number", "float": "a number"}
-"""What is expected, by the beginning of pydantic's error types, such as ``int_parsing``."""
-_BOUNDS = {"ge": "at least", "gt": "above", "le": "at most", "lt": "below"}
-"""What is expected, by the names of pydantic's limits."""
-
-
 def plain_usage_message(error: Any) -> str:
     """Return the message of a usage error of click with what was expected and what was given.
 
@@ -85,10 +85,6 @@ def _measure_hint(message: str) -> str:
     if match is None or not exists(match[1]):
         return ""
     return f" To measure it: lsvision measure {shlex.quote(match[1])}"
-
-
-BAR_WIDTH = 24
-"""Width of the bar. Units: characters."""
 
 
 class StatusLine:

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from lsvision.calibration.hand_eye_result import HandEye
     from lsvision.geometry import Pose
 
+MAX_STEP_MM = 1e5
+"""Largest --step: coordinates up to 1e9 mm are accepted, so that 10 000 profiles are possible."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class RobotOptions:
@@ -111,10 +114,6 @@ def parse_convention(name: str | None, option: str = "--convention") -> str:
             "numbers denote a different pose in each convention"
         )
     return name
-
-
-MAX_STEP_MM = 1e5
-"""Largest --step: coordinates up to 1e9 mm are accepted, so that 10 000 profiles are possible."""
 
 
 @dataclass(frozen=True)

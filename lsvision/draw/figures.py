@@ -20,6 +20,13 @@ FORMATS = ("png", "svg")
 
 _SALT_LOCK = threading.Lock()
 """Held while a global setting of matplotlib has another value."""
+MAX_TITLE_CHARACTERS = 95
+"""Largest length of a title, and number of characters that are kept of a longer one after "...":
+about the width of the figure."""
+LAST_SUPPORTED_CHARACTER = "\u058f"
+"""End of the Armenian block: the default font of matplotlib lacks most scripts after it."""
+WHITE_PERCENTILE = 99.9
+"""Percentile of an image deeper than 8 bit from which pixels are shown white."""
 
 
 def new_figure(
@@ -81,13 +88,6 @@ def _save_svg(figure: "Figure", content: io.BytesIO) -> None:
             mpl.rcParams["svg.hashsalt"] = salt
 
 
-MAX_TITLE_CHARACTERS = 95
-"""Largest length of a title, and number of characters that are kept of a longer one after "...":
-about the width of the figure."""
-LAST_SUPPORTED_CHARACTER = "\u058f"
-"""End of the Armenian block: the default font of matplotlib lacks most scripts after it."""
-
-
 def make_printable(title: str) -> str:
     """Return a title with ``?`` for characters without a glyph; of a long one ``...`` and its end.
 
@@ -145,10 +145,6 @@ def set_title(axes: "Axes", title: str) -> None:
     """Set the title of axes, as `make_printable` returns it, above their legend; "" sets none."""
     if title:
         axes.set_title(make_printable(title), loc="left", parse_math=False, pad=24)
-
-
-WHITE_PERCENTILE = 99.9
-"""Percentile of an image deeper than 8 bit from which pixels are shown white."""
 
 
 def show_photo(axes: "Axes", image: npt.ArrayLike) -> None:

@@ -36,6 +36,11 @@ RADII_PER_UNIT = {"radius_mm": 1.0, "diameter_mm": 0.5}
 """Factor from a limit to a radius, for each key whose limits are drawn."""
 LEGEND_COLUMNS = 3
 """Columns of the legend of a judged profile: its picture is as wide as half a page."""
+MAX_PARTS = 20
+"""Largest number of measurements with a section of their own; of more, those that are not OK come
+first."""
+MIN_TREND = 2
+"""Smallest number of measurements for a trend and for counts of the verdicts."""
 
 
 def draw_series(series: Series) -> Figure:
@@ -111,13 +116,6 @@ def _draw_limit(axes: Axes, ellipse: Ellipse, radius: float) -> None:
     scaled = np.add(ellipse.centre, factor * (outline - ellipse.centre))
     axes.plot(*scaled.T, ls="--", lw=0.8, color=LIMITS, zorder=1,
               label=label_once(axes, "limits of the radius"))  # fmt: skip
-
-
-MAX_PARTS = 20
-"""Largest number of measurements with a section of their own; of more, those that are not OK come
-first."""
-MIN_TREND = 2
-"""Smallest number of measurements for a trend and for counts of the verdicts."""
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,21 @@ from lsvision.results.palette import REJECTED, cylinder_colour
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+HEADING = "black"
+"""Colour of headings, by which they are recognised and written in bold."""
+LEFT, TOP, LINE_HEIGHT = 0.685, 0.865, 0.0225
+"""Left and top of the panel and height of its lines, as fractions of the figure."""
+MAX_COLUMNS, MAX_LINES = 48, 31
+"""Number of characters of a line, and of lines, that fit."""
+MAX_FULL_CYLINDERS = 4
+"""Number of cylinders up to which each has four lines; of more each has two."""
+SYMBOLS = (
+    "θ: direction of the major axis, from X towards Y\n"
+    "φ: tilt of the cylinder from the laser plane's normal\n"
+    "± one sigma"
+)
+"""Text below the panel."""
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RejectedArc:
@@ -55,24 +70,6 @@ def _letter(number: int) -> str:
     """Return A to Z for 0 to 25, then A1 to Z1, A2 to Z2, ..."""
     suffix, letter = divmod(number, 26)
     return chr(ord("A") + letter) + (str(suffix) if suffix else "")
-
-
-HEADING = "black"
-"""Colour of headings, by which they are recognised and written in bold."""
-
-LEFT, TOP, LINE_HEIGHT = 0.685, 0.865, 0.0225
-"""Left and top of the panel and height of its lines, as fractions of the figure."""
-MAX_COLUMNS, MAX_LINES = 48, 31
-"""Number of characters of a line, and of lines, that fit."""
-MAX_FULL_CYLINDERS = 4
-"""Number of cylinders up to which each has four lines; of more each has two."""
-
-SYMBOLS = (
-    "θ: direction of the major axis, from X towards Y\n"
-    "φ: tilt of the cylinder from the laser plane's normal\n"
-    "± one sigma"
-)
-"""Text below the panel."""
 
 
 def draw_panel(

@@ -11,6 +11,9 @@ from lsvision.inspection.uncertain import two_sided_factor
 from lsvision.results.quantities import Estimate, Record, finite_or_none
 from lsvision.results.result import Result
 
+QUANTITY_HEADER = ("", "quantity", "value", "interval", "limits", "margin", "")
+"""Header of a table of verdicts; the first column is the item, the last the decision."""
+
 
 class Decision(StrEnum):
     """Decision on a quantity, a part or a whole measurement: OK, NG (not good) or undecided.
@@ -150,10 +153,6 @@ class QuantityVerdict(Result):
 
     def _cells(self) -> list[tuple[str, ...]]:
         return [QUANTITY_HEADER, quantity_cells("", self)]
-
-
-QUANTITY_HEADER = ("", "quantity", "value", "interval", "limits", "margin", "")
-"""Header of a table of verdicts; the first column is the item, the last the decision."""
 
 
 def quantity_cells(name: str, verdict: QuantityVerdict) -> tuple[str, ...]:

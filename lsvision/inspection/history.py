@@ -22,6 +22,8 @@ from lsvision.results.quantities import Record
 
 FIRST_HASH = "0" * 64
 """Hash that stands in the first line, which has no line before it."""
+SUFFIX = ".history.jsonl"
+"""Suffix of the history's name, after that of the job file."""
 
 
 def read_records(path: str | os.PathLike[str], key: str) -> list[Record]:
@@ -97,10 +99,6 @@ def append_record(path: str | os.PathLike[str], record: Record, key: str) -> Non
     previous = _hash_line(lines[-1]) if lines else FIRST_HASH
     lines.append(json.dumps(record | {"previous": previous}, allow_nan=False))
     write_atomic(path, "\n".join(lines) + "\n")
-
-
-SUFFIX = ".history.jsonl"
-"""Suffix of the history's name, after that of the job file."""
 
 
 def history_path(job_path: Path) -> Path:

@@ -25,6 +25,12 @@ MAX_INDEX = 2**31 - 1
 """Largest index that OpenCV takes; a larger one is that of no camera, either."""
 FFMPEG_SILENT = ("OPENCV_FFMPEG_LOGLEVEL", "-8")
 """Environment variable that stops messages of ffmpeg, with which OpenCV reads videos."""
+GENICAM = "genicam:"
+"""Prefix of the address of a GenICam camera; without an address, the only connected one."""
+MAX_DIGITS = 10
+"""Largest number of digits of the index of a camera; a longer name is that of a file."""
+DISCOVERY_MS, FRAME_MS = 1000, 3000
+"""Time limits for the discovery of cameras, and for a frame. Units: ms."""
 
 
 def read_frames(path: str | os.PathLike[str]) -> Iterator[Frame]:
@@ -104,14 +110,6 @@ def _decode_frames(capture: Any) -> Iterator[Frame]:
         if not received:
             return
         yield np.asarray(frame)
-
-
-GENICAM = "genicam:"
-"""Prefix of the address of a GenICam camera; without an address, the only connected one."""
-MAX_DIGITS = 10
-"""Largest number of digits of the index of a camera; a longer name is that of a file."""
-DISCOVERY_MS, FRAME_MS = 1000, 3000
-"""Time limits for the discovery of cameras, and for a frame. Units: ms."""
 
 
 def open_camera(name: str) -> Iterator[Frame]:

@@ -26,6 +26,9 @@ _JPEG_FRAMES = frozenset([*range(0xC0, 0xD0)]) - {0xC4, 0xC8, 0xCC}
 _JPEG_WITHOUT_LENGTH = frozenset([0x01, *range(0xD0, 0xD8)])
 _JPEG_SCAN, _JPEG_END = 0xDA, 0xD9
 _WEBP_SIDE_MASK = (1 << 14) - 1  # width and height have 14 bits
+MAX_PIXELS = 10**8
+"""Largest number of pixels of an image that is read; extracting its laser line takes 20 to 50 times
+the memory of the pixels."""
 
 
 def image_size(content: bytes) -> tuple[int, int] | None:
@@ -144,11 +147,6 @@ _FORMATS = (
     (b"RIFF", _webp_size),
     (b"P", _pnm_size),
 )
-
-
-MAX_PIXELS = 10**8
-"""Largest number of pixels of an image that is read; extracting its laser line takes 20 to 50 times
-the memory of the pixels."""
 
 
 def read_image(path: str | os.PathLike[str]) -> npt.NDArray[Any]:

@@ -15,6 +15,8 @@ _VERTEX = np.dtype(
     [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("red", "u1"), ("green", "u1"), ("blue", "u1")]
 )
 _FACE = np.dtype([("count", "u1"), ("corners", "<i4", (3,))])
+UNASSIGNED_RGB = (0.6, 0.6, 0.6)
+"""Colour of points on no cylinder, grey: red, green, blue from 0 to 1."""
 
 
 def write_ply(
@@ -83,10 +85,6 @@ def _encode_faces(triangles: IntArray) -> bytes:
     rows = np.empty(len(triangles), dtype=_FACE)
     rows["count"], rows["corners"] = 3, triangles
     return rows.tobytes()
-
-
-UNASSIGNED_RGB = (0.6, 0.6, 0.6)
-"""Colour of points on no cylinder, grey: red, green, blue from 0 to 1."""
 
 
 def colour_points(scan: ScanMeasurement, points: Points) -> tuple[Points, FloatArray]:

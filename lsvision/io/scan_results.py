@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 SCAN_SCHEMA = "lsvision.scan/1"
 """Name and version of the file's format."""
+_POINT: "tuple[AxisQuantity, ...]" = ("point_x", "point_y", "point_z")
 
 
 def scan_record(
@@ -43,9 +44,6 @@ def scan_record(
 def scan_json(record: Record) -> str:
     """Return a scan's record as JSON text."""
     return json.dumps(record, indent=2, allow_nan=False) + "\n"
-
-
-_POINT: "tuple[AxisQuantity, ...]" = ("point_x", "point_y", "point_z")
 
 
 def scan_csv(scan: "ScanMeasurement", base_from_sections: Sequence[Pose]) -> str:

@@ -23,6 +23,33 @@ MIN_SIDE_PX = 20
 """Smallest width and height of a picture, in which dots are visible. Units: px."""
 OUTLINE_POINTS = 73
 """Points of a drawn ellipse, one for every 5 deg."""
+AZIMUTH_DEG, ELEVATION_DEG = -55.0, 25.0
+"""Direction from the drawing to the viewer: from X towards Y, and above the XY plane. In the
+picture X runs to the right and a little downwards, Y to the right and upwards, Z upwards."""
+BORDER_PX = 46.0
+"""Space around the drawing for numbers and names of the axes. Units: px."""
+LABEL_PX = 11
+"""Size of the letters of the axes. Units: px."""
+AXIS_DASHES = "8 3 2 3"
+"""Dashes and gaps of a cylinder's axis. Units: px."""
+NUMBER_RISE_PX = 4.0
+"""Distance from the end of an axis up to the number of its cylinder. Units: px."""
+CAPTION_PX = (6.0, 14.0)
+"""Position of the text that states the view. Units: px."""
+EDGE_ENDS = {"X": ((0, 0, 0), (1, 0, 0)), "Y": ((1, 0, 0), (1, 1, 0)), "Z": ((0, 0, 0), (0, 0, 1))}
+"""Edges of the box along which the axes are drawn: the lower two in front, and the vertical one on
+the left; 0 is the lower end of a coordinate, 1 the upper end."""
+LABEL_POSITIONS: dict[str, tuple[float, float, str]] = {
+    "X": (-4.0, 18.0, "end"),
+    "Y": (7.0, 14.0, "start"),
+    "Z": (-8.0, 4.0, "end"),
+}
+"""Offset (px) from an end of an axis to its number, away from the box, and anchor of the text:
+numbers of two axes at one corner do not overlap."""
+MIN_LENGTH_MM = 0.01
+"""Length of an axis below which its numbers get no more decimals."""
+DrawnCylinder = tuple[Points, Sequence[Points], Points]
+"""Measured points, circles at the ends of the cylinder, and the two ends of its axis, in mm."""
 
 
 def draw_svg(points: Points, cylinders: Sequence[tuple[Points, Ellipse]], description: str) -> str:
@@ -101,37 +128,6 @@ def _svg_dots(pixels: FloatArray, colour: str) -> str:
     sample = valid[:: max(1, math.ceil(len(valid) / MAX_POINTS))]
     path = "".join(f"M{x:.1f},{y:.1f}h0" for x, y in sample)
     return f'<path d="{path}" stroke="{colour}" stroke-width="2.5" stroke-linecap="round"/>'
-
-
-AZIMUTH_DEG, ELEVATION_DEG = -55.0, 25.0
-"""Direction from the drawing to the viewer: from X towards Y, and above the XY plane. In the
-picture X runs to the right and a little downwards, Y to the right and upwards, Z upwards."""
-BORDER_PX = 46.0
-"""Space around the drawing for numbers and names of the axes. Units: px."""
-LABEL_PX = 11
-"""Size of the letters of the axes. Units: px."""
-AXIS_DASHES = "8 3 2 3"
-"""Dashes and gaps of a cylinder's axis. Units: px."""
-NUMBER_RISE_PX = 4.0
-"""Distance from the end of an axis up to the number of its cylinder. Units: px."""
-CAPTION_PX = (6.0, 14.0)
-"""Position of the text that states the view. Units: px."""
-EDGE_ENDS = {"X": ((0, 0, 0), (1, 0, 0)), "Y": ((1, 0, 0), (1, 1, 0)), "Z": ((0, 0, 0), (0, 0, 1))}
-"""Edges of the box along which the axes are drawn: the lower two in front, and the vertical one on
-the left; 0 is the lower end of a coordinate, 1 the upper end."""
-LABEL_POSITIONS: dict[str, tuple[float, float, str]] = {
-    "X": (-4.0, 18.0, "end"),
-    "Y": (7.0, 14.0, "start"),
-    "Z": (-8.0, 4.0, "end"),
-}
-"""Offset (px) from an end of an axis to its number, away from the box, and anchor of the text:
-numbers of two axes at one corner do not overlap."""
-
-MIN_LENGTH_MM = 0.01
-"""Length of an axis below which its numbers get no more decimals."""
-
-DrawnCylinder = tuple[Points, Sequence[Points], Points]
-"""Measured points, circles at the ends of the cylinder, and the two ends of its axis, in mm."""
 
 
 def draw_space_svg(cylinders: Sequence[DrawnCylinder], description: str) -> str:

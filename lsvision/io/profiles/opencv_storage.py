@@ -36,6 +36,15 @@ _OPENCV_NUMBER = re.compile(
 )
 """Numbers of OpenCV's JSON that JSON does not have: .Nan, -.Inf and 1."""
 _MAX_DIMENSIONS = 32  # of numpy's and OpenCV's arrays
+_POINT_KEYS = (TRIPLES, "profile", "points", "line")
+_MIN_NUMBERS = 30  # a shorter list under another name may be a pose or a matrix
+# A key with a word as its value, such as "unit: um".
+_KEY_WORD = re.compile(r"^[A-Za-z_]\w*:\s*[^\[\s!]")
+# A key with a list that contains no other list.
+_FLAT_LIST = re.compile(r"^[ \t{]*\"?([A-Za-z_]\w*)\"?[ \t]*:\s*\[([^\[\]]*)\]", re.MULTILINE)
+# A list of numbers that would take the YAML parser too long.
+_LONG_LIST = re.compile(r"\[([^\[\]{}\"'#&*]{2000,})\]")
+_MAX_XML_DEPTH = 16
 
 
 def parse_opencv_json(text: str) -> Any:
@@ -156,17 +165,6 @@ def is_constant(values: FloatArray) -> bool:
 
 def _prefix(key: str) -> str:
     return f"{key}: " if key else ""
-
-
-_POINT_KEYS = (TRIPLES, "profile", "points", "line")
-_MIN_NUMBERS = 30  # a shorter list under another name may be a pose or a matrix
-# A key with a word as its value, such as "unit: um".
-_KEY_WORD = re.compile(r"^[A-Za-z_]\w*:\s*[^\[\s!]")
-# A key with a list that contains no other list.
-_FLAT_LIST = re.compile(r"^[ \t{]*\"?([A-Za-z_]\w*)\"?[ \t]*:\s*\[([^\[\]]*)\]", re.MULTILINE)
-# A list of numbers that would take the YAML parser too long.
-_LONG_LIST = re.compile(r"\[([^\[\]{}\"'#&*]{2000,})\]")
-_MAX_XML_DEPTH = 16
 
 
 def read_opencv_storage(content: bytes, settings: ReadSettings) -> RawProfiles:

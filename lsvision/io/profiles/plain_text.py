@@ -17,6 +17,9 @@ from lsvision.io.profiles.settings import MM_PER_KEYENCE_STEP, RawProfiles, Read
 from lsvision.io.profiles.text_encoding import decode_text
 from lsvision.io.profiles.text_table import parse_table
 
+_ZERO_COUNT, _LOST_COUNT = 32768, 0
+"""Counts of Keyence for a height of 0 and for a lost point."""
+
 
 def read_plain_text(content: bytes, settings: ReadSettings) -> RawProfiles:
     r"""Return the profiles of a table of points, or of a matrix of heights.
@@ -51,10 +54,6 @@ def read_plain_text(content: bytes, settings: ReadSettings) -> RawProfiles:
             )
         return profiles_from_matrix(height, settings)
     return profiles_from_table(table, settings)
-
-
-_ZERO_COUNT = 32768  # height 0
-_LOST_COUNT = 0
 
 
 def read_keyence_raw(content: bytes, settings: ReadSettings) -> RawProfiles:

@@ -23,124 +23,9 @@ to that axis."""
 
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 _LIDAR = "PointCloud2 in its x-y plane: X is the scanner's y, Y the opposite of its x"
-
-
-def _profiles_from_clouds(
-    clouds: Sequence[FloatArray],
-    attributes: Sequence[Mapping[str, float | str]],
-    settings: ReadSettings,
-) -> RawProfiles:
-    """Return the profiles of PointCloud2 messages, (rows, columns, 3) each in m.
-
-    Points of one plane perpendicular to y are read as x and z; of one perpendicular to z, as of a
-    lidar, as those of a LaserScan; other columns where the user names them; all three where a plane
-    is to be fitted.
-
-    Raises
-    ------
-    UnreadableFile
-        If there is no row of points, or those of a row do not lie in a section.
-    """
-    rows, row_attributes = [], []
-    for cloud, cloud_attributes in zip(clouds, attributes, strict=True):
-        rows += list(cloud)
-        row_attributes += [cloud_attributes] * len(cloud)
-    if not rows:
-        raise UnreadableFile("PointCloud2 messages without a row of points: record the topic again")
-    columns, away, notes = _section_columns(rows, settings)
-    return RawProfiles(
-        sections=[row[:, columns] for row in rows],
-        units=("m", "m"),
-        away=away,
-        notes=notes,
-        attributes=tuple(row_attributes),
-    )
-
-
-def _cloud_points(cloud: Any) -> FloatArray:
-    """Return the (rows, columns, 3) points of a message, whose fields are attributes. Units: m.
-
-    Definition (sensor_msgs/PointCloud2): ``height`` rows of ``width`` points; a point has
-    `point_step` bytes, and each field its offset in them, its type and its count. NaN is a lost
-    point. Each message is a profile; of an organised one, each row.
-
-    Raises
-    ------
-    UnreadableFile
-        If it has no x, y and z, or is truncated.
-    """
-    order = ">" if cloud.is_bigendian else "<"
-    fields = {field.name: field for field in cloud.fields}
-    if not {"x", "y", "z"} <= set(fields):
-        raise UnreadableFile(
-            f"a PointCloud2 with {', '.join(fields) or 'nothing'}: expected x, y, z"
-        )
-    data = np.ascontiguousarray(cloud.data, dtype=np.uint8)
-    shape = (int(cloud.height), int(cloud.width))
-    strides = (int(cloud.row_step), int(cloud.point_step))
-    coordinates = []
-    for axis in "xyz":
-        field = fields[axis]
-        kind = np.dtype(order + _TYPES.get(field.datatype, "V1"))
-        last_offset = (shape[0] - 1) * strides[0] + (shape[1] - 1) * strides[1] + field.offset
-        if (
-            kind.kind == "V"
-            or last_offset + kind.itemsize > data.nbytes
-            or min(*shape, *strides) < 0
-        ):
-            raise UnreadableFile(
-                f"a PointCloud2 whose {axis} is truncated or of an unknown type: record it again"
-            )
-        coordinate: Any = np.zeros(shape)
-        if coordinate.size:
-            coordinate = np.ndarray(shape, kind, data, field.offset, strides)
-        coordinates.append(floats_from(coordinate))
-    return np.stack(coordinates, axis=-1)
-
-
-def _section_columns(
-    rows: Sequence[FloatArray], settings: ReadSettings
-) -> tuple[list[int], bool, tuple[str, ...]]:
-    """Return the columns of x and height, whether heights grow away from the sensor, and notes.
-
-    All three columns if a plane is to be fitted.
-    """
-    if settings.plane is not None:
-        return [0, 1, 2], False, ()
-    if settings.columns is not None:
-        requested = [str(column).lower() for column in settings.columns]
-        names = {**{axis: k for k, axis in enumerate("xyz")}, "0": 0, "1": 1, "2": 2}
-        if len(requested) != 2 or not set(requested) <= set(names):
-            raise UnreadableFile(
-                f"no columns {', '.join(requested)} in a PointCloud2: expected two of x,y,z"
-            )
-        return [names[column] for column in requested], False, ()
-    extents = np.array([_largest_extent(rows, axis) for axis in range(3)])
-    is_flat = extents <= MAX_FLATNESS * extents.max()
-    if is_flat[1]:
-        return [0, 2], False, ()
-    if is_flat[2]:
-        return [1, 0], True, (_LIDAR,)
-    raise UnreadableFile(
-        "a PointCloud2 whose points do not lie in a section perpendicular to y or z (they span "
-        f"{' x '.join(f'{extent:.3g}' for extent in extents)} m): publish it in the scanner's own "
-        "frame, or name two of its coordinates as --columns x,z"
-    )
-
-
-def _largest_extent(rows: Sequence[FloatArray], axis: int) -> float:
-    """Return the largest extent of a row of points along an axis. Units: m."""
-    extents = [0.0]
-    for row in rows:
-        finite = row[np.isfinite(row).all(axis=1), axis]
-        extents.append(float(np.ptp(finite)) if len(finite) else 0.0)
-    return max(extents)
-
-
 LASER_SCAN, POINT_CLOUD = "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/PointCloud2"
 MAX_NAMED_TOPICS = 8
 """Largest number of topics that an error message lists."""
-
 _SUFFIXES = {b"#ROS": ".bag", b"\x89MCA": ".mcap", b"SQLi": ".db3"}
 
 
@@ -259,3 +144,115 @@ def _scan_fields(fields: Any) -> dict[str, Any]:
     """Return the fields of a LaserScan from which its points are computed."""
     scan = {name: float(getattr(fields, name)) for name in SCAN_KEYS}
     return scan | {"ranges": fields.ranges.tolist()}
+
+
+def _cloud_points(cloud: Any) -> FloatArray:
+    """Return the (rows, columns, 3) points of a message, whose fields are attributes. Units: m.
+
+    Definition (sensor_msgs/PointCloud2): ``height`` rows of ``width`` points; a point has
+    `point_step` bytes, and each field its offset in them, its type and its count. NaN is a lost
+    point. Each message is a profile; of an organised one, each row.
+
+    Raises
+    ------
+    UnreadableFile
+        If it has no x, y and z, or is truncated.
+    """
+    order = ">" if cloud.is_bigendian else "<"
+    fields = {field.name: field for field in cloud.fields}
+    if not {"x", "y", "z"} <= set(fields):
+        raise UnreadableFile(
+            f"a PointCloud2 with {', '.join(fields) or 'nothing'}: expected x, y, z"
+        )
+    data = np.ascontiguousarray(cloud.data, dtype=np.uint8)
+    shape = (int(cloud.height), int(cloud.width))
+    strides = (int(cloud.row_step), int(cloud.point_step))
+    coordinates = []
+    for axis in "xyz":
+        field = fields[axis]
+        kind = np.dtype(order + _TYPES.get(field.datatype, "V1"))
+        last_offset = (shape[0] - 1) * strides[0] + (shape[1] - 1) * strides[1] + field.offset
+        if (
+            kind.kind == "V"
+            or last_offset + kind.itemsize > data.nbytes
+            or min(*shape, *strides) < 0
+        ):
+            raise UnreadableFile(
+                f"a PointCloud2 whose {axis} is truncated or of an unknown type: record it again"
+            )
+        coordinate: Any = np.zeros(shape)
+        if coordinate.size:
+            coordinate = np.ndarray(shape, kind, data, field.offset, strides)
+        coordinates.append(floats_from(coordinate))
+    return np.stack(coordinates, axis=-1)
+
+
+def _profiles_from_clouds(
+    clouds: Sequence[FloatArray],
+    attributes: Sequence[Mapping[str, float | str]],
+    settings: ReadSettings,
+) -> RawProfiles:
+    """Return the profiles of PointCloud2 messages, (rows, columns, 3) each in m.
+
+    Points of one plane perpendicular to y are read as x and z; of one perpendicular to z, as of a
+    lidar, as those of a LaserScan; other columns where the user names them; all three where a plane
+    is to be fitted.
+
+    Raises
+    ------
+    UnreadableFile
+        If there is no row of points, or those of a row do not lie in a section.
+    """
+    rows, row_attributes = [], []
+    for cloud, cloud_attributes in zip(clouds, attributes, strict=True):
+        rows += list(cloud)
+        row_attributes += [cloud_attributes] * len(cloud)
+    if not rows:
+        raise UnreadableFile("PointCloud2 messages without a row of points: record the topic again")
+    columns, away, notes = _section_columns(rows, settings)
+    return RawProfiles(
+        sections=[row[:, columns] for row in rows],
+        units=("m", "m"),
+        away=away,
+        notes=notes,
+        attributes=tuple(row_attributes),
+    )
+
+
+def _section_columns(
+    rows: Sequence[FloatArray], settings: ReadSettings
+) -> tuple[list[int], bool, tuple[str, ...]]:
+    """Return the columns of x and height, whether heights grow away from the sensor, and notes.
+
+    All three columns if a plane is to be fitted.
+    """
+    if settings.plane is not None:
+        return [0, 1, 2], False, ()
+    if settings.columns is not None:
+        requested = [str(column).lower() for column in settings.columns]
+        names = {**{axis: k for k, axis in enumerate("xyz")}, "0": 0, "1": 1, "2": 2}
+        if len(requested) != 2 or not set(requested) <= set(names):
+            raise UnreadableFile(
+                f"no columns {', '.join(requested)} in a PointCloud2: expected two of x,y,z"
+            )
+        return [names[column] for column in requested], False, ()
+    extents = np.array([_largest_extent(rows, axis) for axis in range(3)])
+    is_flat = extents <= MAX_FLATNESS * extents.max()
+    if is_flat[1]:
+        return [0, 2], False, ()
+    if is_flat[2]:
+        return [1, 0], True, (_LIDAR,)
+    raise UnreadableFile(
+        "a PointCloud2 whose points do not lie in a section perpendicular to y or z (they span "
+        f"{' x '.join(f'{extent:.3g}' for extent in extents)} m): publish it in the scanner's own "
+        "frame, or name two of its coordinates as --columns x,z"
+    )
+
+
+def _largest_extent(rows: Sequence[FloatArray], axis: int) -> float:
+    """Return the largest extent of a row of points along an axis. Units: m."""
+    extents = [0.0]
+    for row in rows:
+        finite = row[np.isfinite(row).all(axis=1), axis]
+        extents.append(float(np.ptp(finite)) if len(finite) else 0.0)
+    return max(extents)

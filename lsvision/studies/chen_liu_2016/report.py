@@ -27,6 +27,8 @@ PAPER_NOISE_MM = 0.1
 MIN_NOISE_MM, MAX_NOISE_MM = 0.001, 0.3
 """Permitted noise: a hundredth of the paper's, and the one at which a few of 100 sections do not
 determine the radius (at 0.5 mm a quarter do not). Units: mm."""
+SCHEMA = "lsvision.paper/1"
+"""Name and version of the file."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -165,10 +167,6 @@ def run_experiments(
 def _ordered_runs(runs: Mapping[str, int]) -> dict[Method, int]:
     """Return the number of measurements by each method, in the order of `METHODS`."""
     return {method: runs[method] for method in METHODS}
-
-
-SCHEMA = "lsvision.paper/1"
-"""Name and version of the file."""
 
 
 def report_json(report: PaperReport) -> str:

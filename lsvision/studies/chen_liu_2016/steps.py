@@ -27,6 +27,12 @@ RADIUS_RANGE = (10.0, 40.0)
 """Search range of the radius. Units: mm."""
 MIN_COMPONENT_POINTS = 10
 """Smallest number of points of a connected component."""
+KIND, SEED = "welded_complex", 2
+"""Kind and seed of the scene."""
+TUBES = TubeRanges(radius_mm=(19.0, 19.0), phi_deg=(15.0, 30.0))
+"""Pipes of the scene: the radius of the paper's welded pipes, tilts from its tables."""
+WINDOW_STEP = 2
+"""Step from window to window, in points: every second one is enough for a picture."""
 
 
 def detect_arcs(profile: PreparedProfile) -> tuple[list[IdentifiedArc], list[Candidate]]:
@@ -35,14 +41,6 @@ def detect_arcs(profile: PreparedProfile) -> tuple[list[IdentifiedArc], list[Can
     (candidates,) = find_candidates([profile], [components], [RADIUS_RANGE])
     ((arcs, _),) = identify_arcs([profile], [candidates], [RADIUS_RANGE])
     return arcs, candidates
-
-
-KIND, SEED = "welded_complex", 2
-"""Kind and seed of the scene."""
-TUBES = TubeRanges(radius_mm=(19.0, 19.0), phi_deg=(15.0, 30.0))
-"""Pipes of the scene: the radius of the paper's welded pipes, tilts from its tables."""
-WINDOW_STEP = 2
-"""Step from window to window, in points: every second one is enough for a picture."""
 
 
 @dataclass(frozen=True, eq=False)
