@@ -1,4 +1,4 @@
-"""Calibration files: what is written is read again, and nothing else is."""
+"""Calibration files and samples of ROS tools: what is written is read again, and nothing else is."""
 
 import json
 import re
@@ -11,9 +11,16 @@ from lsvision.calibration.hand_eye_result import HandEye
 from lsvision.calibration.observations import RejectedPose, Sphere
 from lsvision.errors import UnreadableFile, UnwritableFile
 from lsvision.geometry import Plane, Pose
-from lsvision.io.hand_eye_file import export_easy_handeye, load_hand_eye, save_hand_eye
+from lsvision.io.hand_eye_file import (
+    export_easy_handeye,
+    load_hand_eye,
+    read_hand_eye_samples,
+    save_hand_eye,
+)
 
 QUARTER = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+POSE = {"translation": {"x": 1, "y": 0, "z": 0}, "rotation": {"x": 0, "y": 0, "z": 0, "w": 1}}
+"""Pose of a sample: lengths in m."""
 TARGETS = {
     "sphere": Sphere((1, 2, 3), 20.0, 0.01),
     "plane": Plane((0, 0, 1), 5.0),
@@ -180,3 +187,30 @@ def test_numbers_that_are_none_are_rejected(tmp_path, case):
     with pytest.raises(UnreadableFile, match=message) as reason:
         load_hand_eye(tmp_path / "h.json")
     assert "h.json" in str(reason.value)
+
+
+@pytest.mark.parametrize("suffix", [".json", ".yaml"])
+def test_lengths_of_samples_are_converted_to_mm(tmp_path, suffix):
+    path = tmp_path / f"samples{suffix}"
+    path.write_text(json.dumps({"samples": [{"robot": POSE, "tracking": POSE}]}))
+    flanges, targets = read_hand_eye_samples(path, "eye_in_hand")
+    assert flanges[0].translation.tolist() == targets[0].translation.tolist() == [1000.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("document", "message"),
+    [
+        ({"samples": [{"robot": "abc", "tracking": POSE}]}, "a str instead of a pose"),
+        ({"samples": [{"robot": None, "tracking": POSE}]}, "a NoneType instead of a pose"),
+        ({"samples": [{"robot": POSE}]}, "no 'tracking'"),
+        ({"samples": "abc"}, "samples that are no list of mappings"),
+        ({"samples": {"a": 1}}, "samples that are no list of mappings"),
+        ({"samples": [1]}, "samples that are no list of mappings"),
+        ("abc", "got: a str"),
+    ],
+)
+def test_samples_with_other_content_are_rejected_by_name(tmp_path, document, message):
+    path = tmp_path / "samples.json"
+    path.write_text(json.dumps(document))
+    with pytest.raises(UnreadableFile, match=rf"samples\.json: .*{message}"):
+        read_hand_eye_samples(path, "eye_in_hand")
