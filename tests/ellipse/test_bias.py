@@ -13,7 +13,7 @@ from tests.tolerances import FIVE_SIGMA
 
 RADIUS = 30.0
 COUNT = 8000
-"""Points of an arc: with 2000 the bias is hardly larger than the scatter of the mean of the runs."""
+"""Points of an arc: with 2000 the bias is hardly larger than the scatter of a mean of the runs."""
 RUNS = 60
 
 

@@ -1,4 +1,4 @@
-"""Calibration files and samples of ROS tools: what is written is read again, and nothing else is."""
+"""Calibration files, and samples of ROS tools: what is written is read again, nothing else is."""
 
 import json
 import re
