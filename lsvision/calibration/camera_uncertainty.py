@@ -65,8 +65,8 @@ def camera_modes(camera: Camera, covariance: FloatArray) -> list[Camera]:
     """Return cameras, each changed by one standard deviation along a principal axis.
 
     The axes are those of the correlation matrix of the intrinsics; the sum over the cameras of the
-    squared changes is the covariance (4 + k, 4 + k). ValueError as of
-    `check_intrinsics_covariance`.
+    squared changes is the covariance (4 + k, 4 + k). Raises the ValueError
+    of `check_intrinsics_covariance`.
     """
     check_intrinsics_covariance(camera, covariance)
     std = np.sqrt(np.diag(covariance))

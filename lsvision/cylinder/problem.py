@@ -182,12 +182,12 @@ def _multiply(covariances: FloatArray, vectors: FloatArray) -> FloatArray:
 def normalised_residuals(
     points: Points, covariances: FloatArray | None, cylinder: Cylinder
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the distances of points from a cylinder, their stds, and their ratios without bias.
+    """Return the distances of points from a cylinder, their stds, and the normalised distances.
 
     All three are (n,), for points (n, 3) with covariances (n, 3, 3) in the frame of the cylinder.
-    Distances are positive outside. Without covariances the std is the robust one (MAD) of all
-    distances, otherwise the third are the distances minus their bias, divided by the stds.
-    Units: mm.
+    Distances are positive outside. A normalised distance is the distance minus its bias, divided by
+    its std. Without covariances the std is the robust one (MAD) of all distances, and no bias is
+    subtracted. Units: mm.
     """
     residuals = cylinder.signed_distances(points)
     if covariances is None:

@@ -59,9 +59,9 @@ def _squared_distance_to_limit(
 ) -> float:
     """Return the squared distance from the estimate to one limit of its interval.
 
-    Terms are the absolute value of coefficient times mean square, and degrees of freedom: of the
-    terms that are smaller at this limit than observed, and of those that are larger. `tail` is the
-    probability that the true value lies beyond this limit.
+    Each term is the absolute value of coefficient times mean square, and its degrees of freedom.
+    The terms `decreased` are smaller at this limit than observed, the terms `increased` larger.
+    `tail` is the probability that the true value lies beyond this limit.
     """
     from scipy.stats import f
 

@@ -91,8 +91,8 @@ def export_easy_handeye(
 ) -> None:
     """Write the pose of the sensor as ROS easy_handeye's YAML: metres, quaternion x y z w.
 
-    The frames are names in tf: of the one that carries the sensor, the effector (eye in hand) or
-    the robot's base (eye to hand), and of the sensor's.
+    `robot_frame` and `sensor_frame` are names of frames in tf. The first carries the sensor: it is
+    that of the effector (eye in hand) or of the robot's base (eye to hand).
 
     Raises
     ------
@@ -125,7 +125,8 @@ def read_hand_eye_samples(
     """Read the pairs of a file of MoveIt's hand-eye calibration, of easy_handeye or easy_handeye2.
 
     ``.json`` is JSON, anything else YAML. Returns ``base_from_flange`` and ``camera_from_target``
-    of each sample, in mm; for a fixed camera easy_handeye stores the inverse of the former.
+    of each sample, in mm. For a fixed camera (``"eye_to_hand"``) easy_handeye and easy_handeye2
+    store the inverse of ``base_from_flange``.
 
     Raises
     ------

@@ -222,9 +222,9 @@ def _grey_channel(array: Image) -> Image:
 def colour_planes(array: Image, pattern: Bayer, colour: str) -> list[tuple[int, int, Image]]:
     """Return the pixels of one colour of a mosaic, as images of every second row and column.
 
-    The raw image, or a colour image interpolated from one, has in the first two pixels of the first
-    and the second row the colours of `pattern`. Each image comes after its first row and first
-    column: one for red and blue, two for green, which are in different rows and columns.
+    The image is raw, or a colour image interpolated from a raw one. `pattern` names the colours of
+    the first two pixels of its first row, then of its second. Each item is first row, first column
+    and pixels: one item for red and blue, two for green, in different rows and columns.
 
     Examples
     --------

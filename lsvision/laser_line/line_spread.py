@@ -89,9 +89,10 @@ def estimate_line_spread(
     to be used; `blur` that of the point spread of lens and pixel, if measured. `sheet` (2,) is the
     direction u, v in which the normal of the laser plane is seen, a unit vector or zeros, and
     `thickening` the relative change of the variance of the sheet's blur from that in the middle of
-    the line. The result is the prior, with its wide uncertainty, if no width is usable, as of a
-    line that is saturated everywhere; zero, which means no correction, if edges disturb all
-    columns.
+    the line.
+
+    If no width is usable, as of a line that is saturated everywhere, the result is the prior with
+    its wide uncertainty. If edges disturb all columns it is zero, which means no correction.
     """
     undisturbed = shape.far_from_edges(CLEARANCE)
     if not undisturbed.any():

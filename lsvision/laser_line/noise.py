@@ -140,12 +140,12 @@ def excess_variance(
 def block_excess_variance(
     columns: IntArray, rows: FloatArray, std: FloatArray, block: int, first: int
 ) -> FloatArray:
-    """Estimate what `excess_variance` does, by the means of blocks of columns.
+    """Estimate the variance (n,) of `excess_variance`, in px^2, by the means of blocks of columns.
 
     The rounding of a JPEG image removes the noise of high frequencies and keeps that of low ones.
     Therefore the scatter of single columns underestimates the error of a fit, which is proportional
-    to the scatter of block means times the square root of the columns in a block. The first whole
-    block begins with the column `first`.
+    to the scatter of block means times the square root of the columns in a block. A block
+    has `block` columns; the first whole one begins with the column `first`.
     """
     steepness = 1 + line_slopes(columns, rows) ** 2
     index = columns + block - first

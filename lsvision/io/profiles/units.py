@@ -100,7 +100,10 @@ _SHORT = re.compile(r"^([xyzhrd])(mm|um|µm|μm|nm|cm)$")
 
 @dataclass(frozen=True)
 class StatedUnit:
-    """A unit of length in a file, and its name in `mm_per_unit`, None if not understood."""
+    """A unit of length as the text of a file states it.
+
+    `unit` is the name that `mm_per_unit` takes; None if the text is not understood.
+    """
 
     text: str
     unit: str | None
