@@ -23,8 +23,6 @@ _SALT_LOCK = threading.Lock()
 MAX_TITLE_CHARACTERS = 95
 """Largest length of a title, and number of characters that are kept of a longer one after "...":
 about the width of the figure."""
-LAST_SUPPORTED_CHARACTER = "\u058f"
-"""End of the Armenian block: the default font of matplotlib lacks most scripts after it."""
 WHITE_PERCENTILE = 99.9
 """Percentile of an image deeper than 8 bit from which pixels are shown white."""
 
@@ -96,8 +94,11 @@ def make_printable(title: str) -> str:
     >>> make_printable("管.csv"), len(make_printable("folder/" * 40))
     ('?.csv', 98)
     """
+    from matplotlib.font_manager import FontProperties, findfont, get_font
+
+    has_glyph = get_font(findfont(FontProperties())).get_char_index
     text = "".join(
-        character if character.isprintable() and character <= LAST_SUPPORTED_CHARACTER else "?"
+        character if character.isprintable() and has_glyph(ord(character)) else "?"
         for character in title
     )
     return text if len(text) <= MAX_TITLE_CHARACTERS else "..." + text[-MAX_TITLE_CHARACTERS:]
