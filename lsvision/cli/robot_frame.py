@@ -1,4 +1,4 @@
-"""Cylinders in the robot's frame, from sections of a sensor on the robot."""
+"""Cylinders in the robot's frame, from sections of a sensor on the robot and files of poses."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Options for a sensor on a robot: the file of flange poses, and the hand-eye file."""
+"""Options for the motion of a sensor: by a robot (files of poses and hand-eye file), or a feed."""
 
 import math
 from dataclasses import dataclass

@@ -84,7 +84,10 @@ def camera_page(calibration: CameraCalibration, page: ReportContent) -> str:
 def laser_plane_page(
     calibration: LaserPlaneCalibration, board_points: Points, page: ReportContent
 ) -> str:
-    """Return the page of a laser-plane calibration; `board_points`, (n, 3), are in mm."""
+    """Return the page of a laser-plane calibration.
+
+    `board_points`, (n, 3), are the points of the board, board frame, in mm.
+    """
     names, outliers = _names_and_outliers(calibration, page)
     line, corners = rms_of_views(calibration)
     bars = draw_bars(names, [("laser line", line), ("corners", corners)], outliers, "rms, px")

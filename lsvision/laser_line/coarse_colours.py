@@ -80,7 +80,7 @@ def select_sharper_line(
 class _ComparedLines:
     """The line in colour and in luminance, in the same n columns.
 
-    Rows and standard deviations are NaN where the line is not found in the luminance.
+    Rows and standard deviations, (n,) in px, are NaN where the luminance does not show the line.
     """
 
     colour: DetectedLine

@@ -173,7 +173,8 @@ def errors_are_correlated(columns: IntArray, rows: FloatArray) -> bool:
 def roughness(columns: IntArray, rows: FloatArray) -> float:
     """Return the largest scatter of a line over the distances of its points. Units: px.
 
-    Where a line was located in two ways, the way with the smaller roughness is the better one.
+    `rows` (n,) are the sub-pixel rows in the `columns` in which the line was located. Where a line
+    was located in two ways, the way with the smaller roughness is the better one.
     """
     return max(_scatters(columns, rows), default=0.0)
 

@@ -104,7 +104,7 @@ def has_enough_points(profile: Profile) -> bool:
 def build_cloud(
     profiles: Sequence[Profile], base_from_sections: Sequence[Pose], sensor: NoiseModel | None
 ) -> ScanCloud:
-    """Return the points of the profiles in the base frame, with their covariances.
+    """Return the points of profiles (section frame) in the base frame, with their covariances.
 
     Profiles without enough points contribute none. Without a noise model of all profiles
     (`sensor`), that of each profile is used; if one profile has none, the noise of all of them is

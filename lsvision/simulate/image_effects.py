@@ -80,8 +80,8 @@ def glint_gain(
 ) -> FloatArray:
     """Return the (height, width) factor on the laser light of specular reflections.
 
-    They are at random points of the line, whose pixels u, v in each column (width, 2) are NaN where
-    there is none.
+    There are `glints` of them, at random points of the line. `truth_pixels` (width, 2) are u, v of
+    the line in each column, NaN in a column without line. Units: px.
     """
     gain = np.ones(shape)
     line = truth_pixels[np.isfinite(truth_pixels[:, 1])]

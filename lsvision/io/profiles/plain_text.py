@@ -1,4 +1,7 @@
-"""Plain text: x and height (or x, y and z) of one point per line, or lines of heights."""
+"""Plain text: x and height (or x, y and z) of one point per line, or lines of heights.
+
+Also the texts of Keyence LJ-V and LJ-X: raw 16-bit heights, and the exporter's lines of x and z.
+"""
 
 import dataclasses
 

@@ -57,8 +57,8 @@ def find_other_problems(
 ) -> tuple[str, ...]:
     """Return notes on points of a lidar, exchanged columns and empty profiles.
 
-    `low` and `high` are as for `find_unit_warnings`. If the units are not `assumed`, the file
-    probably names its columns, and only empty profiles are noted.
+    Profiles are in the section frame; `low` and `high` are as for `find_unit_warnings`. If the
+    units are not `assumed`, the file probably names its columns, and only empty profiles are noted.
     """
     size = f"{high[0] - low[0]:.3g} x {high[1] - low[1]:.3g}"
     notes = []
