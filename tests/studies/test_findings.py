@@ -43,7 +43,7 @@ TABLES = [  # theta, phi, largest error of theta and of phi among the four pipes
 ]
 PIPES = (15.0, 16.0, 18.5, 29.0)  # radii of tables 1-3, mm
 RADIAL = FittingSettings(residual="radial")
-RUNS = 100  # a spread of 100 runs is known to 7 %, a ratio of two from the same noise much better
+RUNS = 400  # a spread of 400 runs is known to 4 %, a ratio of two from the same noise much better
 HUGE = 100.0  # mm, semi-axis: ten times a pipe of the scenes, or a plane
 BY_CHANCE = 1e-3
 SCREENED_OFF = 0.2  # mm: about one sigma of a fit to the middle part
