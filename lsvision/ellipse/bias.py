@@ -16,9 +16,11 @@ left out.
 
 For errors along Y the radius becomes too small: by 1.6 noise / radius sqrt(n) of its standard
 deviations for n points on an arc of 130 deg, by 2.3 for 90 deg (0.3 for 400 points with a noise of
-1 % of the radius, but 1 for 4000). For 60 points the bias is a twentieth of the standard deviation,
-and to remove it increases the rms error of theta near a circle by 2 %. The fit of a cylinder avoids this bias by evaluating J at the
-most probable true points (`lsvision.cylinder.problem`).
+1 % of the radius, but 1 for 4000). For 60 points it is a twentieth of a standard deviation, and its
+removal increases the rms error of theta near a circle by 2 %.
+
+The fit of a cylinder avoids this bias by evaluating J at the most probable true points
+(`lsvision.cylinder.problem`).
 """
 
 from dataclasses import replace
