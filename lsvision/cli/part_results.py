@@ -306,8 +306,8 @@ def _rejection_line(rejection: "Rejection", profile: "Profile") -> str:
 class MeasureTask:
     """Small files, read in the task, or a part of a larger one, or the error of reading it.
 
-    `first` is the number of the first file, from 0; `profiles_read` that of the larger file's
-    profiles read so far.
+    `first` is the number of the first file, from 0. `profiles_read` is the number of profiles of
+    the larger file that have been read so far.
     """
 
     first: int

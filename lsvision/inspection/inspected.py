@@ -63,9 +63,9 @@ class VerdictCount:
 class Series:
     """A quantity of a part or relation in all measurements that determine it.
 
-    `numbers` are those of these measurements among all, from 1. Values, standard uncertainties and
-    interval ends are in their order and in the unit of the quantity, as are the limits, which are
-    infinite if there is none.
+    `numbers` are the numbers, from 1, of these measurements among all measurements. Values,
+    standard uncertainties and interval ends are in the same order. They are in the unit of the
+    quantity, and so are the limits, which are infinite if there is none.
     """
 
     item: str

@@ -27,10 +27,10 @@ ANGLE_UNITS: dict[str, AngleUnit] = {
 
 @dataclass(frozen=True)
 class PoseHeader:
-    """Columns of the fields of a convention in a table, and the units that it states, or None.
+    """Columns of the fields of a convention in a table, and the units that its header states.
 
     Columns are empty if the header does not name all fields: numbers are then in the order of the
-    convention.
+    convention. A unit that the header does not state is None.
     """
 
     columns: tuple[int, ...] = ()

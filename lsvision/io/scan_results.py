@@ -65,8 +65,7 @@ def scan_csv(scan: "ScanMeasurement", base_from_sections: Sequence[Pose]) -> str
 def scan_row(number: int, tube: "ScannedCylinder", base_from_section: Pose) -> dict[str, Any]:
     """Return a cylinder, numbered from 0, as a row: mm, deg, empty text where not determined.
 
-    phi and theta are given in the frame of a section, of which the pose in the base frame is
-    stated.
+    phi and theta are given in the section frame whose pose is `base_from_section`.
     """
     basis, covariance = tube.fit.tangent_basis, tube.covariance
     row: dict[str, Any] = {
