@@ -44,11 +44,11 @@ class DetectedBoards:
     """The board's pose, ``camera_from_board``, in each image in which it was found.
 
     `indices` are the positions of these n images among all images. The other fields have an item
-    for each of the n images, in the same order. Covariances, (n, 6, 6), are those of `estimate_board_pose`. `camera_modes`, (m, n,
-    6), are the shifts of each pose by each of m independent errors of the camera, one standard
-    deviation each, see `board_pose_modes`; None if the camera's file has no covariance. Warnings
-    are about images and corners that were left out, and boards whose corners were numbered from
-    another end.
+    for each of the n images, in the same order. Covariances, (n, 6, 6), are those of
+    `estimate_board_pose`. `camera_modes`, (m, n, 6), are the shifts of each pose by each of m
+    independent errors of the camera, one standard deviation each, see `board_pose_modes`; None if
+    the camera's file has no covariance. Warnings are about images and corners that were left out,
+    and boards whose corners were numbered from another end.
     """
 
     indices: list[int]
