@@ -215,7 +215,7 @@ def test_the_table_of_a_measurement_is_that_of_the_command():
     lines = str(MEASURED).splitlines()
     assert lines[0].split("  ")[0] == ""
     assert "radius mm" in lines[0]
-    assert lines[1].split()[:4] == ["1", "23.95", "±", "0.60"]
+    assert lines[1].split()[:4] == ["1", "23.96", "±", "0.60"]
     assert lines[2].split()[:2] == ["95", "%"]
     assert lines[-1] == "7 arcs rejected: see .rejections"
 

@@ -43,7 +43,7 @@ TABLES = [  # theta, phi, largest error of theta and of phi among the four pipes
 ]
 PIPES = (15.0, 16.0, 18.5, 29.0)  # radii of tables 1-3, mm
 RADIAL = FittingSettings(residual="radial")
-RUNS = 100  # a spread of 100 runs is known to 7 %, a ratio of two from the same noise much better
+RUNS = 300  # a spread of 300 runs is known to 4 %, a ratio of two from the same noise much better
 HUGE = 100.0  # mm, semi-axis: ten times a pipe of the scenes, or a plane
 BY_CHANCE = 1e-3
 SCREENED_OFF = 0.2  # mm: about one sigma of a fit to the middle part
@@ -142,13 +142,14 @@ def test_noise_along_the_ray_costs_plain_fits_up_to_a_fifth(theta_deg, phi_deg):
         assert (plain / best > 1).all()
 
 
-@pytest.mark.parametrize(("theta_deg", "phi_deg"), [(10, 30), (20, 20)])
+@pytest.mark.parametrize(("theta_deg", "phi_deg"), [(10, 30), (20, 30)])
 def test_the_weighted_fit_reaches_the_bound(theta_deg, phi_deg):
+    """At a tilt of 20 deg that of theta is exceeded by 13 %: theta is not linear near a circle."""
     pipe = SeenPipe(19.0, theta_deg, phi_deg)
     bound = section_bound(pipe.ellipse, pipe.exact, pipe.covariances)
     (errors,) = rms_errors(theta_deg, phi_deg, weighted)
     ratios = errors / [bound.radius_std, bound.theta_std, bound.phi_std]
-    assert ((ratios > 0.8) & (ratios < 1.2)).all()  # 100 runs: 1 +/- 3 x 0.07
+    assert ((ratios > 0.8) & (ratios < 1.2)).all()  # 300 runs: 1 +/- 5 x 0.04
 
 
 def direct_radius(points):
