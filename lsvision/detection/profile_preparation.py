@@ -18,8 +18,10 @@ from lsvision.geometry.noisy_points import NoisyPoints, as_complex, as_vectors, 
 from lsvision.profile import NoiseModel, PreparedProfile, Profile
 from lsvision.statistics.robust import upper_median
 
-MAX_POINTS = 20_000
-"""Largest number of points; denser profiles are thinned (no sensor has more than 4096 columns)."""
+MAX_POINTS = 8192
+"""Largest number of points; denser profiles are thinned. No sensor has more than 4096 columns, with
+two returns each. The time of noisy points increases with the cube of their number: with 20 000 it
+can be a minute."""
 NOISE_QUANTILE = 0.35
 """Quantile of the offsets from which the noise is estimated; low, because of outliers."""
 NOISE_QUANTILE_SIGMAS = NormalDist().inv_cdf((1 + NOISE_QUANTILE) / 2) * math.sqrt(1 + 1 / 2)

@@ -27,14 +27,14 @@ SCENES = {f"{kind} {seed}": own(kind, seed) for kind in SCENE_KINDS for seed in 
 SCENES |= {f"welded in clutter {seed}": others(seed) for seed in range(4)}
 
 
-def dense(count=30_000):
+def dense(count=12_000):
     """Return more points than `MAX_POINTS`."""
     x = np.linspace(-60, 60, count)
     y = np.where(np.abs(x) < 19, np.sqrt(np.maximum(400 - x * x, 0)), -5) - 400
     return np.column_stack([x, y + 0.05 * np.random.default_rng(1).normal(size=count)])
 
 
-SCENES["more than 20 000 points"] = dense()
+SCENES["more points than are kept"] = dense()
 
 
 def front_end(points, sensor=None, scale=1.0):

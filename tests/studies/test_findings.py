@@ -142,13 +142,14 @@ def test_noise_along_the_ray_costs_plain_fits_up_to_a_fifth(theta_deg, phi_deg):
         assert (plain / best > 1).all()
 
 
-@pytest.mark.parametrize(("theta_deg", "phi_deg"), [(10, 30), (20, 20)])
+@pytest.mark.parametrize(("theta_deg", "phi_deg"), [(10, 30), (20, 30), (20, 20)])
 def test_the_weighted_fit_reaches_the_bound(theta_deg, phi_deg):
+    """At a tilt of 20 deg that of theta is exceeded by 17 %: theta is not linear near a circle."""
     pipe = SeenPipe(19.0, theta_deg, phi_deg)
     bound = section_bound(pipe.ellipse, pipe.exact, pipe.covariances)
     (errors,) = rms_errors(theta_deg, phi_deg, weighted)
     ratios = errors / [bound.radius_std, bound.theta_std, bound.phi_std]
-    assert ((ratios > 0.8) & (ratios < 1.2)).all()  # 100 runs: 1 +/- 3 x 0.07
+    assert ((ratios > 0.8) & (ratios < 1.2)).all()  # 400 runs: 1 +/- 5 x 0.04
 
 
 def direct_radius(points):
