@@ -12,6 +12,7 @@ from lsvision.statistics.correlation import (
     autocorrelation_time,
     debiased_autocorrelation_time,
     estimate_correlation,
+    neighbour_correlation,
 )
 from tests.tolerances import ROUNDING, spread_of_share
 
@@ -237,3 +238,10 @@ def test_powers_of_the_bands_are_those_of_a_fourier_transform(count, rng):
     powers = np.abs(transform) ** 2 / (2 * residuals @ residuals)
     wanted = [powers[4:8].mean(), powers[4:6].mean(), powers[12:34].mean()]
     np.testing.assert_allclose(correlation._band_powers(residuals), wanted, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("count", "is_correlated"), [(7, False), (8, True), (9, True)])
+def test_a_ramp_of_eight_points_is_correlated_and_one_of_seven_too_short(count, is_correlated):
+    time, correlated = neighbour_correlation(np.arange(float(count)), 5)
+    assert correlated is is_correlated
+    assert (time > 1) is is_correlated
