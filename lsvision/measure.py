@@ -8,7 +8,7 @@ ellipses on planes. The pipeline exactly as published is
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from lsvision.detection.acceptance import (
@@ -322,7 +322,7 @@ def _fit_sections(
         [noisy[smooth.inliers] for noisy, smooth in zip(points, smoothed, strict=True)],
         [arc.ellipse for arc in homogenised],
         priors,
-        settings.fitting,
+        replace(settings.fitting, min_axis_ratio=settings.acceptance.min_fitted_axis_ratio),
         [search.prepared.estimated_std for search, _, _ in arcs],
     )
     return [

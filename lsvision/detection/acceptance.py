@@ -23,6 +23,9 @@ it the 97 % interval of the radius has no upper end, but a fit that is small and
 would seem to determine the radius. For arcs of 60 deg of small circles, the 95 % intervals contain
 the radius in 92 % of the cases without this limit and in 94 % with it; the limit rejects 1.5 % of
 the valid fits (2.5 would reject 6 %)."""
+TILT_MARGIN_DEG = 10.0
+"""Tilt beyond the limit at which the fit of an arc ends: fits of arcs that are on no ellipse become
+flatter in each step, and took most of the time of such profiles. Units: deg."""
 CERTAIN_RADIUS_SIGMAS = 6.0
 """Ratio of radius to standard uncertainty above which the interval certainly is within
 `MAX_RADIUS_RATIO`. Only below it the interval is computed, which takes 6 to 55 ms for a short
@@ -48,6 +51,11 @@ class AcceptanceSettings:
     min_points: int = 12
     min_coverage_deg: float = 38.0
     max_tilt_deg: float = 60.0
+
+    @property
+    def min_fitted_axis_ratio(self) -> float:
+        """Axis ratio b / a below which a fit need not go on: that of a tilt too large for sure."""
+        return math.cos(math.radians(min(self.max_tilt_deg + TILT_MARGIN_DEG, 90.0)))
 
 
 def shape_rejection_reason(

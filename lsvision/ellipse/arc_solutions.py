@@ -45,6 +45,7 @@ def solve_arcs(
     residual: str,
     max_evaluations: int = MAX_EVALUATIONS,
     tolerance: float = DEFAULT_TOLERANCE,
+    min_axis_ratio: float = 0.0,
 ) -> list[SolvedArc | LsvisionError]:
     """Solve the problems of one or more arcs together.
 
@@ -56,7 +57,7 @@ def solve_arcs(
         Priors on radius and phi, the same for all arcs.
     residual : {"orthogonal", "radial"}
         Definition of a residual; see `FittingSettings`.
-    max_evaluations, tolerance
+    max_evaluations, tolerance, min_axis_ratio
         As for `minimise`.
 
     Returns
@@ -73,7 +74,7 @@ def solve_arcs(
         )
         for arc, row in zip(arcs, stds, strict=True)
     ]
-    solutions = minimise(problems, guesses, max_evaluations, tolerance)
+    solutions = minimise(problems, guesses, max_evaluations, tolerance, min_axis_ratio)
     return [
         SolvedArc(arc.points, problem, solution) if isinstance(solution, Solution) else solution
         for arc, problem, solution in zip(arcs, problems, solutions, strict=True)

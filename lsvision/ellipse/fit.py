@@ -59,6 +59,9 @@ class FittingSettings:
         Largest number of evaluations of the residuals; then the fit has not converged.
     tolerance : float
         Relative decrease of chi^2 in a step, below which the iteration has converged.
+    min_axis_ratio : float
+        Axis ratio b / a below which the iteration ends, without convergence; 0: none. Points that
+        are on no ellipse may fit a flatter one in each step.
     variance : {"given", "estimated"}
         Whether the covariances of the points are known, or only up to a common factor, which is
         then estimated from the residuals.
@@ -68,6 +71,7 @@ class FittingSettings:
     reweightings: int = 1
     max_evaluations: int = MAX_EVALUATIONS
     tolerance: float = DEFAULT_TOLERANCE
+    min_axis_ratio: float = 0.0
     variance: Literal["given", "estimated"] = "given"
 
     def __post_init__(self) -> None:
@@ -210,7 +214,7 @@ def _fit(arcs: list[StartedArc], priors: Priors, settings: FittingSettings) -> F
     starts: Sequence[StartedArc | LsvisionError] = arcs
     if priors != NO_PRIORS and settings.variance == "estimated":
         starts = _scale_by_free_fits(arcs, settings)
-    limits = settings.max_evaluations, settings.tolerance
+    limits = settings.max_evaluations, settings.tolerance, settings.min_axis_ratio
 
     def solve(arcs: Sequence[StartedArc | SolvedArc]) -> list[SolvedArc | LsvisionError]:
         return solve_arcs(arcs, priors, settings.residual, *limits)

@@ -55,6 +55,8 @@ class LevenbergMarquardt:
         Largest number of evaluations.
     tolerance : float
         Relative decrease of chi^2 in a step, below which the iteration has converged.
+    min_axis_ratio : float
+        Axis ratio b / a below which the iteration ends, without convergence; 0: none.
     on_cone : bool
         Whether each step changes the semi-minor axis b linearly, as a known radius requires: along
         straight steps its prior is a curved valley of chi^2, so narrow that the iteration may end
@@ -76,8 +78,8 @@ class LevenbergMarquardt:
     """
 
     __slots__ = (
-        "_add_step", "_damping", "_max_evaluations", "_predicted", "_region", "_slope",
-        "_squared_scales", "_step_size", "_tolerance", "converged", "cost", "equations",
+        "_add_step", "_damping", "_max_evaluations", "_min_axis_ratio", "_predicted", "_region",
+        "_slope", "_squared_scales", "_step_size", "_tolerance", "converged", "cost", "equations",
         "evaluations", "finished", "last_step", "parameters", "trial",
     )  # fmt: skip
 
@@ -87,6 +89,7 @@ class LevenbergMarquardt:
         max_evaluations: int,
         tolerance: float,
         *,
+        min_axis_ratio: float = 0.0,
         on_cone: bool = False,
     ) -> None:
         self._add_step: Callable[[FloatArray, FloatArray], FloatArray]
@@ -96,6 +99,7 @@ class LevenbergMarquardt:
         self.last_step: FloatArray | None = None
         self.finished = self.converged = False
         self._max_evaluations, self._tolerance = max_evaluations, tolerance
+        self._min_axis_ratio = min_axis_ratio
         self.evaluations = 0
         self.cost = self._region = math.inf
         self._damping = self._predicted = self._slope = self._step_size = 0.0
@@ -121,7 +125,7 @@ class LevenbergMarquardt:
             self.finished = self.converged = True
         elif first:
             self.finished = not cost < math.inf
-        self.finished |= self.evaluations >= self._max_evaluations
+        self.finished |= self.evaluations >= self._max_evaluations or self._is_flat()
         if not self.finished:
             step = self._next_step()
             self.trial = self._add_step(self.parameters, step)
@@ -136,6 +140,14 @@ class LevenbergMarquardt:
     def is_finite(self) -> bool:
         """Whether the best parameters and the numbers at them are finite."""
         return math.isfinite(sum(self.parameters.tolist()) + self.cost + sum(self._squared_scales))
+
+    def _is_flat(self) -> bool:
+        """Return whether the axis ratio of the best ellipse is below its limit."""
+        if self._min_axis_ratio <= 0:
+            return False
+        m = float(self.parameters[2])
+        h = math.hypot(*self.parameters[3:].tolist())
+        return m - h < self._min_axis_ratio * (m + h)
 
     def _update_region(self, cost: float) -> bool:
         """Adapt the trust region to chi^2 after a step; return whether the step is accepted."""

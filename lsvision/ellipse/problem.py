@@ -259,6 +259,7 @@ def minimise(
     initial_guesses: FloatArray,
     max_evaluations: int = MAX_EVALUATIONS,
     tolerance: float = DEFAULT_TOLERANCE,
+    min_axis_ratio: float = 0.0,
 ) -> list[Solution | LsvisionError]:
     """Fit the least-squares ellipses of k arcs by the Levenberg-Marquardt method.
 
@@ -272,6 +273,8 @@ def minimise(
         Largest number of evaluations.
     tolerance : float
         Relative decrease of chi^2 in a step, below which the iteration has converged.
+    min_axis_ratio : float
+        Axis ratio b / a below which the iteration ends, without convergence; 0: none.
 
     Returns
     -------
@@ -290,7 +293,13 @@ def minimise(
 
     def solve(arcs: list[tuple[EllipseProblem, FloatArray]]) -> list[Solution | LsvisionError]:
         searches = [
-            LevenbergMarquardt(guess, max_evaluations, tolerance, on_cone=problem.has_narrow_prior)
+            LevenbergMarquardt(
+                guess,
+                max_evaluations,
+                tolerance,
+                min_axis_ratio=min_axis_ratio,
+                on_cone=problem.has_narrow_prior,
+            )
             for problem, guess in arcs
         ]
         return _solve(ProblemStack.of([problem for problem, _ in arcs]), searches)

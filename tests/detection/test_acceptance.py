@@ -315,3 +315,10 @@ def test_two_of_which_half_is_common_are_one(common, both):
 
 def test_nothing_is_nothing():
     assert suppress_overlapping([]) == []
+
+
+@pytest.mark.parametrize(("max_tilt_deg", "ratio_deg"), [(60.0, 70.0), (50.0, 60.0), (85.0, 90.0)])
+def test_a_fit_ends_ten_degrees_beyond_the_largest_tilt(max_tilt_deg, ratio_deg):
+    settings = AcceptanceSettings(max_tilt_deg=max_tilt_deg)
+    expected = math.cos(math.radians(ratio_deg))
+    assert settings.min_fitted_axis_ratio == pytest.approx(expected, abs=1e-12)

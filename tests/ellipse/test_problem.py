@@ -393,3 +393,17 @@ def test_a_step_on_the_cone_changes_b_by_its_gradient(rng):
         change = semi_minor(moved) - semi_minor(parameters)
         assert change == pytest.approx(semi_minor_gradient(parameters) @ step, abs=1e-12)
         np.testing.assert_allclose(np.delete(moved - parameters - step, 2), 0, atol=1e-12)
+
+
+@pytest.mark.parametrize(("min_axis_ratio", "converged"), [(0.0, True), (0.15, True), (0.3, False)])
+def test_the_iteration_ends_at_an_ellipse_that_is_too_flat(min_axis_ratio, converged):
+    """The best ellipse of a wedge has an axis ratio of 0.19; an earlier one has 0.26."""
+    x = np.linspace(-10, 10, 60)
+    y = -300 - 0.3 * np.abs(x) + 0.02 * np.random.default_rng(1).normal(size=60)
+    problem = EllipseProblem(np.column_stack([x, y]), np.full(60, 0.02), None, "orthogonal")
+    guess = np.array([[0.0, -312.0, 12.0, 1.0, 0.0]])
+    (solution,) = minimise([problem], guess, 100, 1e-3, min_axis_ratio)
+    m, h = solution.parameters[2], math.hypot(*solution.parameters[3:])
+    assert solution.converged is converged
+    assert (m - h) / (m + h) < 0.3
+    assert bool((m - h) / (m + h) < 0.2) is converged
