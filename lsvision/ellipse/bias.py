@@ -86,10 +86,9 @@ def _jacobian_and_slopes(solution: Solution) -> tuple[FloatArray, FloatArray]:
     length = np.abs(m * w - d * w.conj())
     curvature, turn = (m * m - abs(d) ** 2) / length**3, 1 / length
     jacobian = parameter_jacobian(normals, w)
-    # Along the arc, n turns by kappa and w by 1 / length.
-    slopes = np.empty_like(jacobian)
-    along, deviating = 1j * curvature * normals, 1j * (curvature + turn) * normals * w
-    slopes[0], slopes[1] = along.real, along.imag
-    slopes[2] = (1j * (curvature - turn) * normals * w.conj()).real
-    slopes[3], slopes[4] = deviating.real, deviating.imag
+    # Along the arc, n turns by kappa and w by 1 / length: n w turns by the sum of both.
+    slopes, both = np.empty_like(jacobian), curvature + turn
+    slopes[0], slopes[1] = -curvature * jacobian[1], curvature * jacobian[0]
+    slopes[2] = (turn - curvature) * (normals * w.conj()).imag
+    slopes[3], slopes[4] = -both * jacobian[4], both * jacobian[3]
     return jacobian, slopes

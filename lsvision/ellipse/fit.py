@@ -326,7 +326,7 @@ def _build_fit(arc: SolvedArc, variance: Literal["given", "estimated"]) -> Ellip
         dof = max(dof / correlation.autocorrelation_time, 1.0)
     dof = min(dof, correlation.degrees_of_freedom)
     parameters = solution.parameters
-    if problem.residual == "orthogonal":
+    if problem.residual == "orthogonal" and solution.converged:
         problem, parameters = remove_bias(problem, solution, points, reduced_chi2)
     return EllipseFit(
         ellipse=ellipse_from_parameters(parameters),
