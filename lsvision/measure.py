@@ -317,12 +317,13 @@ def _fit_sections(
     points = [arc.points for _, _, arc in arcs]
     smoothed = smooth_arcs(points, [arc.ellipse for _, _, arc in arcs])
     homogenised = homogenise_arcs(smoothed)
-    # Ellipse fitting, section 2.3.
+    # Ellipse fitting, section 2.3, which ends at ellipses that are too flat to be accepted.
+    min_axis_ratio = max(settings.fitting.min_axis_ratio, settings.acceptance.min_fitted_axis_ratio)
     fits = refine_arcs(
         [noisy[smooth.inliers] for noisy, smooth in zip(points, smoothed, strict=True)],
         [arc.ellipse for arc in homogenised],
         priors,
-        replace(settings.fitting, min_axis_ratio=settings.acceptance.min_fitted_axis_ratio),
+        replace(settings.fitting, min_axis_ratio=min_axis_ratio),
         [search.prepared.estimated_std for search, _, _ in arcs],
     )
     return [

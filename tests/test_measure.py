@@ -17,9 +17,17 @@ from lsvision import (
     measure_cylinders,
     read_profile,
 )
+from lsvision.ellipse.fit import FittingSettings
 from lsvision.ellipse.section import compute_intervals
 from lsvision.measure import measure_profiles
-from lsvision.simulate import Scene, SectionSettings, Tube, TubeRanges, simulate_section
+from lsvision.simulate import (
+    SCENE_SENSOR,
+    Scene,
+    SectionSettings,
+    Tube,
+    TubeRanges,
+    simulate_section,
+)
 from lsvision.simulate.scene_kinds import random_section
 from lsvision.studies.chen_liu_2016 import measure_cylinders_paper
 from tests.alike import turn_between
@@ -433,3 +441,14 @@ def test_a_measurement_of_hardly_any_points_says_why(points, reason, rejections)
     measurement = measure_cylinders(points)
     assert (measurement.reason, len(measurement.rejections)) == (reason, rejections)
     assert reason in str(measurement)
+
+
+@pytest.mark.parametrize(("min_axis_ratio", "count"), [(0.0, 1), (0.5, 1), (0.97, 0)])
+def test_a_fit_ends_at_the_axis_ratio_of_the_settings_too(min_axis_ratio, count):
+    scene = Scene((Tube.of(19.0, 0.3, math.radians(30), (0.0, -400.0)),))
+    section = simulate_section(scene, SCENE_SENSOR, SectionSettings(), rng=np.random.default_rng(1))
+    fitting = FittingSettings(
+        reweightings=0, max_evaluations=20, tolerance=1e-3, min_axis_ratio=min_axis_ratio
+    )
+    found = measure_cylinders(section.profile, settings=Settings(fitting=fitting))
+    assert len(found.cylinders) == count

@@ -54,7 +54,7 @@ class AcceptanceSettings:
 
     @property
     def min_fitted_axis_ratio(self) -> float:
-        """Axis ratio b / a below which a fit need not go on: that of a tilt too large for sure."""
+        """Axis ratio b / a at a tilt `TILT_MARGIN_DEG` beyond the largest, where a fit ends."""
         return math.cos(math.radians(min(self.max_tilt_deg + TILT_MARGIN_DEG, 90.0)))
 
 
