@@ -49,8 +49,6 @@ MAX_STEP = 2.5
 CROSSING_FRACTION, MIN_CROSSING_FRACTION = 0.7, 0.3
 """With a known radius: length of d in a step across the circle over |d|, and smallest fraction of
 such a step. Without these limits one fit in ten of untilted pipes has intervals without ends."""
-MAX_LOG_STEP = 2.0
-"""Largest change of log m in a step."""
 MAX_RATIO = 6.0
 """Largest F - min F over c after a step, without the priors or with them; a step beyond it is
 rejected."""
@@ -361,7 +359,7 @@ def _move_rows(
         delta = d[phi_known] / m[phi_known]
         new_delta[phi_known] = _step_along_phi(delta, new_delta[phi_known])
     new_delta[~targets[:, 3:].any(axis=1) & (fractions == 1)] = 0.0  # a full step to a circle
-    new_m = m * np.exp(np.minimum(np.maximum(dm / m, -MAX_LOG_STEP), MAX_LOG_STEP))
+    new_m = m * np.exp(dm / m)
     # With a known radius b = m - |d| changes linearly, and m follows from b and d / m.
     u = np.where(d == 0, 1.0, d / np.abs(d))
     m_of_known_radius = (m - np.abs(d) + dm - (dd * u.conj()).real) / (1 - np.abs(new_delta))
