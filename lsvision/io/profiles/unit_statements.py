@@ -61,10 +61,14 @@ _AXES = {
 """Axis that a word names."""
 # Marks before and behind a comment.
 _COMMENT = re.compile(r"^[\s#%!;*/\"'<-]+|[\s\"'*>-]+$")
-# "key: value", "key = value", "key, value" or "key is value".
-_KEY_VALUE = re.compile(r"^([^:：=,;\t]{1,60}?)\s*(?:[:：=,;\t]+|\bis\b|\bare\b)\s*(\S.*)$")
-# "units mm".
-_KEY_BLANK_VALUE = re.compile(r"^(\S*unit\S*|Einheit\S*)\s+(\S.*)$", re.IGNORECASE)
+# "key: value", "key = value", "key, value" or "key is value"; but not "unit 0,1 mm".
+_KEY_VALUE = re.compile(
+    r"^([^:：=,;\t]{1,60}?)\s*(?:(?:[:：=;\t]|(?<![0-9]),|,(?![0-9]))+|\bis\b|\bare\b)\s*(\S.*)$"
+)
+# "units mm" or "z unit mm".
+_KEY_BLANK_VALUE = re.compile(
+    rf"^((?:[xyz]\s+)?(?:\S*unit\S*|{'|'.join(sorted(_UNIT_KEYS))}))\s+(\S.*)$", re.IGNORECASE
+)
 # The words of a key such as "xUnit" or "X_UNIT".
 _KEY_WORDS = re.compile(r"[A-Z]?[^\W\d_A-Z]+|[A-Z]+(?![^\W\d_A-Z])")
 _AXIS_GROUP = r"(x|y|z|heights?|ranges?|distance|lateral|depth)"
@@ -84,6 +88,8 @@ _PHRASE = re.compile(
 )
 # "per count" or "/digit".
 _PER_COUNT = re.compile(rf"(?:/|\bper\b|\bpro\b)\s*{COUNT_WORD}\b", re.IGNORECASE)
+# The key of "1 digit = 0.01 mm".
+_ONE_COUNT = re.compile(rf"1\s*{COUNT_WORD}", re.IGNORECASE)
 _NUMBER = re.compile(r"[-+]?(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:[eE][-+]?[0-9]+)?")
 
 _BARE_UNIT = re.compile(
@@ -100,10 +106,11 @@ _FRACTION = re.compile(
     rf"(?<![^\W_])(?:{'|'.join(FRACTION_WORDS)})\s+(?:of\s+an?\s+|d\w*\s*)?(?:mm|m[ei]\w+)"
     r"|1/10+\s?mm"
 )
-# "multiply by 0.01", "converted to mm", "counts per mm" or "scale factor 0.01".
+# "multiply by 0.01", "converted to mm", "counts per mm", "mm = counts / 100", "0.1 mm/px" or "scale
+# factor 0.01".
 _CONVERSION = re.compile(
     rf"\b(?:multiply|multiplied|divide\w*)\b.*?[0-9]|\bto\s+(?:mm|m|um)\b"
-    rf"|{COUNT_WORD}\s*(?:/|per|pro)\s*[^\W\d_]+"
+    rf"|{COUNT_WORD}\s*(?:/|per|pro)\s*[^\W\d_]+|\bmm\s*=.*{COUNT_WORD}|\bmm\s*(?:/|per)\s*(?:px|pixel)"
     r"|\b(?:scale|scaling|multiplier)(?:\s+factor)?\s+(?!1(?:\.0*)?$)[0-9.]"
 )
 
@@ -203,8 +210,8 @@ def _parse_statements(line: str) -> Iterator[UnitStatement]:
             yield from _parse_scale(key_value[2], text, _axis(words))
             return
         unit = parse_unit(key_value[2].strip("[](){} "))
-        per_count = _PER_COUNT.search(key_value[2]) and not words & _OTHER_KEYS
-        if unit is not None and (words <= set(_AXES) or per_count):
+        per_count = _PER_COUNT.search(key_value[2]) or _ONE_COUNT.fullmatch(key_value[1])
+        if unit is not None and (words <= set(_AXES) or (per_count and not words & _OTHER_KEYS)):
             yield UnitStatement(StatedUnit(text, unit), _axis(words))
             return
     if line.lstrip().startswith(("#", "%", "//", "!", "*")) or key_value or " in " in text:

@@ -29,6 +29,10 @@ def rows(unit, separator=","):
         ("x (in um); z (in um)\n", "um", ";"),
         ("# resolution: 0.01 mm/digit\nx,z\n", "0.01 mm", ","),
         ("# Z resolution: 10 um per count\n# X resolution: 10 um per count\nx,z\n", "10 um", ","),
+        ("# 1 digit = 0.01 mm\nx,z\n", "0.01 mm", ","),
+        ("# x unit um\n# z unit um\nx,z\n", "um", ","),
+        ("# 単位 0.1mm\nx,z\n", "0.1 mm", ","),
+        ("# Einheit 0,1 mm\nx;z\n", "0.1 mm", ";"),
         ("x,z\ndouble,double\num,um\n", "um", ","),
         ("X-Koordinate [um];Z-Koordinate [um]\n", "um", ";"),
         ("x (inch),z (in)\n", "in", ","),
@@ -53,6 +57,8 @@ def test_units_in_further_forms_are_read(write, head, unit, separator):
         "# multiply by 0.01 to get mm",
         "# 1000 counts per mm",
         "# 100 digits/mm",
+        "# mm = counts / 100",
+        "# resolution x: 0.1 mm/px",
     ],
 )
 def test_a_unit_in_other_words_is_rejected_with_the_line(write, line):
@@ -71,6 +77,9 @@ def test_a_unit_in_other_words_is_rejected_with_the_line(write, line):
         "# accuracy 5 um",
         "# exposure unit: us, gain 1.5",
         "# resolution 1280 points",
+        "# pixels = 640",
+        "# step: 0.1 mm",
+        "# 1 count = 3 s",
         "# Sensor Number Umbra 7",
     ],
 )
