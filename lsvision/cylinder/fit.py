@@ -123,7 +123,9 @@ def fit_cylinder(
         If there are fewer than 6 points.
     DegenerateGeometry
         If all points are at one position or on a straight line; or, without an initial guess, in
-        one plane, such as the points of one section, which two cylinders fit.
+        one plane, such as the points of one section, which two cylinders fit; or, also without
+        covariances, if two sections of short arcs (1 of 3 pairs of 60 deg, none of 120 deg) fit a
+        cylinder between their planes better than one along them.
     FitFailed
         If no cylinder fits, for example to noisy points of a plane, or if numbers overflow.
 
@@ -131,12 +133,6 @@ def fit_cylinder(
     -----
     The distances are corrected for the bias that noise causes on a curved surface, about
     sigma^2 / (2 r): negligible for one point, significant in the mean of 10 000.
-
-    The points of two sections also lie near a second cylinder, which touches both laser planes: its
-    radius is half their distance, and errors within the planes hardly change its distances. Without
-    covariances and initial guess, it is the result for 1 of 3 pairs of arcs of 60 deg, and 1 of 40
-    of 90 deg (none of 120 deg, nor of three sections), with an uncertainty far too small: then give
-    the covariances, with which it never was, or use `measure_scan`.
 
     Examples
     --------

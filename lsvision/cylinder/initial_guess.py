@@ -10,9 +10,10 @@ from lsvision.cylinder.problem import (
     weighted_problem,
 )
 from lsvision.ellipse.problem import RadiusPrior
-from lsvision.errors import FitFailed
+from lsvision.errors import DegenerateGeometry, FitFailed
 from lsvision.geometry import Cylinder, FloatArray, Points, hemisphere_directions, tangent_frame
-from lsvision.geometry.arrays import TINY
+from lsvision.geometry.arrays import TINY, rms
+from lsvision.profile import MAX_RELATIVE_SCATTER
 from lsvision.statistics.robust import median
 
 DIRECTIONS = 400
@@ -67,12 +68,15 @@ def guess_cylinder(
     ------
     FitFailed
         If no direction leads to a cylinder.
+    DegenerateGeometry
+        If there are no covariances, and the best cylinder is one between two sections of short
+        arcs; see `_require_no_wider_arc`.
     """
     rows = np.linspace(0, len(points) - 1, min(len(points), MAX_POINTS)).astype(int)
     subset = points[rows]
     subset_covariances = None if covariances is None else covariances[rows]
     best: Cylinder | None = None
-    lowest_cost = np.inf
+    cylinders, lowest_cost = list[Cylinder](), np.inf
     for candidate in _candidates(subset):
         try:
             refined = _refine(subset, candidate, known_radius)
@@ -80,6 +84,7 @@ def guess_cylinder(
                 refined = _concentrate(subset, refined, known_radius)
         except FitFailed:
             continue
+        cylinders.append(refined)
         cost = _cost(subset, subset_covariances, refined, known_radius, has_outliers=has_outliers)
         if cost < lowest_cost * (1 - SAME_COST):
             best, lowest_cost = refined, cost
@@ -87,7 +92,44 @@ def guess_cylinder(
         raise FitFailed(
             "no cylinder fits the points: they lie on another surface; use points of one cylinder"
         )
+    if covariances is None:
+        _require_no_wider_arc(subset, best, cylinders)
     return best
+
+
+def _require_no_wider_arc(points: Points, best: Cylinder, cylinders: list[Cylinder]) -> None:
+    """Raise DegenerateGeometry if points on two sides of a cylinder may also lie on a wider arc.
+
+    Two sections of a short arc lie near a second cylinder, between the laser planes, which touches
+    each of them along a line. Errors within the planes are tangential to it, so that its residuals
+    may be smaller than those of the true cylinder.
+    """
+    half_width, has_two_sides = _coverage(points, best)
+    for other in cylinders if has_two_sides else []:
+        other_half_width, other_has_two_sides = _coverage(points, other)
+        is_wider = other_half_width > half_width and not other_has_two_sides
+        scatter = rms(other.signed_distances(points))
+        if is_wider and scatter <= MAX_RELATIVE_SCATTER * other.radius:
+            raise DegenerateGeometry(
+                "two cylinders fit the points: one between two sections, and one along them, with "
+                f"{other.radius / best.radius:.2g} times its radius; pass covariances, an initial "
+                "guess near the right one, or a third section"
+            )
+
+
+def _coverage(points: Points, cylinder: Cylinder) -> tuple[float, bool]:
+    """Return the largest angle (rad) between the normals at points and their main direction.
+
+    Opposite normals count as one direction. The second result is whether the points are on two
+    sides, with an angle of at most 45 deg.
+    """
+    from_point = points - cylinder.point
+    radial = from_point - np.outer(from_point @ cylinder.direction, cylinder.direction)
+    normals = radial / np.maximum(np.linalg.norm(radial, axis=1, keepdims=True), TINY)
+    _, vectors = np.linalg.eigh(normals.T @ normals)
+    cosines = normals @ vectors[:, -1]
+    half_width = float(np.arccos(np.abs(cosines).min().clip(0.0, 1.0)))
+    return half_width, half_width <= np.pi / 4 and cosines.min() < 0 < cosines.max()
 
 
 def _candidates(points: Points) -> list[Cylinder]:

@@ -125,6 +125,29 @@ def test_the_noise_tells_two_arcs_from_a_cylinder_across_them() -> None:
         assert fit.variance_factor < 2
 
 
+def test_two_short_arcs_without_covariances_are_measured_rightly_or_rejected() -> None:
+    """Errors within the planes hardly change the distances from a cylinder between them."""
+    rejected = 0
+    for k in range(20):
+        points, covariances = two_sections(np.random.default_rng(k), (-0.55, 0.55))
+        try:
+            fit = fit_cylinder(points)
+        except DegenerateGeometry as error:
+            assert "two cylinders fit the points: one between two sections" in str(error)
+            rejected += 1
+            fit = fit_cylinder(points, covariances)
+        assert abs(fit.radius - 19) < SIGMAS * fit.radius_std
+    assert 4 <= rejected < 20
+
+
+def test_short_arcs_of_two_opposite_sensors_are_measured() -> None:
+    for k in range(10):
+        one, _ = two_sections(np.random.default_rng(k), (-0.35, 0.35))
+        other, _ = two_sections(np.random.default_rng(100 + k), (np.pi - 0.35, np.pi + 0.35))
+        fit = fit_cylinder(np.concatenate([one, other]))
+        assert abs(fit.radius - 19) < SIGMAS * fit.radius_std < 0.2
+
+
 @pytest.mark.parametrize("known_noise", [False, True])
 @pytest.mark.parametrize("outliers", [0, 6, 25])
 def test_truncation_finds_the_cylinder_of_most_points(outliers: int, known_noise: bool) -> None:
