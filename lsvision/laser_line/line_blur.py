@@ -141,11 +141,12 @@ def _compute_shift(
     shift = bend + fade + skew
     size = np.abs(bend) + np.abs(fade) + np.abs(skew)
     shift_variance = (
-        # Common to the columns of a window, the first term to all of them.
-        WINDOW / 2 * (gradient @ spread.covariance[1:, 1:] * gradient).sum(axis=1)
-        + WINDOW / 2 * (lag * shape.fade_std) ** 2
+        (gradient @ spread.covariance[1:, 1:] * gradient).sum(axis=1)
+        + (lag * shape.fade_std) ** 2
         + (SECOND_ORDER * size**2 / width) ** 2
     )
+    # These errors are common to the columns of a window, the first one to all of them.
+    shift_variance *= WINDOW / 2
     # At an edge of a steep line, a column can hold light that is smeared over many rows.
     expected = c_vv - 2 * shape.slope * c_uv + shape.slope**2 * c_uu
     smeared = shape.edge & (width**2 > MAX_EDGE_VARIANCE_RATIO * expected)

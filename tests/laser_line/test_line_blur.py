@@ -252,3 +252,17 @@ def test_a_line_at_full_scale_is_corrected_or_uncertain(method, peak):
     assert abs(after.mean()) < (0.5 if exact else 0.75) * abs(before.mean())
     # The error that is left is common to all columns.
     assert abs(np.mean(after / corrected.std[flank])) < 2
+
+
+def test_a_lens_out_of_focus_is_told_by_the_std_of_the_radius():
+    # A blur of 3 px, 6 % of the pipe's radius in the image, is corrected to the first order only.
+    deviations = []
+    for tilt in ((10.0, 0.0), (15.0, 15.0), (20.0, -10.0)):
+        view = {"focal_length": 1132.0, "size": (640, 512)}
+        picture = Picture(psf=3.0, radius=14.0, tilt=tilt, wall=None, cut=0.15, **view)
+        for seed in range(3):
+            image = photograph(picture.light(), np.random.default_rng(seed))
+            (cylinder,) = measure_cylinders(picture.light_section().profile(image)).cylinders
+            deviations.append((cylinder.radius - 14.0) / cylinder.radius_std)
+    assert np.sqrt(np.mean(np.square(deviations))) < 2.0
+    assert np.abs(deviations).max() < 3
