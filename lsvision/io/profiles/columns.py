@@ -15,6 +15,7 @@ from lsvision.io.profiles.column_roles import (
     is_encoder,
 )
 from lsvision.io.profiles.number_table import NumberTable
+from lsvision.io.profiles.pose_tables import refuse_likely_poses, refuse_matrices
 from lsvision.io.profiles.profile_keys import (
     MIN_POINTS_PER_PROFILE,
     find_key,
@@ -129,6 +130,7 @@ def _choose_columns(table: NumberTable, settings: ReadSettings) -> _Columns:
         return _choose_spatial_columns(table, settings)
     if settings.columns is not None:
         return _requested_columns(table, settings.columns)
+    refuse_matrices(table)
     return _choose_by_name(table) or _choose_by_position(table)
 
 
@@ -371,6 +373,7 @@ def _raise_one_column(table: NumberTable) -> NoReturn:
 
 
 def _raise_no_key(table: NumberTable, key: int) -> NoReturn:
+    refuse_likely_poses(table, _number_columns(table))
     values = len(np.unique(table.values[:, key]))
     raise UnreadableFile(
         f"column {table.label(key)} does not separate profiles ({values} values in "
