@@ -23,8 +23,8 @@ from tests.batch.tasks import (
     fails,
     large,
     local_function,
-    slow_if_zero,
     square,
+    waits_for_another_result_if_zero,
 )
 
 
@@ -37,8 +37,12 @@ def test_every_task_is_done_once(jobs, ordered):
         assert [task for task, _ in found] == list(range(20))
 
 
-def test_unordered_results_do_not_wait_for_a_slow_task():
-    order = [task for task, _ in run_tasks(slow_if_zero, range(6), 2, ordered=False)]
+def test_unordered_results_do_not_wait_for_a_slow_task(tmp_path):
+    mark, order = tmp_path / "mark", []
+    tasks = [(number, str(mark)) for number in range(6)]
+    for _, number in run_tasks(waits_for_another_result_if_zero, tasks, 2, ordered=False):
+        order.append(number)
+        mark.touch()
     assert order[0] != 0
     assert sorted(order) == list(range(6))
 

@@ -13,6 +13,7 @@ import lsvision
 from lsvision.geometry import Cylinder, Plane, Pose
 from lsvision.geometry.equality import ComparedByValue
 from lsvision.profile import PointNoise, Profile
+from tests.strategies import PROPERTY
 
 POINTS = [[0.0, -400.0], [np.nan, 0.0], [1.0, -401.0]]
 VALUES = {
@@ -75,6 +76,7 @@ def test_rigs_are_compared_with_their_provenance():
     assert len(set(rigs)) == 2
 
 
+@PROPERTY
 @given(st.lists(st.floats(-1e3, 1e3) | st.just(float("nan")), min_size=2, max_size=8))
 def test_equality_is_that_of_the_points(numbers):
     points = np.resize(np.array(numbers), (4, 2))

@@ -4,13 +4,14 @@ from functools import cache
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lsvision.errors import UnreadableFile
 from lsvision.io.profiles import text_table
 from lsvision.io.profiles.regular_rows import find_regular_rows
 from lsvision.io.profiles.text_table import parse_table
+from tests.strategies import PROPERTY
 
 _NUMBERS = st.one_of(
     st.floats(-1e4, 1e4).map(lambda x: f"{x:.4f}"),
@@ -67,6 +68,7 @@ def _table(text):
     )  # fmt: skip
 
 
+@settings(PROPERTY, max_examples=100)
 @given(_texts())
 def test_equal_results_at_once_and_line_by_line(text):
     at_once = _table(text)
