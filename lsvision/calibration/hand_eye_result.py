@@ -27,6 +27,7 @@ from lsvision.calibration.result_tables import cells_of_rows, hand_eye_rows, rot
 from lsvision.calibration.rotations import cross_matrices
 from lsvision.calibration.sphere_arc import SphereArcSettings
 from lsvision.geometry import FloatArray, Plane, Pose
+from lsvision.geometry.arguments import as_numbers
 from lsvision.geometry.arrays import freeze_arrays, rms
 from lsvision.geometry.settings_repr import ShowsChanges
 from lsvision.results.quantities import Record, finite_or_none, json_numbers
@@ -70,7 +71,7 @@ class HandEyeSettings(ShowsChanges):
 
     def __post_init__(self) -> None:
         if self.robot_std is not None:
-            position, rotation = self.robot_std
+            position, rotation = as_numbers(self.robot_std, 2, "a robot_std (mm, rad)")
             if not (1e-6 <= position <= 1e3 and 1e-9 <= rotation <= 1):
                 raise ValueError(
                     "expected a robot_std (mm, rad) above 0 and finite, from 1e-6 to 1000 mm and "

@@ -20,6 +20,7 @@ from lsvision.calibration.rotations import cross_matrices, rotations_from_vector
 from lsvision.calibration.sphere_observations import SpherePlanningTarget
 from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import BoolArray, FloatArray, IntArray, Plane, Pose, as_readonly_array
+from lsvision.geometry.arguments import as_numbers
 from lsvision.geometry.arrays import freeze_arrays
 from lsvision.geometry.pose import as_pose, as_poses
 from lsvision.geometry.settings_repr import ShowsChanges
@@ -78,7 +79,9 @@ class PosePlanSettings(ShowsChanges):
         limits = (self.max_tilt, self.max_spin, self.max_lateral_offset, self.max_depth_offset)
         if not all(0 <= limit < np.inf for limit in (*limits, self.max_cut_offset)):
             raise ValueError(f"expected finite tilts, spin and offsets of at least 0, got {self}")
-        stds = (self.circle_std, *self.line_std, *self.robot_std)
+        line_std = as_numbers(self.line_std, 2, "line_std (mm, rad)")
+        robot_std = as_numbers(self.robot_std, 2, "robot_std (mm, rad)")
+        stds = (self.circle_std, *line_std, *robot_std)
         if not all(0 < value < np.inf for value in (self.count, self.candidates, *stds)):
             raise ValueError(f"expected positive counts and standard deviations, got {self}")
 

@@ -150,7 +150,7 @@ class ChArUco(PrintedTarget):
                 f"expected at least {MIN_CHARUCO_CORNERS} inner corners, got a ChArUco board of "
                 f"{self.squares_x} x {self.squares_y} squares"
             )
-        if not (self.dictionary.startswith("DICT_") and hasattr(cv2.aruco, self.dictionary)):
+        if not (str(self.dictionary).startswith("DICT_") and hasattr(cv2.aruco, self.dictionary)):
             raise ValueError(f"expected a dictionary of cv2.aruco, got {self.dictionary!r}")
         markers, available = self.squares_x * self.squares_y // 2, len(self._dictionary.bytesList)
         if markers > available:

@@ -87,6 +87,34 @@ def as_number_or_pair(
     return float(numbers[0]), float(numbers[1])
 
 
+def as_numbers(value: Any, count: int, expected: str) -> tuple[float, ...]:
+    """Return a sequence of so many numbers, such as a pair, as a tuple of floats.
+
+    Messages name what was `expected`, such as ``"jump_mm (smallest, largest) in mm"``.
+
+    Raises
+    ------
+    ValueError
+        If it is not a sequence of `count` numbers.
+
+    Examples
+    --------
+    >>> as_numbers([2, 12], 2, "jump_mm (smallest, largest) in mm")
+    (2.0, 12.0)
+    >>> as_numbers((1,), 2, "jump_mm (smallest, largest) in mm")
+    Traceback (most recent call last):
+    ...
+    ValueError: expected jump_mm (smallest, largest) in mm, got (1,)
+    """
+    numbers = _to_floats(value)
+    if value is None or numbers is None or numbers.shape != (count,):
+        text = repr(value)
+        raise ValueError(
+            f"expected {expected}, got {text if len(text) < 80 else _format_value(value)}"
+        )
+    return tuple(numbers.tolist())
+
+
 def as_known_phi(value: Any) -> float | tuple[float, float] | None:
     """Return a known tilt, or (tilt, std), in rad, after a check that it is not in deg.
 

@@ -79,6 +79,8 @@ class Ellipse:
     theta: float
 
     def __post_init__(self) -> None:
+        if len(self.centre) != 2:
+            raise ValueError(f"expected a centre (x, y) in mm, got {self.centre!r}")
         x, y = map(float, self.centre)
         numbers = (x, y, self.semi_major, self.semi_minor, self.theta)
         if not all(map(math.isfinite, numbers)):

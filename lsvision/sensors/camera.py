@@ -8,9 +8,17 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.geometry import FloatArray, Points, as_readonly_array
+from lsvision.geometry.arguments import as_numbers
 from lsvision.geometry.equality import ComparedByValue
 from lsvision.sensors.distortion import COEFFICIENTS, distort, invert_2x2, undistort
 
+MAX_SIZE_PX = 1 << 20
+"""Largest side of an image, the limit of OpenCV's decoders. Units: px."""
+MIN_FOCAL_LENGTH_PX = 1e-3
+"""Shortest focal length of a camera. Units: px."""
+MAX_VALUE = 1e9
+"""Largest number in a camera's matrix and distortion, and of a pixel or a ray's slope: products of
+larger ones may overflow, and no lens has such a value."""
 DISTORTION_COUNTS = (0, 4, 5, 8, 12, 14)
 """Numbers of distortion coefficients in OpenCV's models."""
 HOMOGENEOUS_TOLERANCE = 1e-9
@@ -37,7 +45,8 @@ class Camera(ComparedByValue):
     ------
     ValueError
         If the matrix does not have this form, the number of coefficients is not one of those
-        above, or the size is not two positive whole numbers.
+        above, the size is not two positive whole numbers, or a number is beyond `MAX_VALUE`,
+        `MAX_SIZE_PX` or `MIN_FOCAL_LENGTH_PX`.
 
     Examples
     --------
@@ -61,13 +70,21 @@ class Camera(ComparedByValue):
                 f"expected {', '.join(map(str, DISTORTION_COUNTS))} finite distortion "
                 f"coefficients in OpenCV's order, got {len(distortion)}: {distortion}"
             )
-        size = tuple(self.size)
-        if len(size) != 2 or not all(_is_length(length) for length in size):
+        if np.abs(distortion).max(initial=0.0) > MAX_VALUE:
+            raise ValueError(
+                f"expected no number above {MAX_VALUE:g} in the distortion, got {distortion}"
+            )
+        width, height = as_numbers(self.size, 2, "a size (width, height) in px")
+        if not (_is_length(width) and _is_length(height)):
             raise ValueError(f"expected a size (width, height) in px, got {self.size}")
+        if not max(width, height) <= MAX_SIZE_PX:
+            raise ValueError(
+                f"expected a size of 1 to {MAX_SIZE_PX} px, got {width:.10g} x {height:.10g}"
+            )
         padded = np.pad(distortion, (0, COEFFICIENTS - len(distortion)))
         object.__setattr__(self, "matrix", matrix)
         object.__setattr__(self, "distortion", as_readonly_array(distortion, ("k",)))
-        object.__setattr__(self, "size", (int(size[0]), int(size[1])))
+        object.__setattr__(self, "size", (int(width), int(height)))
         object.__setattr__(self, "_coefficients", as_readonly_array(padded, (COEFFICIENTS,)))
 
     @property
@@ -86,9 +103,9 @@ class Camera(ComparedByValue):
         Returns
         -------
         (n, 3) ndarray
-            Rays in the camera frame, scaled to z = 1. NaN for lost points, and for pixels that no
-            ray reaches up to the first fold of the distortion model (the angle from the axis beyond
-            which pixels move back towards the middle).
+            Rays in the camera frame, scaled to z = 1. NaN for lost points, pixels beyond
+            `MAX_VALUE`, and pixels that no ray reaches up to the first fold of the distortion model
+            (the angle from the axis beyond which pixels move back towards the middle).
         """
         return self.rays_with_jacobian(pixels)[0]
 
@@ -115,6 +132,8 @@ class Camera(ComparedByValue):
         ([[0.0, 0.0, 1.0]], [[0.00125, 0.0], [0.0, 0.00125]])
         """
         array = as_readonly_array(pixels, ("n", 2), "pixels")
+        in_image = (np.abs(array) <= MAX_VALUE).all(axis=1, keepdims=True)
+        array = np.where(in_image, array, np.nan)
         normalised_from_pixel = np.linalg.inv(self.matrix[:2, :2])
         distorted = (array - self.matrix[:2, 2]) @ normalised_from_pixel.T
         normalised, jacobian = undistort(distorted, self._coefficients)
@@ -134,20 +153,20 @@ class Camera(ComparedByValue):
         -------
         (n, 2) ndarray
             Pixels u, v, also outside of the image; NaN for points that are not in front of the
-            camera. Beyond the first fold of the distortion model they are wrong, and may lie inside
-            the image. Units: px.
+            camera, or farther from its axis than `MAX_VALUE` times their depth. Beyond the first
+            fold of the distortion model they are wrong, and may lie inside the image. Units: px.
         """
         array = as_readonly_array(points, ("n", 3), "points")
         depth = np.where(array[:, 2] > 0, array[:, 2], np.nan)
-        distorted, _ = distort(array[:, :2] / depth[:, None], self._coefficients)
+        seen = (np.abs(array[:, :2]) / MAX_VALUE <= depth[:, None]).all(axis=1, keepdims=True)
+        slopes = np.where(seen, array[:, :2], np.nan) / depth[:, None]
+        distorted, _ = distort(slopes, self._coefficients)
         return distorted @ self.matrix[:2, :2].T + self.matrix[:2, 2]
 
 
-def _is_length(value: object) -> bool:
-    """Return whether a value is a positive whole number."""
-    if not isinstance(value, int | float | np.integer | np.floating):
-        return False
-    return bool(value > 0 and float(value).is_integer())
+def _is_length(value: float) -> bool:
+    """Return whether a number is positive and whole."""
+    return value > 0 and value.is_integer()
 
 
 def _check_matrix(matrix: FloatArray) -> None:
@@ -164,4 +183,10 @@ def _check_matrix(matrix: FloatArray) -> None:
         raise ValueError(
             "expected a camera matrix [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] in px, "
             f"got {matrix.tolist()}"
+        )
+    shortest = np.sqrt(matrix[0, 0]) * np.sqrt(matrix[1, 1])
+    if np.abs(matrix).max() > MAX_VALUE or shortest < MIN_FOCAL_LENGTH_PX:
+        raise ValueError(
+            f"expected a focal length of at least {MIN_FOCAL_LENGTH_PX:g} px and no number above "
+            f"{MAX_VALUE:g}, got matrix {matrix.tolist()}"
         )

@@ -69,6 +69,8 @@ class LightSection(ComparedByValue):
 
     Raises
     ------
+    TypeError
+        If camera or plane is something else.
     ValueError
         If the blur is negative, above `MAX_LINE_BLUR_PX` or not finite.
     DegenerateGeometry
@@ -90,6 +92,11 @@ class LightSection(ComparedByValue):
     line_blur_px: float = 0.0
 
     def __post_init__(self) -> None:
+        if not (isinstance(self.camera, Camera) and isinstance(self.laser_plane, Plane)):
+            raise TypeError(
+                "expected a Camera and a Plane, got "
+                f"{type(self.camera).__name__} and {type(self.laser_plane).__name__}"
+            )
         object.__setattr__(self, "line_blur_px", check_line_blur(self.line_blur_px))
         object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
         _check_plane(self.camera, self.laser_plane)

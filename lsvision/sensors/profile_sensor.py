@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.geometry import FloatArray, Points
+from lsvision.geometry.arguments import as_numbers
 from lsvision.profile import NoiseModel
 
 MIN_RANGE_FRACTION = 1e-3
@@ -89,11 +90,13 @@ class ProfileSensor:
             raise ValueError(
                 f"expected min_range < max_range, got {self.min_range} and {self.max_range} mm"
             )
-        if not 0 <= self.quantum < math.inf:
-            raise ValueError(f"expected quantum >= 0 mm, got {self.quantum}")
+        if not 0 <= self.quantum <= MAX_STD_MM:
+            raise ValueError(
+                f"expected quantum >= 0 mm, got {self.quantum} (at most {MAX_STD_MM:g} mm)"
+            )
         if not (isinstance(self.columns, int | np.integer) and self.columns >= 1):
             raise ValueError(f"expected a whole number of columns >= 1, got {self.columns}")
-        if not (len(self.origin) == 2 and np.isfinite(self.origin).all()):
+        if not np.isfinite(as_numbers(self.origin, 2, "an origin (x, y) in mm")).all():
             raise ValueError(f"expected an origin (x, y) in mm, got {self.origin}")
 
     def covariances(self, points: Points) -> FloatArray:

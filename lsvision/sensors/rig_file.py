@@ -11,28 +11,19 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from lsvision.errors import LsvisionError, UnreadableFile
 from lsvision.files.atomic_files import write_atomic
 from lsvision.files.json_text import parse_json
 from lsvision.files.limited_reading import read_bytes
 from lsvision.geometry import Plane
-from lsvision.sensors.camera import Camera
+from lsvision.sensors.camera import MAX_VALUE, Camera
 
 SCHEMA = "lsvision/light-section/1"
 """Name and version of the format of a rig file."""
 UNITS = {"length": "mm", "pixel": "px", "angle": "rad"}
 """Units of the numbers in a rig or camera file, which every such file states."""
-MAX_SIZE_PX = 1 << 20
-"""Largest side of an image, the limit of OpenCV's decoders. Units: px."""
 MAX_LINE_BLUR_PX = 1e3
 """Largest blur of a laser line. Units: px."""
-MIN_FOCAL_LENGTH_PX = 1e-3
-"""Shortest focal length that a rig or camera file may state. Units: px."""
-MAX_VALUE = 1e9
-"""Largest number in a rig or camera file: products of larger ones may overflow, and no lens has
-such a value."""
 
 # Exceptions that wrong or missing values of a parsed file raise.
 _DAMAGE_ERRORS = (
@@ -63,20 +54,7 @@ def camera_from_json(values: Mapping[str, Any]) -> Camera:
         If a key is missing, or a value has another type or shape or is beyond the limits of this
         module.
     """
-    camera = Camera(values["matrix"], values["distortion"], tuple(values["size"]))
-    width, height = camera.size
-    if not max(width, height) <= MAX_SIZE_PX:
-        raise ValueError(f"expected a size of 1 to {MAX_SIZE_PX} px, got {width} x {height}")
-    if not (
-        np.abs(camera.matrix).max() <= MAX_VALUE
-        and np.abs(camera.distortion).max(initial=0.0) <= MAX_VALUE
-        and camera.focal_length >= MIN_FOCAL_LENGTH_PX
-    ):
-        raise ValueError(
-            f"expected a focal length of at least {MIN_FOCAL_LENGTH_PX:g} px and no number above "
-            f"{MAX_VALUE:g}, got matrix {camera.matrix.tolist()}"
-        )
-    return camera
+    return Camera(values["matrix"], values["distortion"], tuple(values["size"]))
 
 
 def plane_as_json(plane: Plane) -> dict[str, Any]:

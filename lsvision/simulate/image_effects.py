@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.geometry import FloatArray, Points
+from lsvision.geometry.arguments import as_numbers
 
 STREAK_BLUR_PX = 1.0
 """Standard deviation of the lens blur of streaks. Units: px."""
@@ -48,7 +49,7 @@ class StrayLight:
                 f"expected ambient >= gradient, got {self.ambient:g} and {self.gradient:g} DN: "
                 "light is never negative"
             )
-        low, high = self.brightness
+        low, high = as_numbers(self.brightness, 2, "brightness (smallest, largest) in DN")
         if not 0 <= low <= high < math.inf:
             raise ValueError(
                 f"expected brightness (smallest, largest) in DN, got {self.brightness}"

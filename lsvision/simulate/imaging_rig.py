@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.geometry import FloatArray, Plane, Points, Pose, as_readonly_array
+from lsvision.geometry.arguments import as_numbers
 from lsvision.geometry.arrays import freeze_arrays
 from lsvision.simulate.solids import Rays
 
@@ -53,7 +54,8 @@ class ImagingRig:
                 "expected up to 5 distortion coefficients (k1 k2 p1 p2 k3), got "
                 f"{len(self.distortion)}"
             )
-        if not min(self.size) > 0:
+        as_numbers(self.laser_origin, 2, "a laser_origin (x, y) in mm")
+        if not min(as_numbers(self.size, 2, "a size (width, height) in px")) > 0:
             raise ValueError(f"expected a size (width, height) in px, got {self.size}")
 
     @classmethod

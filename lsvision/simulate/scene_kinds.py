@@ -15,6 +15,7 @@ import numpy as np
 
 from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import Ellipse
+from lsvision.geometry.arguments import as_numbers
 from lsvision.sensors.profile_sensor import ProfileSensor
 from lsvision.simulate.clutter import DrawShape, clutter_around, draw_mixed, draw_planar
 from lsvision.simulate.scene import Scene
@@ -73,6 +74,8 @@ class TubeRanges:
     phi_deg: tuple[float, float] = (0.0, 40.0)
 
     def __post_init__(self) -> None:
+        for name in ("radius_mm", "theta_deg", "phi_deg"):
+            as_numbers(getattr(self, name), 2, f"{name} (smallest, largest)")
         if not 0 < self.radius_mm[0] <= self.radius_mm[1] < math.inf:
             raise ValueError(
                 f"expected radius min:max above 0 mm, got {_format_range(self.radius_mm)}"

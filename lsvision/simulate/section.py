@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.geometry import FloatArray, Points, Pose
+from lsvision.geometry.arguments import as_numbers
 from lsvision.geometry.arrays import BoolArray
 from lsvision.geometry.pose import as_poses
 from lsvision.geometry.settings_repr import ShowsChanges
@@ -84,8 +85,11 @@ class SectionSettings(ShowsChanges):
                      "grazing_limit_deg"):  # fmt: skip
             if not 0 <= getattr(self, name) < math.inf:
                 raise ValueError(f"expected {name} >= 0, got {getattr(self, name)}")
-        if not 0 < self.jump_mm[0] <= self.jump_mm[1] < math.inf:
+        low, high = as_numbers(self.jump_mm, 2, "jump_mm (smallest, largest)")
+        if not 0 < low <= high < math.inf:
             raise ValueError(f"expected jump_mm (smallest, largest), got {self.jump_mm}")
+        if self.camera is not None:
+            as_numbers(self.camera, 3, "camera (x, y, z) in mm")
 
     @classmethod
     def ideal(cls) -> "SectionSettings":

@@ -11,6 +11,7 @@ from typing import Self
 import numpy as np
 
 from lsvision.geometry import Cylinder, FloatArray, IntArray, Points, Pose, tangent_frame
+from lsvision.geometry.arguments import as_numbers
 from lsvision.geometry.arrays import as_unit_vector, freeze_arrays
 
 NO_HIT = math.inf
@@ -90,10 +91,11 @@ class Tube:
     span: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        if self.span is not None and not self.span[0] < self.span[1]:
-            raise ValueError(
-                f"expected a span (start, stop) in mm with start < stop, got {self.span}"
-            )
+        if self.span is not None:
+            expected = "a span (start, stop) in mm with start < stop"
+            start, stop = as_numbers(self.span, 2, expected)
+            if not start < stop:
+                raise ValueError(f"expected {expected}, got {self.span}")
 
     @classmethod
     def of(cls, radius: float, theta: float, phi: float, centre: tuple[float, float]) -> Self:

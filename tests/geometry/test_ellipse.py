@@ -231,7 +231,11 @@ def test_no_points_have_no_residuals():
         pytest.param(((0, 0), -1.0, -2.0, 0.0), "from_axes orders", id="negative"),
         pytest.param(((0, math.nan), 2.0, 1.0, 0.0), "expected finite numbers", id="nan"),
         pytest.param(((0, 0), math.inf, 1.0, 0.0), "expected finite numbers", id="endless"),
-        pytest.param(((0, 0, 5), 2.0, 1.0, 0.0), "too many values", id="three coordinates"),
+        pytest.param(
+            ((0, 0, 5), 2.0, 1.0, 0.0),
+            r"expected a centre \(x, y\) in mm, got \(0, 0, 5\)",
+            id="three coordinates",
+        ),
     ],
 )
 def test_an_invalid_ellipse_raises_an_error(arguments, message):

@@ -95,12 +95,24 @@ def test_points_behind_the_camera_have_no_pixel():
         ((MATRIX, [], (640.9, 480)), r"expected a size .*, got \(640.9, 480\)"),
         ((MATRIX, [], (np.inf, 480)), r"expected a size .*, got \(inf, 480\)"),
         ((MATRIX, [], ("640", 480)), r"expected a size .*, got \('640', 480\)"),
+        ((MATRIX, [], (640,)), r"expected a size .*, got \(640,\)"),
+        ((MATRIX, [], (1e300, 480)), r"expected a size of 1 to 1048576 px, got 1e\+300 x 480"),
+        (([[800.0, 0, 1e300], [0, 800.0, 240.0], [0, 0, 1]], [], SIZE), "no number above 1e.09"),
+        ((MATRIX, [0, 1e300, 0, 0], SIZE), "no number above 1e.09 in the distortion"),
+        ((np.diag([1e-300, 1e-300, 1.0]), [], SIZE), "focal length of at least 0.001 px"),
         ((MATRIX, [], (640, 480, 3)), r"expected a size .*, got \(640, 480, 3\)"),
     ],
 )
 def test_invalid_arguments_are_rejected(arguments, match):
     with pytest.raises(ValueError, match=match):
         Camera(*arguments)
+
+
+@pytest.mark.parametrize("huge", [1e300, -1e160, np.inf])
+def test_pixels_and_points_beyond_all_images_are_lost(huge):
+    camera = Camera(MATRIX, [-0.1, 0, 0, 0], SIZE)
+    assert np.isnan(camera.rays([[huge, 1.0]])).all()
+    assert np.isnan(camera.project([[huge, 1.0, 300.0]])).all()
 
 
 def test_pixels_beyond_a_second_fold_have_no_ray():

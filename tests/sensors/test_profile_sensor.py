@@ -115,6 +115,7 @@ def test_presets_have_the_pitch_and_ranges_of_the_data_sheet():
         ({"quantum": -0.1}, "expected quantum >= 0 mm, got -0.1"),
         ({"quantum": math.nan}, "expected quantum >= 0 mm, got nan"),
         ({"quantum": math.inf}, "expected quantum >= 0 mm, got inf"),
+        ({"quantum": 1e300}, "expected quantum >= 0 mm, got 1e.300 .at most 1e.08 mm"),
         ({"columns": 0}, "expected a whole number of columns >= 1, got 0"),
         ({"columns": 3.5}, "expected a whole number of columns >= 1, got 3.5"),
         ({"origin": (math.nan, 0.0)}, "expected an origin .x, y. in mm, got"),

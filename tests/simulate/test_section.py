@@ -258,6 +258,7 @@ def test_the_seed_determines_the_bytes():
         ({"noise_factor": -1.0}, "noise_factor >= 0"),
         ({"correlation_columns": math.nan}, "correlation_columns >= 0"),
         ({"jump_mm": (5.0, 2.0)}, "jump_mm"),
+        ({"camera": (5.0, 2.0)}, r"camera \(x, y, z\) in mm, got \(5.0, 2.0\)"),
         ({"jump_mm": (1.0, math.inf)}, "jump_mm"),
         ({"grazing_limit_deg": math.nan}, "grazing_limit_deg >= 0"),
     ],

@@ -218,7 +218,7 @@ def _check_choice(name: str, value: str | None, choices: tuple[str, ...]) -> Non
 
 
 def _parse_units(text: str) -> str:
-    unit = parse_unit(text)
+    unit = parse_unit(text) if isinstance(text, str) else None
     if unit is None:
         raise ValueError(
             f"expected units among {', '.join(MM_PER_UNIT)}, or with a scale as 0.1mm, got {text!r}"
