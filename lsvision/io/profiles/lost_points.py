@@ -12,6 +12,17 @@ from lsvision.statistics.lost_markers import find_lost_markers
 
 KEYENCE_LOST = (-99999.9999, -99999.999, -99999.99, -99999.9)
 """Markers of Keyence controllers with different numbers of digits; never a height."""
+MIN_INTERRUPTIONS = 3
+"""Smallest number of places at which a height of 0 interrupts a surface that goes on behind it,
+from which on 0 marks lost points: hardly an object has so many slots with a floor at 0."""
+MAX_INTERRUPTION = 3
+"""Largest number of points of such a place: between two pipes, more points lie on a floor."""
+MAX_STEP_RATIO = 0.25
+"""Largest step of the surface across such a place, relative to its distance from 0."""
+MIN_ZEROS = 3
+"""Smallest number of heights of 0 that are noted when they are read as points."""
+MIN_ZERO_DISTANCE = 0.1
+"""Smallest distance of all other heights from 0, in spans of these, from which zeros are noted."""
 _TOLERANCE = 1e-7  # of a marker, relative: a little more than single precision rounds, 6e-8
 
 
@@ -65,6 +76,9 @@ def remove_lost(
         if not points.all():  # there is a 0
             zero_rows = np.concatenate([_repeated_zeros(section) for section in sections])
             marked.add(", ".join(["0"] * points.shape[1]), zero_rows, guessed=False)
+        if not points[:, -1].all():
+            interrupting = np.concatenate([_interrupting_zeros(section) for section in sections])
+            marked.add("0", interrupting, guessed=True)
         _add_guesses(marked, raw, is_range=raw.away and settings.flip is not False)
     if not marked.lost.any():
         return sections, ()
@@ -125,3 +139,38 @@ def _repeated_zeros(section: FloatArray) -> BoolArray:
     """Return the rows of 0, 0 (lost points of Leuze sensors), (n,); a single one may be a point."""
     zero_rows: BoolArray = np.all(np.equal(section, 0), axis=1)
     return zero_rows if zero_rows.sum() > 1 else np.zeros(len(zero_rows), dtype=bool)
+
+
+def _interrupting_zeros(section: FloatArray) -> BoolArray:
+    """Return the points of height 0 if these interrupt the surface in several places, else none.
+
+    Surfaces go on behind them at a similar height, far from 0; (n,).
+    """
+    heights = section[:, -1]
+    zero: BoolArray = np.equal(heights, 0)
+    others_at = np.flatnonzero(~zero)
+    gaps = np.diff(others_at)
+    ends = np.flatnonzero((gaps > 1) & (gaps <= MAX_INTERRUPTION + 1))
+    before, after = heights[others_at[ends]], heights[others_at[ends + 1]]
+    distance = np.minimum(np.abs(before), np.abs(after))
+    with np.errstate(invalid="ignore", over="ignore"):
+        goes_on = np.abs(after - before) < MAX_STEP_RATIO * distance
+    others = np.abs(heights[others_at][np.isfinite(heights[others_at])])
+    apart = len(others) > 0 and others.min() > MAX_STEP_RATIO * np.median(others)
+    return zero if apart and goes_on.sum() >= MIN_INTERRUPTIONS else np.zeros_like(zero)
+
+
+def note_zeros(sections: list[FloatArray]) -> tuple[str, ...]:
+    """Return a note if many heights are 0, apart from all others: read as points, perhaps lost."""
+    heights = np.concatenate([section[:, -1] for section in sections] or [np.empty(0)])
+    heights = heights[np.isfinite(heights)]
+    others = np.abs(heights[heights != 0])
+    count = len(heights) - len(others)
+    if count < MIN_ZEROS or not len(others):
+        return ()
+    if not others.min() > MIN_ZERO_DISTANCE * (others.max() - others.min()):
+        return ()
+    return (
+        f"the height is 0 in {count} points, apart from all others: read as points (use --lost 0 "
+        "if it marks lost points)",
+    )

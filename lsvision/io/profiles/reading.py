@@ -17,7 +17,12 @@ from lsvision.io.profiles.fitted_plane import fit_section_plane
 from lsvision.io.profiles.gocator import read_gocator, read_gocator_points
 from lsvision.io.profiles.json_points import read_json
 from lsvision.io.profiles.laser_scan import read_laser_scan
-from lsvision.io.profiles.lost_points import AllPointsLost, LostMarker, remove_lost
+from lsvision.io.profiles.lost_points import (
+    AllPointsLost,
+    LostMarker,
+    note_zeros,
+    remove_lost,
+)
 from lsvision.io.profiles.matrix import read_height_map, read_matrix
 from lsvision.io.profiles.numpy_arrays import read_npy, read_npz
 from lsvision.io.profiles.opencv_storage import read_opencv_storage
@@ -281,6 +286,7 @@ def convert_to_section_frame(
     away = raw.away if settings.flip is None else settings.flip
     x_scale, height_scale = mm_per_unit(x_unit), mm_per_unit(height_unit)
     sections, markers = remove_lost(raw, settings)
+    zeros = note_zeros(sections) if settings.lost_values is None else ()
     fitted = None
     if settings.plane is not None:  # x, y and z have one unit
         fitted = fit_section_plane(_scale(sections, (x_scale, x_scale, x_scale)), flip=away)
@@ -303,7 +309,12 @@ def convert_to_section_frame(
         units_assumed=assumed,
         flipped=away,
         positions=_scaled_positions(raw, settings.units or raw.position_unit or x_unit),
-        notes=raw.notes + guessed + ((fitted.note,) if fitted else ()) + unit_warnings + hints,
+        notes=raw.notes
+        + guessed
+        + zeros
+        + ((fitted.note,) if fitted else ())
+        + unit_warnings
+        + hints,
         unit_warnings=unit_warnings,
         markers=markers,
         attributes=raw.attributes,
