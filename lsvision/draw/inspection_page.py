@@ -172,20 +172,25 @@ def _series_values(series: Series) -> dict[str, Any]:
 
 def _capability_rows(capability: Capability) -> list[tuple[str, str]]:
     """Return the rows of a capability table: name and value; Cp only if there are two limits."""
-    low, high = capability.cpk_interval
     rows = [
         ("mean", f"{capability.mean:.5g}"),
         ("standard deviation", f"{capability.std:.3g}"),
-        ("Cpk", f"{capability.cpk:.2f} ({low:.2f} .. {high:.2f})"),
+        ("Cpk", _index_with_interval(capability.cpk, capability.cpk_interval, capability.level)),
         (
             "measurement's fraction of the variance",
             f"{100 * capability.measurement_fraction:.0f} %",
         ),
     ]
     if not math.isnan(capability.cp):
-        low, high = capability.cp_interval
-        rows.insert(2, ("Cp", f"{capability.cp:.2f} ({low:.2f} .. {high:.2f})"))
+        index = _index_with_interval(capability.cp, capability.cp_interval, capability.level)
+        rows.insert(2, ("Cp", index))
     return rows
+
+
+def _index_with_interval(index: float, interval: tuple[float, float], level: float) -> str:
+    """Return the cell of Cp or Cpk: value and interval with its level of confidence."""
+    low, high = interval
+    return f"{index:.2f} ({100 * level:g} % interval {low:.2f} .. {high:.2f})"
 
 
 def _part_values(judged: JudgedMeasurement) -> dict[str, Any]:

@@ -164,9 +164,7 @@ def _common_unit(path: str | Path, units: Sequence[_Unit | None]) -> _Unit | Non
     return units[0]
 
 
-def encoder_poses(
-    count: int, direction: npt.ArrayLike, step: float, start: Pose | None = None
-) -> list[Pose]:
+def encoder_poses(count: int, direction: npt.ArrayLike, step: float) -> list[Pose]:
     """Return the poses of a section moved along an encoder axis in equal steps.
 
     Parameters
@@ -174,18 +172,16 @@ def encoder_poses(
     count : int
         Number of profiles.
     direction : (3,) array_like
-        Direction in which the *section* moves, base frame; its length does not matter. If the
-        part moves instead, give the opposite of the part's feed.
+        Direction in which the *section* moves, in the frame of the first one; its length does not
+        matter. If the part moves instead, give the opposite of the part's feed.
     step : float
         Feed from one profile to the next. Units: mm.
-    start : Pose, optional
-        ``base_from_section`` of the first profile; by default the base frame is the first
-        section's own.
 
     Returns
     -------
     list of Pose
-        ``base_from_section``, one per profile. Units: mm.
+        ``base_from_section``, one per profile; the base frame is the first section's own.
+        Units: mm.
 
     Raises
     ------
@@ -201,8 +197,7 @@ def encoder_poses(
         raise ValueError(f"expected at least one pose, got count {count}")
     if not (np.isfinite(step) and step != 0):
         raise ValueError(f"expected a step in mm other than 0, got {step}")
-    first = Pose() if start is None else start
-    return [Pose.along(direction, index * step) @ first for index in range(count)]
+    return [Pose.along(direction, index * step) for index in range(count)]
 
 
 def _find_angle_problem(

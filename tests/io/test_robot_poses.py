@@ -232,10 +232,10 @@ def test_a_convention_is_never_guessed(tmp_path):
 
 
 def test_an_encoder_axis_moves_the_section_in_equal_steps():
-    start = Pose(about_x(90), (0.0, 0.0, 5.0))
-    poses = encoder_poses(4, (0, 3, 0), 0.25, start)
-    np.testing.assert_allclose(poses[3].translation, (0, 0.75, 5), rtol=0, atol=MACHINE)
-    np.testing.assert_allclose(poses[3].rotation, start.rotation, rtol=0, atol=MACHINE)
+    poses = encoder_poses(4, (0, 3, 0), 0.25)
+    assert poses[0] == Pose()
+    np.testing.assert_allclose(poses[3].translation, (0, 0.75, 0), rtol=0, atol=MACHINE)
+    np.testing.assert_allclose(poses[3].rotation, np.eye(3), rtol=0, atol=MACHINE)
 
 
 @pytest.mark.parametrize(("count", "step"), [(0, 1.0), (3, 0.0), (3, math.nan)])
