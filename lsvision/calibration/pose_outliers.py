@@ -10,7 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.calibration.batched_least_squares import search_whitening, solve_least_squares
+from lsvision.calibration.batched_least_squares import (
+    MAX_STEPS,
+    search_whitening,
+    solve_least_squares,
+)
 from lsvision.calibration.errors_in_variables import ErrorsInVariablesFit, fit_errors_in_variables
 from lsvision.calibration.observations import Observations, States
 from lsvision.calibration.rotations import vectors_from_rotations
@@ -24,8 +28,8 @@ MIN_MEDIAN_RESIDUAL = 0.4
 (5 times 0.4) are no gross outliers, however small the other residuals are."""
 
 SEARCH_STEPS, CANDIDATES, CONCENTRATION_STEPS = 12, 8, 4
-"""Least trimmed squares: iterations from each initial guess, solutions that are then refined, and
-refits to the poses of smallest residual."""
+"""Least trimmed squares: iterations from each initial guess of several selections, solutions that
+are then refined, and refits to the poses of smallest residual."""
 
 DISTINCT_ROTATION, DISTINCT_TRANSLATION_MM = np.radians(2.0), 5.0
 """Minima further apart than this (rad, mm) are different solutions."""
@@ -106,7 +110,8 @@ def _least_trimmed_squares_guess(
     states = observations.initial_guesses(masks)
     masks_of_states = np.repeat(masks, len(states) // len(masks), axis=0)
     whitening = search_whitening(observations, masks_of_states)
-    states = solve_least_squares(observations, states, whitening, SEARCH_STEPS).states
+    steps = SEARCH_STEPS if len(masks) > 1 else MAX_STEPS
+    states = solve_least_squares(observations, states, whitening, steps).states
     states = _least_trimmed(observations, states, trimmed_count, CANDIDATES)
     for _ in range(CONCENTRATION_STEPS):
         order = np.argsort(_pose_residuals(observations, states), axis=1, kind="stable")

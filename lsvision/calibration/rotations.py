@@ -6,6 +6,8 @@ Small changes of a rotation R from frame b to frame a, and their covariances, ar
 rotations in this package: vectors w (rad) along the axes of frame a, R -> exp([w]x) R.
 """
 
+from itertools import product
+
 import numpy as np
 
 from lsvision.geometry import FloatArray
@@ -82,4 +84,19 @@ def list_cube_rotations() -> FloatArray:
     from scipy.spatial.transform import Rotation
 
     rotations: FloatArray = Rotation.create_group("O").as_matrix().round()
+    return rotations
+
+
+def list_dense_rotations() -> FloatArray:
+    """Return 192 rotation matrices (192, 3, 3): one of them is at most 32 deg from any rotation.
+
+    They are those of a cube, alone and followed by rotations of 45 deg about its three edges and of
+    60 deg about its four diagonals.
+    """
+    from scipy.spatial.transform import Rotation
+
+    edges, diagonals = np.radians(45.0) * np.eye(3), np.array(list(product((1, -1), (1, -1), [1])))
+    vectors = [np.zeros(3), *edges, *(np.radians(60.0) / np.sqrt(3.0) * diagonals)]
+    turns = Rotation.from_rotvec(vectors).as_matrix()
+    rotations: FloatArray = (turns[:, None] @ list_cube_rotations()).reshape(-1, 3, 3)
     return rotations

@@ -23,7 +23,11 @@ from lsvision.calibration.observations import (
     masked_least_squares,
     points_in_sensor_frame,
 )
-from lsvision.calibration.rotations import list_cube_rotations, rotations_from_columns
+from lsvision.calibration.rotations import (
+    list_cube_rotations,
+    list_dense_rotations,
+    rotations_from_columns,
+)
 from lsvision.errors import CalibrationFailed, DegenerateGeometry
 from lsvision.geometry import BoolArray, FloatArray, IntArray, Pose
 
@@ -137,7 +141,10 @@ class SphereObservations:
         return float(np.linalg.norm((first - second)[:3]))
 
     def initial_guesses(self, masks: FloatArray) -> States:
-        """Return 25 guesses for each selection: a linear solution and the 24 rotations of a cube.
+        """Return guesses for each selection: a linear solution, and many rotations.
+
+        The rotations are the 24 of a cube, and 192 for a single selection, where no other selection
+        leads to a minimum that these miss.
 
         The linear solution neglects the distance of the sections from the centre: B (X p) - c = 0,
         with B the pose of the mount, X that of the sensor on it, p the circle's centre and c the
@@ -146,8 +153,8 @@ class SphereObservations:
         X's translation and c need three.
         """
         linear = self._linear_rotations(masks)[:, None]
-        cube = np.broadcast_to(list_cube_rotations(), (len(masks), 24, 3, 3))
-        rotations = np.concatenate([linear, cube], axis=1)
+        grid = list_dense_rotations() if len(masks) == 1 else list_cube_rotations()
+        rotations = np.concatenate([linear, np.tile(grid, (len(masks), 1, 1, 1))], axis=1)
         return self._states_with_rotations(rotations, masks)
 
     def _linear_rotations(self, masks: FloatArray) -> FloatArray:

@@ -6,6 +6,7 @@ import pytest
 from lsvision.calibration.rotations import (
     find_nearest_rotations,
     list_cube_rotations,
+    list_dense_rotations,
     rotation_vector_jacobian,
     rotations_from_vectors,
     vectors_from_rotations,
@@ -52,3 +53,11 @@ def test_a_cube_has_24_rotations():
     cube = list_cube_rotations()
     assert len({rotation.tobytes() for rotation in cube}) == 24
     np.testing.assert_allclose(np.linalg.det(cube), 1)
+
+
+def test_one_of_the_dense_rotations_is_within_32_deg_of_any():
+    dense = list_dense_rotations()
+    assert dense.shape == (192, 3, 3)
+    any_rotation = rotations_from_vectors(np.random.default_rng(8).normal(0, 1.5, (3000, 3)))
+    traces = np.einsum("nij,kij->nk", any_rotation, dense).max(axis=1)
+    assert np.degrees(np.arccos((traces.min() - 1) / 2)) < 32.0
