@@ -6,6 +6,7 @@ scale for the errors of position and one for those of orientation. Without this 
 of the result is several times too small.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -32,9 +33,13 @@ ROBOT_STD_SCALE_BOUNDS = (1e-3, 1e3)
 ROBOT_STD_SCALE_PRIOR = 10.0
 """Median of the half-Cauchy prior of the robot's standard deviation, in units of
 `NOMINAL_ROBOT_STD`: 0.5 mm, 0.1 deg."""
-ROBOT_RATIO_PRIOR = 3.0
+ROBOT_RATIO_PRIOR = 10.0
 """Standard deviation, as a factor, of the log-normal prior of the ratio of the robot's errors of
 position and orientation, about that of `NOMINAL_ROBOT_STD`."""
+MIN_COVARIANCE_DOF = 4.0
+"""Degrees of freedom of Student's t of which the variance of the variance becomes infinite."""
+MIN_VARIANCE = 1e-6
+"""Smallest relative variance of a variance that is divided by."""
 LOG_LIKELIHOOD_CUTOFF = 12.0
 """Decrease of the log-likelihood from its maximum, beyond which a scale is ignored."""
 SINGULAR = (
@@ -63,14 +68,14 @@ class ErrorsInVariablesFit:
     robot_std_scales : (2,) ndarray
         Standard deviations of the robot's position and orientation in units of the stated or
         nominal ones.
-    robot_std_is_estimated : bool
-        Whether these scales were estimated from the residuals.
     chi2 : float
         Sum of squared whitened residuals of the used poses and the prior.
-    dof : int
-        Degrees of freedom: number of observations and priors minus number of unknowns.
+    dof : float
+        Degrees of freedom of `chi2`; see `degrees_of_freedom`.
     variance_factor : float
         Factor on the covariance, at least 1.
+    covariance_dof : float
+        Degrees of freedom of the covariance; infinite for a stated robot.
     """
 
     states: States
@@ -80,10 +85,15 @@ class ErrorsInVariablesFit:
     jacobian: FloatArray
     residuals: FloatArray
     robot_std_scales: FloatArray
-    robot_std_is_estimated: bool
     chi2: float
-    dof: int
+    dof: float
     variance_factor: float
+    covariance_dof: float
+
+    @property
+    def robot_std_is_estimated(self) -> bool:
+        """Whether the robot's standard deviations were estimated from the residuals."""
+        return math.isfinite(self.covariance_dof)
 
     @property
     def covariance(self) -> FloatArray:
@@ -144,12 +154,12 @@ def fit_errors_in_variables(
     FitFailed
         If the normal equations are singular.
     """
-    states, scales = initial_guess, np.ones(2)
+    states, scales, covariance_dof = initial_guess, np.ones(2), math.inf
     for _ in range(6):
         previous = states
         if estimate_robot_std:
             try:
-                scales = _estimate_robot_std_scales(observations, states, mask)
+                scales, covariance_dof = _estimate_robot_std_scales(observations, states, mask)
             except np.linalg.LinAlgError as error:
                 raise FitFailed(SINGULAR) from error
         whitening = robot_whitening(observations, states, scales)
@@ -158,7 +168,7 @@ def fit_errors_in_variables(
         ).states
         if np.abs(states.translations - previous.translations).max() < 1e-7:
             break
-    return _build_fit(observations, states, mask, scales, estimate=estimate_robot_std)
+    return _build_fit(observations, states, mask, scales, covariance_dof)
 
 
 def _build_fit(
@@ -166,22 +176,19 @@ def _build_fit(
     states: States,
     mask: FloatArray,
     scales: FloatArray,
-    *,
-    estimate: bool,
+    covariance_dof: float,
 ) -> ErrorsInVariablesFit:
     """Return the fit at a state, with its cofactors and statistics."""
     whitening = robot_whitening(observations, states, scales)
     jacobian, residuals = whitened_jacobian_and_residuals(observations, states, whitening)
     prior, prior_residuals = prior_jacobian_and_residuals(observations, states)
-    used = jacobian[0] * mask[:, None, None]
-    normalised_jacobian = np.concatenate([used.reshape(-1, jacobian.shape[-1]), prior[0]])
     try:
-        cofactors = invert_normal_matrix(normalised_jacobian.T @ normalised_jacobian)
+        cofactors = _invert_normal_matrix(jacobian[0], prior[0], mask)
     except np.linalg.LinAlgError as error:
         raise FitFailed(SINGULAR) from error
     chi2 = float((residuals[0] ** 2 * mask[:, None]).sum() + (prior_residuals**2).sum())
-    dof = degrees_of_freedom(observations, states, mask)
-    variance_factor = 1.0 if estimate else max(1.0, chi2 / max(dof, 1))
+    dof = _count_degrees_of_freedom(observations, mask, prior[0], cofactors)
+    variance_factor = 1.0 if math.isfinite(covariance_dof) else max(1.0, chi2 / max(dof, 1))
     return ErrorsInVariablesFit(
         states=states,
         mask=mask,
@@ -190,19 +197,45 @@ def _build_fit(
         jacobian=jacobian[0],
         residuals=residuals[0],
         robot_std_scales=scales,
-        robot_std_is_estimated=estimate,
         chi2=chi2,
         dof=dof,
         variance_factor=variance_factor,
+        covariance_dof=covariance_dof,
     )
 
 
-def degrees_of_freedom(observations: Observations, states: States, mask: FloatArray) -> int:
-    """Return the number of observations and priors minus the number of unknowns."""
-    prior = int(np.isfinite(observations.target_prior[1]).sum()) * states.targets.shape[1]
-    observed = int(mask.sum()) * observations.covariances.shape[-1]
-    unknowns = 6 + states.targets.shape[1] * len(observations.target_prior[1])
-    return int(observed + prior - unknowns)
+def degrees_of_freedom(
+    observations: Observations, states: States, mask: FloatArray, whitening: FloatArray
+) -> float:
+    """Return the number of observations minus the number of unknowns that they determine.
+
+    An unknown counts by the fraction of its information that is not from its prior: a prior that is
+    wide beside the observations leaves no residual, one that is narrow leaves no unknown. All count
+    if the observations do not determine them.
+    """
+    jacobian, _ = whitened_jacobian_and_residuals(observations, states, whitening)
+    prior, _ = prior_jacobian_and_residuals(observations, states)
+    try:
+        cofactors = _invert_normal_matrix(jacobian[0], prior[0], mask)
+    except np.linalg.LinAlgError:
+        cofactors = np.zeros((jacobian.shape[-1],) * 2)
+    return _count_degrees_of_freedom(observations, mask, prior[0], cofactors)
+
+
+def _count_degrees_of_freedom(
+    observations: Observations, mask: FloatArray, prior: FloatArray, cofactors: FloatArray
+) -> float:
+    """Return `degrees_of_freedom` from the prior's rows of the Jacobian and the cofactors."""
+    observed = mask.sum() * observations.covariances.shape[-1]
+    determined_by_prior = float(np.trace(prior @ cofactors @ prior.T))
+    return float(observed - len(cofactors) + determined_by_prior)
+
+
+def _invert_normal_matrix(jacobian: FloatArray, prior: FloatArray, mask: FloatArray) -> FloatArray:
+    """Return the cofactors (p, p) of a whitened Jacobian (n, m, p) of masked poses and a prior."""
+    used = jacobian * mask[:, None, None]
+    rows = np.concatenate([used.reshape(-1, jacobian.shape[-1]), prior])
+    return invert_normal_matrix(rows.T @ rows)
 
 
 def robot_whitening(
@@ -233,38 +266,51 @@ def _robot_covariance_parts(observations: Observations, states: States) -> Float
 
 def _estimate_robot_std_scales(
     observations: Observations, states: States, mask: FloatArray
-) -> FloatArray:
-    """Return the scales (2,) of the robot's errors: roots of their posterior mean squares.
+) -> tuple[FloatArray, float]:
+    """Return the scales (2,) of the robot's errors, and the degrees of freedom of the covariance.
+
+    The scales are the roots of their posterior mean squares.
 
     Restricted likelihood (Harville 1977) of the linearised problem times a half-Cauchy prior of the
     geometric mean of both scales and a log-normal one of their ratio, on a coarse grid and then on
     a fine one. The posterior mean is used, because the mode is often zero where the observations
     are as noisy as the robot, which would make the covariance too small.
+
+    The variances of the unknowns, in geometric mean, have a posterior mean m and variance v; those
+    of Student's t with k degrees of freedom have v = 2 m^2 / (k - 4).
     """
     likelihood = _restricted_likelihood(observations, states, mask)
-    z = np.linspace(-2.0, 2.0, 9)  # of the ratio's logarithm, in standard deviations of its prior
+    z = np.linspace(-2.0, 2.0, 17)  # of the ratio's logarithm, in standard deviations of its prior
     # Both scales are the geometric mean times such a factor; their ratio is ROBOT_RATIO_PRIOR^z.
     ratio_factors = ROBOT_RATIO_PRIOR ** (0.5 * np.stack([z, -z], axis=-1))
     means = np.geomspace(*ROBOT_STD_SCALE_BOUNDS, 30)
-    largest = likelihood(means[:, None, None] * ratio_factors).max(axis=1)  # over the ratios
+    largest = likelihood(means[:, None, None] * ratio_factors)[0].max(axis=1)  # over the ratios
     relevant = np.flatnonzero(largest > largest.max() - LOG_LIKELIHOOD_CUTOFF)
     low, high = max(relevant[0] - 1, 0), min(relevant[-1] + 1, len(means) - 1)
     means = np.geomspace(means[low], means[high], 30)
     scales = means[:, None, None] * ratio_factors
-    log_likelihoods = likelihood(scales) - 0.5 * z**2
+    log_likelihoods, log_variances = likelihood(scales)
+    log_likelihoods = log_likelihoods - 0.5 * z**2
     # Half-Cauchy prior of the mean, times the mean: the spacing of the logarithmic grid.
     weights = (
         np.exp(log_likelihoods - log_likelihoods.max())
         * (means / (1 + (means / ROBOT_STD_SCALE_PRIOR) ** 2))[:, None]
     )
-    mean_squares: FloatArray = np.tensordot(weights, scales**2, axes=2) / weights.sum()
-    return np.sqrt(mean_squares)
+    weights /= weights.sum()
+    mean_squares: FloatArray = np.tensordot(weights, scales**2, axes=2)
+    variances = np.exp(log_variances - (weights * log_variances).sum())
+    mean = float((weights * variances).sum())
+    relative_variance = float((weights * (variances / mean - 1) ** 2).sum())
+    return np.sqrt(mean_squares), MIN_COVARIANCE_DOF + 2 / max(relative_variance, MIN_VARIANCE)
 
 
 def _restricted_likelihood(
     observations: Observations, states: States, mask: FloatArray
-) -> Callable[[FloatArray], FloatArray]:
-    """Return the log-likelihood of robot scales (..., 2), marginalised over the unknowns."""
+) -> Callable[[FloatArray], tuple[FloatArray, FloatArray]]:
+    """Return a function of robot scales (..., 2): log-likelihood and log-variance (...).
+
+    The likelihood is marginalised over the unknowns; the variance is the geometric mean of theirs.
+    """
     used = mask > 0
     parts = _robot_covariance_parts(observations, states)[0, used]
     no_whitening = np.eye(observations.covariances.shape[-1])[None, None]
@@ -276,8 +322,8 @@ def _restricted_likelihood(
     columns = rows.shape[-1]
     prior_rows = np.concatenate([prior[0] * column_scales, prior_residual[0, :, None]], axis=-1)
 
-    def likelihood(scales: FloatArray) -> FloatArray:
-        """Return the restricted log-likelihood at scales (..., 2), up to a constant."""
+    def likelihood(scales: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the logarithms of both at scales (..., 2), up to a constant each."""
         covariances = observations.covariances[used] + np.tensordot(scales**2, parts, axes=(-1, 1))
         # Normal matrix, right-hand side and sum of squares in one symmetric matrix.
         weighted = np.linalg.solve(covariances, rows).reshape(*scales.shape[:-1], -1, columns)
@@ -288,7 +334,7 @@ def _restricted_likelihood(
         information = np.linalg.slogdet(matrix)[1]
         log_determinants = np.linalg.slogdet(covariances)[1].sum(axis=-1)
         log_likelihood: FloatArray = -0.5 * (log_determinants + chi2 + information)
-        return log_likelihood
+        return log_likelihood, -information / (columns - 1)
 
     return likelihood
 

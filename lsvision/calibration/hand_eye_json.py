@@ -1,6 +1,7 @@
 """JSON files of hand-eye calibrations."""
 
 import json
+import math
 import os
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, TypeVar, get_args
@@ -14,6 +15,7 @@ from lsvision.files.atomic_files import write_atomic
 from lsvision.files.json_text import parse_json
 from lsvision.files.limited_reading import read_text
 from lsvision.geometry import Plane, Pose
+from lsvision.results.quantities import finite_or_none
 
 if TYPE_CHECKING:
     from lsvision.calibration.hand_eye_result import HandEye
@@ -23,6 +25,8 @@ HandEyeClass = TypeVar("HandEyeClass", bound="HandEye")
 SCHEMA = "lsvision/hand-eye/1"
 MAX_VALUE = 1e9
 """Largest number of a hand-eye file: 1000 km, in mm; larger ones overflow later."""
+MIN_DEGREES_OF_FREEDOM = 2.0
+"""Degrees of freedom at which Student's t has no variance."""
 SYMMETRY_TOLERANCE = 1e-6
 """Largest asymmetry or negative eigenvalue of a covariance, relative to its largest entry."""
 UNITS = {"length": "mm", "angle": "rad", "covariance": "translation mm, left-hand rotation rad"}
@@ -52,6 +56,7 @@ def write_hand_eye(
         "weakest": hand_eye.least_determined_direction,
         "height_factor": hand_eye.height_scale,
         "target_factor": hand_eye.target_scale,
+        "degrees_of_freedom": finite_or_none(hand_eye.degrees_of_freedom),
     }
     write_atomic(path, json.dumps(document, indent=2) + "\n")
 
@@ -119,6 +124,7 @@ def _arguments_from_document(document: dict[str, Any]) -> dict[str, Any]:
         "sensor": document["sensor"],
         "height_scale": _scale_from_document(document.get("height_factor")),
         "target_scale": _scale_from_document(document.get("target_factor")),
+        "degrees_of_freedom": _dof_from_document(document.get("degrees_of_freedom")),
     }
 
 
@@ -195,6 +201,14 @@ def _scale_from_document(value: Any) -> tuple[float, float] | None:
         return None
     factor, std = value
     return float(factor), float(std)
+
+
+def _dof_from_document(value: Any) -> float:
+    """Return the degrees of freedom; infinite where the file states none, as earlier ones."""
+    dof = math.inf if value is None else float(value)
+    if not dof > MIN_DEGREES_OF_FREEDOM:
+        raise ValueError(f"expected degrees_of_freedom above {MIN_DEGREES_OF_FREEDOM:g}, got {dof}")
+    return dof
 
 
 def _target_document(target: Sphere | Plane | Pose) -> dict[str, Any]:

@@ -73,7 +73,7 @@ class _TargetHypothesis:
         Root mean square residual. Units: mm.
     chi2 : float
         Sum of squared whitened residuals.
-    dof : int
+    dof : float
         Degrees of freedom.
     target_distance : float
         Distance between the two targets; 0 for one. Units: mm.
@@ -81,7 +81,7 @@ class _TargetHypothesis:
 
     rms: float
     chi2: float
-    dof: int
+    dof: float
     target_distance: float
 
 
@@ -124,7 +124,7 @@ def _fit_hypothesis(
     return _TargetHypothesis(
         _residual_rms(observations, solution.states, mask),
         float(solution.costs[0]),
-        degrees_of_freedom(observations, solution.states, mask),
+        degrees_of_freedom(observations, solution.states, mask, whitening),
         observations.target_distance(targets[0], targets[-1]),
     )
 

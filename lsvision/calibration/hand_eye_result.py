@@ -23,15 +23,16 @@ from lsvision.calibration.hand_eye_checks import (
 from lsvision.calibration.hand_eye_json import read_hand_eye, write_hand_eye
 from lsvision.calibration.observations import Mounting, RejectedPose, Sensor, Sphere
 from lsvision.calibration.pose_outliers import OutlierSettings
-from lsvision.calibration.result_tables import cells_of_rows, hand_eye_rows, rotation_vector_deg
+from lsvision.calibration.result_tables import cells_of_rows, hand_eye_record, hand_eye_rows
 from lsvision.calibration.rotations import cross_matrices
 from lsvision.calibration.sphere_arc import SphereArcSettings
 from lsvision.geometry import FloatArray, Plane, Pose
 from lsvision.geometry.arguments import as_numbers
 from lsvision.geometry.arrays import freeze_arrays, rms
 from lsvision.geometry.settings_repr import ShowsChanges
-from lsvision.results.quantities import Record, finite_or_none, json_numbers
+from lsvision.results.quantities import Record
 from lsvision.results.result import Result
+from lsvision.statistics.coverage import coverage_factor
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -135,6 +136,9 @@ class HandEye(Result):
         covariance includes the change that it would make. An error below 0.3 % never counts as
         significant, and shifts the camera along its axis by that fraction of its distance from the
         board. None for other targets, and where the robot's motion does not determine it.
+    degrees_of_freedom : float
+        Degrees of freedom of the covariance, above 4: the fewer poses, the larger is
+        `coverage_factor`. Infinite for a stated robot.
 
     Examples
     --------
@@ -148,6 +152,8 @@ class HandEye(Result):
     >>> hand_eye.flange_from_section.translation.shape, hand_eye.covariance_at((0, -200)).shape
     ((3,), (3, 3))
     >>> hand_eye.std_at(hand_eye.working_point) == hand_eye.to_dict()["working_point_std_mm"]
+    True
+    >>> 1.9 < hand_eye.coverage_factor() < 2.1 < hand_eye.coverage_factor(quantities=3) < 3.0
     True
     >>> import tempfile
     >>> path = f"{tempfile.mkdtemp()}/hand_eye.json"
@@ -171,6 +177,7 @@ class HandEye(Result):
     sensor: Sensor
     height_scale: tuple[float, float] | None = None
     target_scale: tuple[float, float] | None = None
+    degrees_of_freedom: float = math.inf
 
     def __post_init__(self) -> None:
         freeze_arrays(self, covariance=(6, 6), residuals=("n",), leave_one_out_residuals=("n",))
@@ -227,6 +234,30 @@ class HandEye(Result):
         if size and is_wrong_scale(size, MIN_BOARD_SCALE_ERROR):
             warnings.append(describe_board_scale(size))
         return tuple(warnings)
+
+    def coverage_factor(self, level: float = 0.95, quantities: int = 1) -> float:
+        """Return the half width of an interval, or of a joint region, in standard deviations.
+
+        Parameters
+        ----------
+        level : float
+            Level of confidence, between 0 and 1.
+        quantities : int
+            Number of quantities of the joint region: 3 for a position, 6 for the pose.
+
+        Returns
+        -------
+        float
+            As `CylinderFit.coverage_factor`, for standard deviations from `covariance`.
+
+        Raises
+        ------
+        ValueError
+            If the level is not between 0 and 1.
+        """
+        factor = coverage_factor(quantities, self.degrees_of_freedom, level)
+        # The variance of Student's t is dof / (dof - 2): `covariance` contains it.
+        return factor * math.sqrt(1 - 2 / self.degrees_of_freedom)
 
     @property
     def working_point_std(self) -> float:
@@ -334,32 +365,7 @@ class HandEye(Result):
         dict
             Lengths in ``*_mm``, angles in ``*_deg``; `save` writes what `load` reads again.
         """
-        vector, vector_std = rotation_vector_deg(self)
-        position_std, rotation_std = self.robot_std
-        factor, factor_std = self.height_scale or (None, None)
-        size, size_std = self.target_scale or (None, None)
-        return {
-            "mounting": self.mounting,
-            "sensor": self.sensor,
-            "position_mm": json_numbers(self.mount_from_sensor.translation),
-            "position_std_mm": json_numbers(np.sqrt(np.diag(self.covariance)[:3])),
-            "rotation_vector_deg": json_numbers(vector),
-            "rotation_vector_std_deg": json_numbers(vector_std),
-            "working_point_mm": json_numbers(self.working_point),
-            "working_point_std_mm": self.working_point_std,
-            "residual_rms_mm": finite_or_none(self.residual_rms),
-            "leave_one_out_rms_mm": finite_or_none(self.leave_one_out_rms),
-            "robot_position_std_mm": position_std,
-            "robot_rotation_std_deg": math.degrees(rotation_std),
-            "height_scale": factor,
-            "height_scale_std": factor_std,
-            "target_scale": size,
-            "target_scale_std": size_std,
-            "residuals_mm": json_numbers(self.residuals),
-            "leave_one_out_residuals_mm": json_numbers(self.leave_one_out_residuals),
-            "rejected": [{"index": pose.index, "reason": pose.reason} for pose in self.rejected],
-            "warnings": list(self.warnings),
-        }
+        return hand_eye_record(self)
 
     def _summary(self) -> str:
         used = len(self.residuals) - len(self.rejected)

@@ -223,6 +223,7 @@ def build_hand_eye(
         least_determined_direction=direction,
         mounting=context.mounting,
         sensor=context.sensor,
+        degrees_of_freedom=fit.covariance_dof,
     )
 
 

@@ -10,7 +10,7 @@ from lsvision.calibration.observations import Sphere
 from lsvision.calibration.rotations import rotation_vector_jacobian, vectors_from_rotations
 from lsvision.geometry import FloatArray
 from lsvision.results.number_format import format_value
-from lsvision.results.quantities import json_numbers
+from lsvision.results.quantities import finite_or_none, json_numbers
 
 if TYPE_CHECKING:
     from lsvision.calibration.hand_eye_result import HandEye
@@ -108,6 +108,37 @@ def hand_eye_rows(hand_eye: "HandEye") -> list[Row]:
           for axis, value, std in zip("xyz", vector, vector_std, strict=True)),
         *accuracy_rows(hand_eye),
     ]  # fmt: skip
+
+
+def hand_eye_record(hand_eye: "HandEye") -> "Record":
+    """Return the pose, its uncertainty and the diagnostics of `HandEye.to_dict`."""
+    vector, vector_std = rotation_vector_deg(hand_eye)
+    position_std, rotation_std = hand_eye.robot_std
+    factor, factor_std = hand_eye.height_scale or (None, None)
+    size, size_std = hand_eye.target_scale or (None, None)
+    return {
+        "mounting": hand_eye.mounting,
+        "sensor": hand_eye.sensor,
+        "position_mm": json_numbers(hand_eye.mount_from_sensor.translation),
+        "position_std_mm": json_numbers(np.sqrt(np.diag(hand_eye.covariance)[:3])),
+        "rotation_vector_deg": json_numbers(vector),
+        "rotation_vector_std_deg": json_numbers(vector_std),
+        "working_point_mm": json_numbers(hand_eye.working_point),
+        "working_point_std_mm": hand_eye.working_point_std,
+        "residual_rms_mm": finite_or_none(hand_eye.residual_rms),
+        "leave_one_out_rms_mm": finite_or_none(hand_eye.leave_one_out_rms),
+        "degrees_of_freedom": finite_or_none(hand_eye.degrees_of_freedom),
+        "robot_position_std_mm": position_std,
+        "robot_rotation_std_deg": math.degrees(rotation_std),
+        "height_scale": factor,
+        "height_scale_std": factor_std,
+        "target_scale": size,
+        "target_scale_std": size_std,
+        "residuals_mm": json_numbers(hand_eye.residuals),
+        "leave_one_out_residuals_mm": json_numbers(hand_eye.leave_one_out_residuals),
+        "rejected": [{"index": pose.index, "reason": pose.reason} for pose in hand_eye.rejected],
+        "warnings": list(hand_eye.warnings),
+    }
 
 
 def accuracy_rows(hand_eye: "HandEye") -> list[Row]:

@@ -16,6 +16,7 @@ from lsvision.results.number_format import decimals_for, format_std, format_valu
 from lsvision.results.quantities import Record, json_numbers
 from lsvision.results.result import Result
 from lsvision.statistics.correlation import autocorrelation_time
+from lsvision.statistics.coverage import coverage_factor
 from lsvision.statistics.robust import SIGNIFICANT_SIGMAS
 
 AxisQuantity = Literal[
@@ -163,14 +164,7 @@ class CylinderFit(WithCylinder, Result):
         ValueError
             If the level is not between 0 and 1.
         """
-        from scipy.special import chdtri, fdtri
-
-        if not 0 < level < 1:
-            raise ValueError(f"expected a level between 0 and 1, got {level}")
-        if math.isinf(self.degrees_of_freedom):
-            return math.sqrt(chdtri(quantities, 1 - level))
-        squared = quantities * fdtri(quantities, self.degrees_of_freedom, level)
-        return math.sqrt(squared)
+        return coverage_factor(quantities, self.degrees_of_freedom, level)
 
     def to_dict(self) -> Record:
         """Return axis, radius, covariance and rms residual as plain numbers, ready for JSON.

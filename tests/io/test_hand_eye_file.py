@@ -1,6 +1,7 @@
 """Calibration files, and samples of ROS tools: what is written is read again, nothing else is."""
 
 import json
+import math
 import re
 
 import numpy as np
@@ -45,6 +46,7 @@ def hand_eye(target=TARGETS["sphere"], mounting="eye_in_hand"):
         sensor="section",
         height_scale=(0.993, 0.001) if isinstance(target, Sphere) else None,
         target_scale=(0.99, 0.0004) if isinstance(target, Pose) else None,
+        degrees_of_freedom=math.inf if isinstance(target, Plane) else 12.5,
     )
 
 
@@ -65,6 +67,19 @@ def test_a_calibration_survives_its_file(tmp_path, kind):
     assert type(after.target) is type(before.target)
     assert after.height_scale == before.height_scale
     assert after.target_scale == before.target_scale
+    assert after.degrees_of_freedom == before.degrees_of_freedom
+
+
+def test_degrees_of_freedom_may_be_absent_but_not_below_those_of_a_variance(tmp_path):
+    path = tmp_path / "hand_eye.json"
+    save_hand_eye(hand_eye(), path)
+    document = json.loads(path.read_text())
+    path.write_text(json.dumps(document | {"degrees_of_freedom": 2.0}))
+    with pytest.raises(UnreadableFile, match="degrees_of_freedom above 2, got 2"):
+        load_hand_eye(path)
+    del document["degrees_of_freedom"]
+    path.write_text(json.dumps(document))
+    assert load_hand_eye(path).degrees_of_freedom == math.inf
 
 
 def test_the_class_saves_and_loads_its_files(tmp_path):

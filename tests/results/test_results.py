@@ -120,7 +120,7 @@ UNITS = ("_mm", "_deg", "_px", "_mm_per_mm")
 WITHOUT_UNIT = {
     "theta_determined", "points", "frame", "includes_calibration", "ambiguous", "sections",
     "section", "edges", "views", "index", "mounting", "sensor", "height_scale",
-    "k1", "k1_std", "k2", "k2_std", "p1", "p1_std", "p2", "p2_std",
+    "degrees_of_freedom", "k1", "k1_std", "k2", "k2_std", "p1", "p1_std", "p2", "p2_std",
     "height_scale_std", "target_scale", "target_scale_std", "normal_x", "normal_y", "normal_z",
     "direction_x", "direction_y", "direction_z", "start", "stop", "reason",
     # Of a verdict the unit stands in the column `quantity`; a study has that of its values.
