@@ -1,9 +1,9 @@
 """One cylinder for each track of arcs, fitted jointly to the points of all its sections.
 
 One section fits two cylinders equally well, the twins, whose axes are tilted to opposite sides of
-the section's normal. The twin is selected on a few sections of the track; then assignment of points
-and fit of the cylinder alternate. The track with the most points comes first; each point belongs to
-one cylinder only. A scan of a single section yields the cylinder of that section, with its twin.
+the section's normal; so do two at right angles that cross on the axis. The twin is selected on a
+few sections of the track; then assignment of points and fit of the cylinder alternate. The track
+with the most points comes first; each point belongs to one cylinder only.
 """
 
 import itertools
@@ -32,6 +32,12 @@ from lsvision.scan.point_assignment import (
 from lsvision.scan.scan_result import ScanRejection
 from lsvision.scan.tracks import ArcObservation, Track
 from lsvision.statistics.robust import median
+
+MAX_TWIN_CHI2_INCREASE = 9.0
+"""Increase of chi^2, that of 3 standard deviations of one parameter, up to which another cylinder
+fits as well."""
+TWIN_COSINE = math.cos(math.radians(1.0))
+"""Cosine of the angle between two cylinders above which they are the same: 1 deg."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -88,7 +94,7 @@ class JointFit:
         Rms of the normalised residuals after a lateral shift of each section is fitted; 1 for a
         single section.
     twin : Cylinder or None
-        The other cylinder that fits equally well, if only one section was measured.
+        The other cylinder that fits equally well, of one section or of two that cross in the tube.
     known_radius : RadiusPrior or None
         Prior with which several sections were fitted.
     """
@@ -186,22 +192,50 @@ def fit_track(
             "section allows two directions, and no other section shows the arc",
         )
     try:
-        cylinder = select_twin(cloud, track, known_radius, settings)
+        best, *others = fit_twins(cloud, track, known_radius, settings)
         rows = np.sort(_rows_of_arcs(cloud, track))
-        joint_fit = _assign_and_fit(cloud, cylinder, rows, known_radius, settings)
+        joint_fit = _assign_and_fit(cloud, best.cylinder, rows, known_radius, settings)
     except LsvisionError as failure:
         return ScanRejection(sections, str(failure))
     reason = _rejection_reason(joint_fit, settings)
-    return joint_fit if reason is None else ScanRejection(sections, reason)
+    if reason is not None:
+        return ScanRejection(sections, reason)
+    equivalent = [fit.cylinder for fit in others if _is_equivalent(fit, best)]
+    return replace(joint_fit, twin=_find_twin(joint_fit, equivalent, settings))
 
 
-def select_twin(
+def _is_equivalent(fit: CylinderFit, best: CylinderFit) -> bool:
+    """Return whether a fit to the points of the best one fits as well, in another direction."""
+    if abs(fit.direction @ best.direction) > TWIN_COSINE:
+        return False
+    lowest = _mean_square_residual(best)
+    variance = lowest if math.isfinite(best.degrees_of_freedom) else 1.0
+    increase = len(best.residuals) * (_mean_square_residual(fit) - lowest)
+    return increase < MAX_TWIN_CHI2_INCREASE * best.variance_factor * variance
+
+
+def _find_twin(
+    joint_fit: JointFit, cylinders: Sequence[Cylinder], settings: JointFitSettings
+) -> Cylinder | None:
+    """Return the first of the cylinders that fits all points as well as the fit; None without."""
+    cloud, known_radius = joint_fit.cloud, joint_fit.known_radius
+    for cylinder in cylinders:
+        try:
+            fit = _fit(cloud, np.arange(len(cloud)), cylinder, known_radius, settings)
+        except LsvisionError:
+            continue
+        if _is_equivalent(fit, joint_fit.fit):
+            return fit.cylinder
+    return None
+
+
+def fit_twins(
     cloud: ScanCloud,
     track: Track,
     known_radius: RadiusPrior | None,
     settings: JointFitSettings,
-) -> Cylinder:
-    """Return the best cylinder fitted to a few arcs of a track from several initial guesses.
+) -> list[CylinderFit]:
+    """Return cylinders fitted to a few arcs of a track from several initial guesses, best first.
 
     The initial guesses are the line through the arcs' centres and both twins of the arc with
     the best determined axis.
@@ -222,7 +256,7 @@ def select_twin(
             failure = error
     if failure is not None and not fits:
         raise failure
-    return min(fits, key=_mean_square_residual).cylinder
+    return sorted(fits, key=_mean_square_residual)
 
 
 def _rows_of_arcs(cloud: ScanCloud, track: Sequence[ArcObservation]) -> IntArray:

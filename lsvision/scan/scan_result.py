@@ -52,7 +52,7 @@ class ScannedCylinder(WithCylinder, Result):
     axial_range_std : tuple of float
         Standard uncertainty of `axial_range`. Units: mm.
     twin : Cylinder or None
-        The other cylinder that fits equally well, if only one section was measured.
+        The other cylinder that fits equally well, of one section, or of two that cross in the tube.
     includes_calibration : bool
         Whether the covariance includes the errors of a hand-eye calibration; otherwise the
         sensor mount is taken as exact.
@@ -146,7 +146,7 @@ class ScannedCylinder(WithCylinder, Result):
 
     @property
     def ambiguous(self) -> bool:
-        """Whether the `twin` fits equally well: only one section was measured."""
+        """Whether there is a `twin`, which fits equally well."""
         return self.twin is not None
 
     @property
@@ -368,7 +368,7 @@ def tube_cells(tubes: Sequence[ScannedCylinder]) -> list[tuple[str, ...]]:
 
 
 def twin_notes(tubes: Sequence[ScannedCylinder]) -> list[str]:
-    """Return a numbered line for each cylinder that was measured in one section only."""
+    """Return a numbered line for each cylinder that has a twin."""
     return [
         f"  {number}: {twin_note(tube.twin)}"
         for number, tube in enumerate(tubes, 1)
@@ -377,9 +377,9 @@ def twin_notes(tubes: Sequence[ScannedCylinder]) -> list[str]:
 
 
 def twin_note(twin: Cylinder) -> str:
-    """Return a line with the other possible direction of a cylinder of one section only."""
+    """Return a line with the other possible direction of a cylinder."""
     direction = " ".join(f"{component:+z.4f}" for component in twin.direction)
-    return f"one section alone: its twin ({direction}) fits equally well; a second section decides"
+    return f"its twin ({direction}) fits equally well; a further section decides"
 
 
 def format_ranges(sections: Sequence[int]) -> str:
