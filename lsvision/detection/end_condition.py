@@ -53,23 +53,25 @@ def tangential_end_reason(
     profile : PreparedProfile
         Profile of the arc.
     arc : IdentifiedArc
-        Arc before screening. Since screening may shorten an arc, the direction of the line is
-        measured beyond the points of both.
+        Arc before screening. The direction of the line is measured beyond the points of both arcs;
+        at an end where screening dropped a line that is long enough to distinguish a flat from a
+        fillet, beyond those of the screened arc.
     screened : ScreenedArc
         The same arc after screening: a fillet begins at its ends. Its `mixed_points` beyond an end
         are left out: a sensor that smooths along the line has mixed the arc into them, so that each
         line seems to continue tangentially.
     """
     count = max(DIRECTION_POINTS, int(DIRECTION_FRACTION * len(arc.indices)))
-    min_count = max(DIRECTION_POINTS, count // 2)
+    min_count, curved_count = max(DIRECTION_POINTS, count // 2), max(CURVED_POINTS, count)
     longest, mixed_points = np.union1d(arc.indices, screened.indices), screened.mixed_points
+    measured = _without_dropped_lines(longest, screened, curved_count + mixed_points)
     turns_deg = [
         math.degrees(_end_turn(inner, beyond[mixed_points:], arc.ellipse, min_count))
-        for inner, beyond in _split_ends(profile, longest, count + mixed_points)
+        for inner, beyond in _split_ends(profile, measured, count + mixed_points)
     ]
     if min(turns_deg) >= MIN_TURN_DEG:
         return None
-    welds = _find_welds(profile, longest, screened, max(CURVED_POINTS, count))
+    welds = _find_welds(profile, longest, screened, curved_count)
     tangential_deg = sorted(
         turn_deg
         for turn_deg, is_weld in zip(turns_deg, welds, strict=True)
@@ -81,6 +83,13 @@ def tangential_end_reason(
     if len(tangential_deg) == 1:
         return f"continues tangentially at one end (turns {turns} deg): a rounded corner"
     return f"continues tangentially at both ends (turns {turns} deg)"
+
+
+def _without_dropped_lines(longest: IntArray, screened: ScreenedArc, count: int) -> IntArray:
+    """Return the indices of an arc without those ends of which screening dropped `count` points."""
+    first, last = np.searchsorted(longest, screened.indices[[0, -1]]).tolist()
+    start = first if first >= count else 0
+    return longest[start : last + 1 if len(longest) - last > count else len(longest)]
 
 
 def find_connected_beyond(
@@ -139,7 +148,7 @@ def _end_turn(inner: ComplexArray, beyond: ComplexArray, ellipse: Ellipse, min_c
 
     `inner` are the arc's points near its end, `beyond` those beyond it, outwards. The angle is pi
     where the line ends: with fewer than `min_count` points beyond, all of them at one position, or
-    with an end of the arc that faces away from the sensor.
+    with an end of the arc or a line beyond it that faces away from the sensor.
     """
     if len(beyond) < min_count or len(set(beyond.tolist())) == 1:
         return math.pi
@@ -153,7 +162,8 @@ def _end_turn(inner: ComplexArray, beyond: ComplexArray, ellipse: Ellipse, min_c
     # The angle of the principal axis of complex numbers is half that of the sum of their squares.
     centred = beyond - beyond.sum() / len(beyond)
     direction = _oriented(cmath.sqrt(complex((centred * centred).sum())), beyond)
-    return abs(cmath.phase(direction * tangent.conjugate()))
+    turn = direction * tangent.conjugate()
+    return math.pi if (normal * turn).imag < 0 else abs(cmath.phase(turn))
 
 
 def _oriented(direction: complex, points: ComplexArray) -> complex:

@@ -72,6 +72,13 @@ def test_where_both_ends_turn_less_than_20_deg_it_is_a_sheet():
     )
 
 
+@pytest.mark.parametrize(("half_deg", "is_rejected"), [(70.0, True), (80.0, False)])
+def test_a_line_that_faces_away_from_the_sensor_is_no_continuation(half_deg, is_rejected):
+    """It turns by 15 deg: to an inclination of 85 or of 95 deg."""
+    for first, second in (([-15.0] * 20, NOTHING), (NOTHING, [-15.0] * 20)):
+        assert (reason(first, second, half_deg=half_deg) is not None) == is_rejected
+
+
 @pytest.mark.parametrize("mixed", [0, 4, 12])
 def test_points_into_which_a_sensor_mixes_the_arc_do_not_count(mixed):
     """A line that continues tangentially beyond them does not end at them, either."""
@@ -224,6 +231,15 @@ def test_the_turn_is_that_of_the_end_before_screening():
     """The line of a pipe that screening cut short continues there, but ends in a kink."""
     points, start, stop = sides(KINK, KINK)
     assert reason_of(points, start, stop, screened=(start + 6, stop - 6)) is None
+
+
+@pytest.mark.parametrize(("count", "is_rejected"), [(11, False), (12, True), (20, True)])
+def test_a_line_that_screening_dropped_goes_on_tangentially(count, is_rejected):
+    """The line, which rough identification took for the arc, is long enough to show a fillet."""
+    for turns in ((NOTHING, [0.0] * count), ([0.0] * count, NOTHING)):
+        points, start, stop = sides(*turns)
+        reason = reason_of(points, 0, len(points), screened=(start, stop))
+        assert (reason is not None) == is_rejected
 
 
 def test_a_fillet_begins_where_screening_ended():
