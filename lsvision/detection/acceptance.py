@@ -18,14 +18,14 @@ MAX_RADIUS_RATIO = 2.0
 """Largest ratio of the upper end of the 95 % interval to the radius, and of the radius to the lower
 end; above it the radius is not determinable."""
 MIN_UNTILTED_SIGMAS = 2.2
-"""Smallest ratio of radius to standard uncertainty of an untilted cylinder that fits the arc. Below
-it the 97 % interval of the radius has no upper end, but a fit that is small and tilted by chance
-would seem to determine the radius. For arcs of 60 deg of small circles, the 95 % intervals contain
-the radius in 92 % of the cases without this limit and in 94 % with it; the limit rejects 1.5 % of
-the valid fits (2.5 would reject 6 %)."""
+"""Smallest ratio of the radius of an untilted cylinder that fits the arc to its standard
+uncertainty. Below it the 97 % interval of this radius has no upper end, but a fit that is small and
+tilted by chance would seem to determine the radius. For arcs of 60 deg of small circles, the 95 %
+intervals contain the radius in 92 % of the cases without this limit and in 94 % with it; the limit
+rejects 1.5 % of the valid fits (2.5 would reject 6 %)."""
 TILT_MARGIN_DEG = 10.0
-"""Tilt beyond the limit at which the fit of an arc ends: fits of arcs that are on no ellipse become
-flatter in each step, and took most of the time of such profiles. Units: deg."""
+"""Tilt beyond `max_tilt_deg` at which the iteration of a fit ends: fits of arcs that are on no
+ellipse become flatter in each step, and would take most of the time of a profile. Units: deg."""
 CERTAIN_RADIUS_SIGMAS = 6.0
 """Ratio of radius to standard uncertainty above which the interval certainly is within
 `MAX_RADIUS_RATIO`. Only below it the interval is computed, which takes 6 to 55 ms for a short
@@ -88,8 +88,7 @@ def shape_rejection_reason(
     tilt_deg = math.degrees(ellipse.phi)
     if tilt_deg > settings.max_tilt_deg:
         return f"tilt {tilt_deg:.0f} deg over {settings.max_tilt_deg:.0f} deg"
-    rotated = normals * mean_normal.conjugate()
-    directions = np.arctan2(rotated.imag, rotated.real)
+    directions = np.angle(normals * mean_normal.conjugate())
     coverage_deg = math.degrees(float(directions.max() - directions.min()))
     if coverage_deg < settings.min_coverage_deg:
         return f"arc covers {coverage_deg:.0f} deg, needs {settings.min_coverage_deg:.0f} deg"
@@ -119,8 +118,7 @@ def rejection_reason(
     reason = shape_rejection_reason(fit.ellipse, fit.normals, radius_range, settings)
     if reason is not None:
         return reason
-    # Variances in all directions, twice the mean variance: on a steep flank those along the normal
-    # vanish.
+    # Total variances (the trace): on a steep flank those along the normal vanish.
     variance = 2 * float(profile.noisy_points.mean_variance[section.indices].sum())
     scatter = math.sqrt(float(fit.residuals @ fit.residuals) / variance)
     limit = profile.max_noise_factor(fit.ellipse.radius)
@@ -165,8 +163,8 @@ def undeterminable_radius_reason(section: CylinderSection) -> str | None:
     if radius * squared_axis_ratio > CERTAIN_RADIUS_SIGMAS * math.sqrt(max_variance):
         return None
     std = section.local_radius_std
-    # A short arc determines only its radius of curvature, a^2 / b: that of an untilted cylinder.
-    # The standard uncertainty of 1 / b does not depend on b.
+    # A short arc determines only its curvature b / a^2, the inverse radius of an untilted cylinder.
+    # An inverse radius is equally uncertain with and without the tilt.
     if radius * squared_axis_ratio < MIN_UNTILTED_SIGMAS * std:
         untilted = f"{radius / squared_axis_ratio:.3g} +/- {std / squared_axis_ratio**2:.2g} mm"
         return f"{UNDETERMINABLE}: {untilted} untilted; a longer arc is needed"

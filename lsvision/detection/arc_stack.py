@@ -126,7 +126,7 @@ class ArcStack(NamedTuple):
         """Return the ends of (k, n) or (k, j, n) values, as (k, 2, m + 2) or (k, 2, j, m + 2)."""
         size = self.end_size
         ends = columns[..., : 2 * size].reshape(*columns.shape[:-1], 2, size)
-        return ends.swapaxes(1, -2)  # changes only (k, j, 2, m + 2)
+        return ends.swapaxes(1, -2)  # without effect on (k, 2, m + 2)
 
     def select_inliers(self, arc: int, members: BoolArray) -> tuple[IntArray, NoisyPoints]:
         """Return the indices and points of an arc's middle part and of the inliers of its ends.

@@ -188,16 +188,16 @@ def _suppress_non_maxima(ordered: windows.Windows) -> list[int]:
 
 def seed_ellipse(profile: PreparedProfile, candidate: Candidate) -> Ellipse:
     """Return the algebraic ellipse of a candidate, or its circle if that is implausible."""
-    circle, radius = candidate.centre, candidate.radius
-    ellipse = _algebraic_ellipse(profile.points[candidate.indices])
+    indices, centre, radius = candidate
+    ellipse = _algebraic_ellipse(profile.points[indices])
     if (
         ellipse is not None
         and ellipse.semi_major <= MAX_AXIS_RATIO * min(radius, ellipse.semi_minor)
         and radius <= MAX_AXIS_RATIO * ellipse.semi_minor
-        and math.dist(ellipse.centre, circle) <= radius
+        and math.dist(ellipse.centre, centre) <= radius
     ):
         return ellipse
-    return Ellipse(circle, radius, radius, 0.0)
+    return Ellipse(centre, radius, radius, 0.0)
 
 
 def _algebraic_ellipse(points: Points) -> Ellipse | None:

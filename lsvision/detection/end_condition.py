@@ -35,7 +35,8 @@ which it leads are determined."""
 MAX_GAP_STEPS = 3.0
 """Largest distance between connected points, in median distances between neighbours of the arc."""
 MIN_FILLET_CURVATURE = 1.0
-"""Smallest ratio of the curvature of a fillet to that of the cylinder: it is 0.9 to 1.6 for the
+"""Smallest ratio of the curvature of a fillet, the concave foot of a weld bead, to that of the
+cylinder: it is 0.9 to 1.6 for the
 feet of weld beads, at most 0 beyond a rounded corner, and up to 1 in the valleys of a corrugated
 sheet."""
 MIN_BEAD_CURVATURE = 2.0
@@ -181,7 +182,7 @@ def _find_welds(
     `longest` arc, which may contain the fillet.
     """
     radius, noise_std = screened.ellipse.radius, profile.noise_std * screened.variance_factor**0.5
-    foot_curvatures, bead_curvatures = (
+    fillet_curvatures, bead_curvatures = (
         [
             _significant_curvature(beyond, noise_std)
             for _, beyond in _split_ends(profile, indices, count)
@@ -189,8 +190,8 @@ def _find_welds(
         for indices in (screened.indices, longest)
     )
     return [
-        foot * radius > MIN_FILLET_CURVATURE or bead * radius < -MIN_BEAD_CURVATURE
-        for foot, bead in zip(foot_curvatures, bead_curvatures, strict=True)
+        fillet * radius > MIN_FILLET_CURVATURE or bead * radius < -MIN_BEAD_CURVATURE
+        for fillet, bead in zip(fillet_curvatures, bead_curvatures, strict=True)
     ]
 
 

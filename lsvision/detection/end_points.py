@@ -37,7 +37,7 @@ TURN_STD = 0.5
 BEND_STD_RADII = 2.0
 """Prior standard deviation of the departing line's curvature, in curvatures of the ellipse."""
 NO_DEPARTURE_PRIOR = 0.5
-"""Prior probability that no departure begins inside the end."""
+"""Prior probability that no departure begins at any point of an end."""
 MAX_STEP_RATIO = 5.0
 """Largest ratio of two successive steps with which another line is extrapolated."""
 MIN_INCIDENCE_COSINE = 0.05
@@ -149,17 +149,17 @@ def find_end_inliers(ends: EndPoints, prediction: Prediction) -> EndInliers:
     correlation_time = prediction.autocorrelation_time[..., None]
     cosines = ends.incidence_cosines[..., PREDECESSORS:]
     visible = cosines > MIN_INCIDENCE_COSINE
-    # An outlier has an error of up to a radius along the ray, of which this part is along n.
-    ranges = 2 * prediction.radius[..., None] * np.maximum(cosines, MIN_INCIDENCE_COSINE)
-    log_outlier = np.log(OUTLIER_FRACTION / ranges)
+    # Errors of outliers are uniform in +/- one radius along the ray; their width along the normal.
+    widths = 2 * prediction.radius[..., None] * np.maximum(cosines, MIN_INCIDENCE_COSINE)
+    log_outlier = np.log(OUTLIER_FRACTION / widths)
     # The filter uses only points that are possible inliers of the ellipse predicted without them,
     # with larger variances where errors are correlated: n points then count as fewer.
     variances = point_variances + covariance.diagonal(axis1=-2, axis2=-1)
     possible = visible & (_log_inlier_density(residuals, variances) > log_outlier)
-    used = np.where(possible, correlation_time, EXCLUDED) * point_variances
-    residuals, variances = _predict_sequentially(covariance, used, residuals)
-    # From the variance with which the filter weights a point to that of its error.
-    variances = np.maximum(variances - used, 0.0) + point_variances
+    filter_variances = np.where(possible, correlation_time, EXCLUDED) * point_variances
+    residuals, variances = _predict_sequentially(covariance, filter_variances, residuals)
+    # The point's own part is its true variance again, not that with which the filter weights it.
+    variances = np.maximum(variances - filter_variances, 0.0) + point_variances
     log_inlier = np.where(visible, _log_inlier_density(residuals, variances), -np.inf)
     log_ratio = np.logaddexp(log_inlier, log_outlier)
     log_ratio -= _log_other_line_density(ends, prediction.radius[..., None], log_outlier)
@@ -188,11 +188,11 @@ def _predict_sequentially(
     # contains the normalised innovations. The last diagonal element must exceed their sum of
     # squares.
     total[..., -1, :-1], total[..., -1, -1] = residuals, 1e300
-    indefinite = []
-    for matrix in total.reshape(-1, count + 1, count + 1):
-        # The transpose has Fortran's order, so that LAPACK overwrites the matrix by the factor.
-        _, singular = dpotrf(matrix.T, lower=0, clean=0, overwrite_a=1)
-        indefinite.append(singular > 0)
+    # The transpose has Fortran's order, so that LAPACK overwrites the matrix by the factor.
+    indefinite = [
+        dpotrf(matrix.T, lower=0, clean=0, overwrite_a=1)[1] > 0
+        for matrix in total.reshape(-1, count + 1, count + 1)
+    ]
     stds = total.diagonal(axis1=-2, axis2=-1)[..., :-1]
     predicted, predicted_variances = total[..., -1, :-1] * stds, stds * stds
     if any(indefinite):  # by rounding errors: there the residuals remain without prediction
@@ -225,7 +225,7 @@ def departure_free_probability(
     """
     used = members | following
     begins = used & (members[:, ::-1].cumsum(axis=1)[:, ::-1] <= FOOT_POINTS)
-    # The last columns: all points at which a departure may begin, and possibly some others.
+    # Sorted last: all points at which a departure may begin, and some others if these are fewer.
     columns = begins.argsort(axis=1, kind="stable")[:, -2 * FOOT_POINTS :]
     cells = columns + used.shape[1] * np.arange(len(used))[:, None]
     begins = begins.take(cells)

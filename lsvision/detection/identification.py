@@ -2,7 +2,7 @@
 
 The paper slides a window of 10 % of the points over the whole profile and tests whether all r_j
 lie below the sensor error. Here the window starts at a candidate and grows outwards, with a refit
-of the ellipse after each step, until `MAX_OUTLIER_RUN` consecutive points exceed the sensor error;
+of the ellipse after each step, until `ENDING_RUN` consecutive points exceed the sensor error;
 single lost columns and jumps do not end an arc. The arcs of many profiles grow together as a stack.
 """
 
@@ -34,8 +34,8 @@ from lsvision.statistics.robust import MAD_TO_STD
 SENSOR_ERROR_SIGMAS = 4.0
 """The paper's sensor error: largest distance of an inlier from the ellipse, in standard deviations
 of a point along the normal."""
-MAX_OUTLIER_RUN = 3
-"""Number of consecutive points beyond the sensor error that interrupt an arc."""
+ENDING_RUN = 3
+"""Smallest number of consecutive points beyond the sensor error that interrupt an arc."""
 MAX_GAP_FRACTION = 0.5
 """Longest interruption between two runs of inliers that is bridged, as a fraction of the arc's
 central run; the run beyond it must also be longer than the interruption. Without both conditions,
@@ -137,7 +137,10 @@ class _GrowingArc:
 
 
 class _SearchedProfile:
-    """Profile with its remaining candidates, and its arcs and rejections so far."""
+    """Profile with its remaining candidates, and its arcs and rejections so far.
+
+    `_spans` are those of all arcs, also of rejected ones.
+    """
 
     def __init__(
         self,
@@ -149,7 +152,7 @@ class _SearchedProfile:
         self.rejections: list[Rejection] = []
         self._profile, self._candidates = profile, list(candidates)
         self._radius_range = radius_range
-        self._grown: list[Arc] = []
+        self._spans: list[Arc] = []
         self._free = np.ones(len(profile.points), dtype=bool)
 
     def next_seeds(self) -> list[Seed]:
@@ -173,7 +176,7 @@ class _SearchedProfile:
             arc, normals = grown
             if not self._free[arc.indices].all():
                 return
-            self._grown.append(arc.arc)
+            self._spans.append(arc.arc)
             reason = shape_rejection_reason(arc.ellipse, normals, self._radius_range, settings)
             if reason is None:
                 self.arcs.append(arc)
@@ -185,12 +188,12 @@ class _SearchedProfile:
     def _is_explained(self, candidate: Candidate) -> bool:
         """Return whether a candidate overlaps an earlier arc.
 
-        Several arcs along it do not count together: noise that is larger than the pitch consists of
-        short arcs, which are rejected.
+        Its overlaps with several arcs are not added: noise larger than the pitch makes short arcs
+        along a whole candidate, which are rejected.
         """
-        if not self._grown:
+        if not self._spans:
             return False
-        bounds = candidate.indices.searchsorted([(arc.start, arc.stop) for arc in self._grown])
+        bounds = candidate.indices.searchsorted([(arc.start, arc.stop) for arc in self._spans])
         overlaps = bounds[:, 1] - bounds[:, 0]
         return bool(overlaps.max() > MAX_OVERLAP * len(candidate.indices))
 
@@ -308,14 +311,14 @@ def _compare(arcs: list[_GrowingArc], parameters: FloatArray) -> tuple[EllipseRe
     return evaluated, within
 
 
-def find_connected_inliers(inliers: BoolArray, arc: IntArray) -> IntArray:
+def find_connected_inliers(inliers: BoolArray, previous: IntArray) -> IntArray:
     """Return the inliers that are connected to the middle of an arc, across short interruptions.
 
     Parameters
     ----------
     inliers : (w,) bool ndarray
         Mask of the inliers of a window.
-    arc : (n,) int ndarray
+    previous : (n,) int ndarray
         Ascending positions of the arc's previous inliers in that window, at least one.
 
     Returns
@@ -324,12 +327,12 @@ def find_connected_inliers(inliers: BoolArray, arc: IntArray) -> IntArray:
         Ascending positions of the connected inliers; empty if the window has no inlier.
     """
     members = inliers.nonzero()[0]
-    cuts = (members[1:] - members[:-1] > MAX_OUTLIER_RUN).nonzero()[0] + 1
+    cuts = (members[1:] - members[:-1] > ENDING_RUN).nonzero()[0] + 1
     if len(cuts) == 0:
         return members
     firsts = members[np.append(0, cuts)]
     stops = members[np.append(cuts, len(members)) - 1] + 1
-    middle = (int(arc[0]) + int(arc[-1])) / 2
+    middle = (int(previous[0]) + int(previous[-1])) / 2
     gaps, lengths = firsts[1:] - stops[:-1], stops - firsts
     central = int(np.maximum(firsts - middle, middle - stops + 1).argmin())
     max_gap = MAX_GAP_FRACTION * lengths[central]

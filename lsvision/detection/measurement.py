@@ -24,7 +24,7 @@ class Measurement(Result):
     cylinders : tuple of CylinderSection
         Sections in ascending order of the x of their centres.
     rejections : tuple of Rejection
-        Arcs that are not cylinders, with reasons, in the order of the profile.
+        Arcs that are not cylinders, with reasons, in their order along the laser line.
     profile : Profile, optional
         Measured profile, for pictures; ignored in comparisons.
 
@@ -131,7 +131,7 @@ def build_measurement(
     Measurement
         Cylinders in ascending order of the x of their centres.
     """
-    columns = prepared.sensor_columns  # ascending only if that is the order along the line
+    columns = prepared.sensor_columns  # not ascending where the points were sorted along the line
 
     def with_columns(section: CylinderSection) -> CylinderSection:
         indices = columns[section.indices]

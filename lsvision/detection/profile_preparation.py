@@ -94,8 +94,8 @@ def _valid_columns(points: Points) -> IntArray:
 
 
 def _add_covariances(points: Points, covariances: FloatArray, valid: IntArray) -> NoisyPoints:
-    """Return points with covariances; raise ValueError if those of the valid ones are none."""
-    with np.errstate(invalid="ignore"):  # not finite, and rejected
+    """Return points with covariances; raise ValueError if that of a valid point is invalid."""
+    with np.errstate(invalid="ignore"):  # values that are not finite are rejected below
         noisy = NoisyPoints.of(points, covariances)
         limits = np.minimum((1 + PSD_TOLERANCE) * noisy.mean_variance, MAX_VARIANCE_MM2)
         is_covariance = (limits > 0) & (np.abs(noisy.deviator) <= limits)

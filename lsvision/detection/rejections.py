@@ -91,14 +91,17 @@ def _add_reasons(
     rejections: list[Rejection],
     radius_range: tuple[float, float],
 ) -> list[Rejection]:
-    """Return rejections with reasons: that it is flat, else its own, else one from its circle."""
+    """Return each rejection with a reason: `flat`, else its own, else one from its best circle.
+
+    `connected` are the indices of the points of all components.
+    """
     spans = np.array([(rejection.arc.start, rejection.arc.stop) for rejection in rejections])
     starts, stops = np.searchsorted(connected, spans).T
     points = profile.noisy_points.z[None, connected]
     rows = np.zeros(len(starts), dtype=int)
     circles = windows.fit_window_circles(points, windows.Windows(rows, starts, stops))
     flat = circles.line_rms < MAX_FLAT_SIGMAS * profile.noise_std
-    fits = circles.rms <= candidates.max_circle_rms(circles.radius, profile.noise_std)
+    fits_circle = circles.rms <= candidates.max_circle_rms(circles.radius, profile.noise_std)
     straight = flat | ~(circles.rms < circles.line_rms)
     low, high = radius_range
 
@@ -108,7 +111,7 @@ def _add_reasons(
             return f"{'flat' if flat[i] else 'no arc'}: {line_rms:.2f} mm rms from a straight line"
         if not circles.convex[i]:
             return "concave towards the sensor"
-        if fits[i] and not low <= radius <= high:
+        if fits_circle[i] and not low <= radius <= high:
             return f"radius {radius:.3g} mm outside {low:.3g} to {high:.3g} mm"
         noise = f"{profile.noise_std:.2f} mm noise"
         return f"no ellipse: {rms:.2f} mm rms from the best circle, with {noise}"

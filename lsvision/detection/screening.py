@@ -282,10 +282,10 @@ def _select_probable(fits: _ArcFits, ends: _EndComparison) -> BoolArray:
     # Quadratic costs of a wrong decision: without a true inlier the ellipse remains as it is; a
     # false one may shift the ellipse by sqrt(leverage) of its standard deviations.
     selected = members & (log_odds > np.log(leverages))
-    contacts: BoolArray = np.logical_or.reduce(following, axis=-1)
-    if contacts.any():
-        at_contacts = select_rows((ends.points, ends.prediction, members, following), contacts)
-        selected[contacts] &= departure_free_probability(*at_contacts) > MIN_DEPARTURE_FREE
+    continues: BoolArray = np.logical_or.reduce(following, axis=-1)
+    if continues.any():
+        continued = select_rows((ends.points, ends.prediction, members, following), continues)
+        selected[continues] &= departure_free_probability(*continued) > MIN_DEPARTURE_FREE
     # A contact has enough connected points beyond the last inlier, or enough rejected inliers.
     rejected = (members & ~selected).sum(axis=-1)
     contact = np.maximum(following.sum(axis=-1), rejected) >= MIN_CONTACT_POINTS
