@@ -91,9 +91,9 @@ class Settings(ShowsChanges):
     range_image: RangeImageSettings = RangeImageSettings()
     candidates: CandidateSettings = CandidateSettings()
     acceptance: AcceptanceSettings = AcceptanceSettings()
-    # The initial guess from the homogenised arc is so near the minimum that reweighting changes
-    # nothing, and that each step is a hundredth of the one before. A step that decreases chi^2 by a
-    # fraction of 1e-3 has a length of 0.2 sigma; the error after it is 0.002 sigma. The fits of
+    # The initial guess from the homogenised arc is near the minimum: reweighting changes nothing,
+    # and each step is a hundredth of the one before. A step that decreases chi^2 by a fraction of
+    # 1e-3 has a length of 0.2 sigma (40 points); the error after it is 0.002 sigma. The fits of
     # pipes need 2 to 20 evaluations, those of arcs under 80 deg the most: with a limit of 10, one
     # in 15 of these would be lost. A fit that needs more than 20 diverges.
     fitting: FittingSettings = FittingSettings(reweightings=0, max_evaluations=20, tolerance=1e-3)
@@ -219,7 +219,7 @@ def measure_profiles(
 
 
 class _Search(NamedTuple):
-    """Profile with its search.
+    """Profile with what is searched in it: which radii, in which components.
 
     Parameters
     ----------
@@ -261,7 +261,7 @@ def _measure(
     candidates = find_candidates(prepared, components, ranges, settings.candidates)
     # Rough identification, section 3.2.1.
     identified = identify_arcs(prepared, candidates, ranges, settings.acceptance)
-    # The following steps process arcs of similar size together, also those of different profiles.
+    # Arrays of arcs of similar size have little padding: these are processed together.
     searches = list(map(_Search, profiles, prepared, ranges, components))
     by_profile = list(zip(searches, identified, strict=True))
     arcs = [(search, arc) for search, (profile_arcs, _) in by_profile for arc in profile_arcs]
@@ -311,13 +311,16 @@ def _check_screened(
 def _fit_sections(
     arcs: Sequence[tuple[_Search, Arc, ScreenedArc]], priors: Priors, settings: Settings
 ) -> list[CylinderSection | Rejection]:
-    """Return the cylinder of each screened arc, or a rejection of its span before screening."""
+    """Return the cylinder of each screened arc, or a rejection.
+
+    The arcs are given with their profile and their span before screening.
+    """
     # Smoothing, which also detects jumps, and homogenising (resampling at equal arc length),
     # section 3.3.
     points = [arc.points for _, _, arc in arcs]
     smoothed = smooth_arcs(points, [arc.ellipse for _, _, arc in arcs])
     homogenised = homogenise_arcs(smoothed)
-    # Ellipse fitting, section 2.3, which ends at ellipses that are too flat to be accepted.
+    # Ellipse fitting, section 2.3; its iteration ends at an ellipse too flat to be accepted.
     min_axis_ratio = max(settings.fitting.min_axis_ratio, settings.acceptance.min_fitted_axis_ratio)
     fits = refine_arcs(
         [noisy[smooth.inliers] for noisy, smooth in zip(points, smoothed, strict=True)],
