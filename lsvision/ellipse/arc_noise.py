@@ -47,7 +47,7 @@ class ArcNoise(NamedTuple):
     autocorrelation_time : float
         Number of points per effective point.
     low_frequency_time : float
-        The same from the lowest frequencies, to which the covariance of a fit is proportional.
+        Autocorrelation time of the lowest frequencies alone: the factor on the covariance of a fit.
     smoothed : bool
         Whether neighbouring errors are correlated, since the sensor smooths along the line.
     """

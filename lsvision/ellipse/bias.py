@@ -13,8 +13,8 @@ the measured points changes the radius by 0.02 of its standard deviation (3000 p
 deg). Isotropic errors have no such bias: their fit is the geometric one. The mean of a residual,
 kappa var(e_t) / 2 with the curvature kappa, is left out: for errors along Y its bias of the radius
 is a thousandth of the above, for isotropic errors 0.07 of a standard deviation with 4000 points and
-a noise of 1 % of the radius on 130 deg of a circle. So is a bias that does not grow, relative to
-the standard deviations, with the number of points.
+a noise of 1 % of the radius on 130 deg of a circle. A bias that does not grow, relative to the
+standard deviations, with the number of points is left out, too.
 
 For errors along Y the radius becomes too small: by 1.6 noise / radius sqrt(n) of its standard
 deviations for n points on an arc of 130 deg, by 2.3 for 90 deg (0.3 for 400 points with a noise of

@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 
 from lsvision.ellipse.parameters import (
-    PARAMETERS,
     ellipse_from_parameters,
     is_ellipse,
     parameter_jacobian,
@@ -63,10 +62,7 @@ def homogenise_arcs(smoothed: Sequence[SmoothedArc]) -> list[HomogenisedArc]:
         return []
     screened = np.array([parameters_from_ellipse(arc.ellipse) for arc in smoothed])
     w = np.array([arc.directions for arc in smoothed])
-    # `WeightedSystem` expects Jacobian and residuals in one array.
-    rows = np.empty((len(w), PARAMETERS + 1, w.shape[1]))
-    jacobian, residuals = rows[:, :PARAMETERS], rows[:, PARAMETERS]
-    residuals[:] = [arc.residuals for arc in smoothed]
+    residuals = np.array([arc.residuals for arc in smoothed])
     stds = np.array([arc.stds for arc in smoothed])
     centre, m, d = split_parameters(screened)
     # E w is m w + d conj(w), and the outward normal there is along m w - d conj(w).
@@ -76,7 +72,7 @@ def homogenise_arcs(smoothed: Sequence[SmoothedArc]) -> list[HomogenisedArc]:
     offsets = mean_part + deviator_part
     smoothed_points = centre + offsets + normals * residuals
     # The residual is linear in small changes of the parameters: one Gauss-Newton step is enough.
-    parameter_jacobian(normals, w, out=jacobian)
+    rows = np.concatenate([parameter_jacobian(normals, w), residuals[:, None]], axis=1)
     equations = WeightedSystem(rows, 1 / (stds * stds)).normal_equations()
     fitted = screened + damped_step(equations, screened)
     return [

@@ -1,10 +1,11 @@
 """Ends of intervals: the extrema of five quantities over {F <= min F + c}, computed together.
 
-Each end of each fit is a row of parameters (centre_x, centre_y, m, p, q). An iteration expands F to
-second order at every row, so that the region is an ellipsoid, and moves the row to the extremum of
-its quantity over that ellipsoid (`lsvision.ellipse.region_extrema`). Convergence is quadratic. One
-more row of a fit is its best circle, the minimum of F on d = 0. The rows of all fits are moved at
-once: for the few numbers of one fit, the calls of numpy would take most of the time.
+Each end of each fit is a row of parameters (centre_x, centre_y, m, p, q); F, c and d = (p, q) are
+those of `lsvision.ellipse.critical_ratio`. An iteration expands F to second order at every row, so
+that the region is an ellipsoid, and moves the row to the extremum of its quantity over that
+ellipsoid (`lsvision.ellipse.region_extrema`). Convergence is quadratic. One more row of a fit is
+its best circle, the minimum of F on d = 0. The rows of all fits are moved at once: for the few
+numbers of one fit, the calls of numpy would take most of the time.
 """
 
 import math

@@ -1,9 +1,9 @@
 """Extrema of five quantities over ellipsoids: the targets of a step towards the ends of intervals.
 
-About parameters (centre_x, centre_y, m, p, q) the region {F <= min F + c} is an ellipsoid with
-centre mu, radius rho and shape C. The quantities are not approximated: each is linear for a fixed
-direction of d = (p, q), so its extremum is ``mu + rho C f / |f|_C``, with f the gradient for that
-direction:
+About parameters (centre_x, centre_y, m, p, q) the region {F <= min F + c} is nearly an ellipsoid
+with centre mu, radius rho and shape C: (x - mu)' C^-1 (x - mu) <= rho^2. The quantities are not
+approximated: each is linear for a fixed direction of d = (p, q), so its extremum is ``mu + rho C f
+/ sqrt(f' C f)``, with f the gradient for that direction (h = |d|):
 
 - centre: f is an axis;
 - theta: f is normal to the tangent from the circle d = 0 to the ellipsoid;
@@ -55,7 +55,7 @@ MAX_ROUNDS, DIRECTION_TOLERANCE = 4, 0.02
 """Largest number of Newton steps of the direction u, and step of the angle (rad) and of kappa below
 which they end."""
 NUISANCE_FRACTION = 0.5
-"""Fraction of |d| at an end of the centre's interval for which c is taken beside a known radius:
+"""With a known radius c of the centre is taken for this fraction of |d| at the end of its interval:
 estimates of |d| near a circle are too large. With 1, 91 % of the 95 % intervals of centre_y of
 untilted pipes hold, with 0.5 93 to 97 %."""
 CRITICAL_ROUNDS = 2
@@ -109,7 +109,7 @@ class Targets(NamedTuple):
 
 
 class Ellipsoids(NamedTuple):
-    """Sections (m, p, q) of k ellipsoids, and (p, q) in sigmas.
+    """Projections of k ellipsoids on (m, p, q), and of their centres on (p, q) in sigmas.
 
     Parameters
     ----------
@@ -214,7 +214,8 @@ class Regions:
         rho = np.sqrt(np.maximum(excess + critical, 0.0))
         f = GRADIENTS[ends]
         directed = np.flatnonzero(ends < DIRECTED)
-        f[directed, 2:] = _outward_gradients(ends[directed], angles[directed], kappas[directed])
+        u = np.cos(angles[directed]), np.sin(angles[directed])
+        f[directed, 2:] = (OUTWARD[ends[directed]] * [-kappas[directed], *u]).T
         theta = np.flatnonzero((ends == THETA_LOW) | (ends == THETA_HIGH))
         if theta.size:
             sides = np.where(ends[theta] == THETA_LOW, -1.0, 1.0)
@@ -264,7 +265,7 @@ class Regions:
         targets: FloatArray,
         parameters: FloatArray,
         expansion: Expansion,
-        sections: tuple[Ellipsoids, FloatArray],
+        ellipsoids_and_rho: tuple[Ellipsoids, FloatArray],
     ) -> None:
         """Replace targets whose extremum is a circle, in place.
 
@@ -272,7 +273,7 @@ class Regions:
         extremum on the surface b = const, lies on the ridge if F of the points increases faster
         across it than along m.
         """
-        (owners, ends), (ellipsoids, rho) = rows, sections
+        (owners, ends), (ellipsoids, rho) = rows, ellipsoids_and_rho
         on_ridge = self.stack.known_radius[owners] & RIDGE_GRADIENTS[ends].any(axis=1)
         i = np.flatnonzero(on_ridge | (ends == RADIUS_HIGH))
         i = i[rho[i] > np.abs(ellipsoids.whitened[i])]
@@ -330,23 +331,18 @@ class Regions:
         return angles, kappas, critical
 
 
-def _outward_gradients(ends: IntArray, angles: FloatArray, kappas: FloatArray) -> FloatArray:
-    """Return the gradients by (m, p, q) of +/- (u . d - kappa m), (k, 3)."""
-    raising = np.array([-kappas, np.cos(angles), np.sin(angles)])
-    gradients: FloatArray = (OUTWARD[ends] * raising).T
-    return gradients
-
-
 def _turn_to_extrema(
     ends: IntArray,
-    sections: tuple[FloatArray, FloatArray],
+    centres_and_shapes: tuple[FloatArray, FloatArray],
     squared_radii: FloatArray,
     angles: FloatArray,
     kappas: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return angles of u and kappas at the extrema, by Newton's method."""
-    centres, shapes = sections
-    mean, deviator = _mean_and_deviator(shapes)
+    """Return angles of u and kappas at the extrema over ellipsoids, by Newton's method."""
+    centres, shapes = centres_and_shapes
+    # Mean principal value of the shapes of d, and half their difference times exp(2 i angle).
+    pp, pq, qq = shapes[:, 1, 1], shapes[:, 1, 2], shapes[:, 2, 2]
+    mean, deviator = (pp + qq) / 2, (pp - qq) / 2 + 1j * pq
     radii = OUTWARD[ends] * np.sqrt(np.maximum(squared_radii, 0.0))
     is_phi, moving = IS_PHI[ends], np.ones(len(ends), dtype=bool)
     for _ in range(MAX_ROUNDS):
@@ -372,12 +368,3 @@ def _turn_to_extrema(
         if not moving.any():
             break
     return angles, kappas
-
-
-def _mean_and_deviator(shapes: FloatArray) -> tuple[FloatArray, ComplexArray]:
-    """Return the mean of the two principal values of the shapes of d, and half their difference.
-
-    The difference is multiplied by exp(2 i angle), with the angle of the larger axis.
-    """
-    pp, pq, qq = shapes[:, 1, 1], shapes[:, 1, 2], shapes[:, 2, 2]
-    return (pp + qq) / 2, (pp - qq) / 2 + 1j * pq

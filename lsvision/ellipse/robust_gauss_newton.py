@@ -10,7 +10,7 @@ The functions take one arc, or a stack of k arcs as arrays with a leading axis: 
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,12 +30,12 @@ FLATTENING_PRIOR_STD = 0.3
 """Prior standard deviation of (a - b) / (a + b): a tilt of 57 deg."""
 IDENTITY = np.eye(PARAMETERS)
 FLATTENING_INFORMATION = np.diag([0, 0, 0, 1, 1, 0])[:PARAMETERS] / FLATTENING_PRIOR_STD**2
-"""Normal equations (5, 6) of the prior on the flattening of a circle, for m = 1 mm."""
+"""Normal equations (5, 6) of the prior on the flattening, at a circle with m = 1 mm."""
 FLATTENING_DIAGONAL = FLATTENING_INFORMATION.sum(axis=1, keepdims=True)
 """Information of the prior on the flattening about each parameter, (5, 1), for m = 1 mm."""
-MAX_RELATIVE_STEP = 0.1
+DAMPING_STEP_FRACTION = 0.1
 """Step, as a fraction of m, whose damping costs as much as a residual of one sigma."""
-DAMPED_PRIOR = IDENTITY / MAX_RELATIVE_STEP**2 + FLATTENING_INFORMATION[:, :PARAMETERS]
+DAMPED_PRIOR = IDENTITY / DAMPING_STEP_FRACTION**2 + FLATTENING_INFORMATION[:, :PARAMETERS]
 """Information of the damping and of the prior on the flattening, for m = 1 mm. Units: 1/mm^2."""
 VARIANCE_FLOOR_FRACTION = 0.05
 """Fraction of a point's total variance that is added to the variance along any normal, as for a
@@ -110,7 +110,7 @@ def arc_lengths(z: ComplexArray, residuals: FloatArray, normals: ComplexArray) -
 
 
 def ray_normal_variances(points: NoisyPoints, parameters: FloatArray) -> FloatArray:
-    """Return only the `EllipseResiduals.variances` (..., n) of points. Units: mm^2."""
+    """Return only the variances (..., n) of `ellipse_residuals`. Units: mm^2."""
     centre, m, d = split_parameters(parameters)
     offset = points.z - centre
     # Along the normal n of `ellipse_residuals`, without the intermediate unit vector w.
@@ -177,7 +177,7 @@ class WeightedSystem(NamedTuple):
 
 def add_flattening_prior(equations: FloatArray, parameters: FloatArray) -> None:
     """Add the weak prior on the flattening to normal equations (..., 5, 6), in place."""
-    m = _mean_semi_axes(parameters)
+    m = parameters[..., 2:3, None]
     equations += FLATTENING_INFORMATION / (m * m)
     equations[..., PARAMETERS:] -= FLATTENING_DIAGONAL / (m * m) * parameters[..., None]
 
@@ -187,17 +187,10 @@ def damped_step(equations: FloatArray, parameters: FloatArray) -> FloatArray:
 
     `equations` (..., 5, 6) are those without the prior, `parameters` (..., 5) the present ones.
     """
-    m = _mean_semi_axes(parameters)
+    m = parameters[..., 2:3, None]
     information = equations[..., :PARAMETERS] + DAMPED_PRIOR / (m * m)
     rhs = equations[..., PARAMETERS:] - FLATTENING_DIAGONAL / (m * m) * parameters[..., None]
     return solve_positive_definite(information, rhs)[..., 0]
-
-
-def _mean_semi_axes(parameters: FloatArray) -> Any:
-    """Return m of ellipses (..., 5) as (..., 1, 1); of a single ellipse as a number. Units: mm."""
-    if parameters.size == PARAMETERS:
-        return parameters.ravel().tolist()[2]
-    return parameters[..., 2:3, None]
 
 
 def inverse_information(equations: FloatArray) -> FloatArray:
@@ -207,7 +200,8 @@ def inverse_information(equations: FloatArray) -> FloatArray:
     """
     information = equations[..., :PARAMETERS]
     matrices = information.reshape(-1, PARAMETERS, PARAMETERS)
-    return np.array([_solve(matrix, IDENTITY) for matrix in matrices]).reshape(information.shape)
+    inverses = [solve_positive_definite(matrix, IDENTITY) for matrix in matrices]
+    return np.array(inverses).reshape(information.shape)
 
 
 def gauss_newton_step(
@@ -255,13 +249,8 @@ def solve_positive_definite(matrix: FloatArray, rhs: FloatArray) -> FloatArray:
 
     `matrix` is (k, k) or (n, k, k), `rhs` (k,), (k, j), or a stack of these.
     """
-    if matrix.ndim == 2:
-        return _solve(matrix, rhs)
-    return np.array([_solve(*pair) for pair in zip(matrix, rhs, strict=True)])
-
-
-def _solve(matrix: FloatArray, rhs: FloatArray) -> FloatArray:
-    """Solve one positive definite system; NaN if the matrix is not positive definite."""
+    if matrix.ndim > 2:
+        return np.array([solve_positive_definite(*pair) for pair in zip(matrix, rhs, strict=True)])
     _, solution, failed = dposv(matrix, rhs)
     return np.full_like(solution, np.nan) if failed else solution
 

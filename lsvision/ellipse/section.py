@@ -106,10 +106,10 @@ class CylinderSection(WithEllipse, Result):
     def radius_std(self) -> float:
         """Standard uncertainty of the radius. Units: mm.
 
-        Definition: `local_radius_std`; above a twentieth of the radius at least the upper half of
-        the 95 % interval over its number of standard deviations. There the likelihood is skewed:
-        the covariance of a fit that by chance came out small is too small. From a twenty-fifth to a
-        twentieth, their weighted mean, so that there is no step.
+        Definition: `local_radius_std`; where this exceeds a twentieth of the radius, at least the
+        upper half of the 95 % interval divided by its quantile (1.96 for a given noise): there the
+        likelihood is skewed, and the covariance of a fit that by chance came out small is too
+        small. From a twenty-fifth to a twentieth, the weighted mean of both, without a step.
         """
         std, (skewed, symmetric) = self.local_radius_std, SKEWED_RADIUS_SIGMAS
         if self.fit.problem.known_radius is not None or self.radius > symmetric * std:
@@ -129,7 +129,7 @@ class CylinderSection(WithEllipse, Result):
         Definition: rms change of b over the distribution of (m, p, q), by a cubature rule of third
         degree with six points. Far from a circle this is the linear approximation; near a circle,
         b = m - |(p, q)| has a kink, where the linear approximation is wrong. The points of the
-        rule leave the curved surface of a known radius, so that its prior is the upper limit.
+        rule leave the curved surface of a known radius, whose own uncertainty is the upper limit.
         """
         covariance = self.fit.parameter_covariance[2:, 2:]
         variances, axes = np.linalg.eigh(covariance)
@@ -171,10 +171,7 @@ class CylinderSection(WithEllipse, Result):
 
     @property
     def theta_determined(self) -> bool:
-        """Whether theta is determined.
-
-        A circle is excluded at 99.9 % confidence, and an error of theta of 30 deg at 99 %.
-        """
+        """Whether a circle is excluded at 99.9 %, and an error of theta of 30 deg at 99 %."""
         return theta_is_determined(self.fit)
 
     def interval(self, quantity: Quantity, level: float = 0.95) -> tuple[float, float]:
