@@ -166,7 +166,7 @@ def _view_problem(
 def movement(first: TargetView, second: TargetView) -> float:
     """Return the median distance in px of the corners that two views of a target share.
 
-    Infinite without any: a laser line may lie on some of them.
+    Infinite if they share none. Each may lack corners, for example under a laser line.
     """
     first_pixels = dict(zip(map(tuple, first.points.tolist()), first.pixels, strict=True))
     pairs = zip(map(tuple, second.points.tolist()), second.pixels, strict=True)
@@ -191,7 +191,7 @@ def _focus_problem(grey: Image, view: TargetView, max_blur_px: float) -> str | N
     if sigmas and max(sigmas) <= max_blur_px:
         return None
     blur = f"board blurred by {max(sigmas):.1f} px" if sigmas else "board's edges not sharp"
-    return f"{blur}: focus the lens, bring it nearer"
+    return f"{blur}: focus the lens, or bring the board nearer"
 
 
 def _shows_line(

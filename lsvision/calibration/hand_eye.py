@@ -369,7 +369,7 @@ def _covariances(shapes: Sequence[SphereArc] | Sequence[PlaneLine]) -> FloatArra
 
 
 def _common_height_scale_gradients(arcs: Sequence[SphereArc]) -> FloatArray:
-    """Return the height-scale gradients about the mean height, instead of each circle's own."""
+    """Return the height-scale gradients (n, 2, 3), in mm, about the mean height of all circles."""
     gradients = np.array([arc.height_scale_gradient for arc in arcs])
     heights = np.array([arc.circle[1] for arc in arcs])
     gradients[:, 0, 1] += heights - heights.mean()

@@ -39,9 +39,9 @@ class CalibratedLaserView(ComparedByValue):
     corner_residuals : (n, 2) ndarray
         Projected minus observed corners. Units: px.
     line_residuals : (m,) ndarray
-        Signed distances of the observed points of the laser line from the intersection of laser
-        plane and board, along its normal; positive if the point's ray meets the laser plane behind
-        the board. Units: px.
+        Signed distances, in the image, of the observed points of the laser line from the
+        intersection of laser plane and board; positive if the point's ray meets the laser plane
+        behind the board. Units: px.
     """
 
     index: int
@@ -66,7 +66,8 @@ class LaserPlaneCalibration(Result):
         Pose and residuals of each view.
     board_bow, board_bow_std : (3,) ndarray
         Bow along x and along y, positive if the board's middle is farther from the camera than its
-        edges, and twist at the corners (see `board_shape`); zero if not fitted. Units: mm.
+        edges, and twist at the corners (see `board_shape`), with standard deviations; zero if not
+        fitted. Units: mm.
     rejected : tuple of RejectedView
         Views that could not be used, or whose line is not in the plane of the others.
     outliers : tuple of RejectedView

@@ -122,7 +122,7 @@ class PlaneObservations:
         return float(np.abs(distances).mean())
 
     def initial_guesses(self, masks: FloatArray) -> States:
-        """Return a linear solution for each selection of poses and each of many normals.
+        """Return a linear solution for each selection of poses (k, n) and each of many normals.
 
         With the normal n given, n.(B X p) = d is linear in the first two columns of X's rotation,
         its translation and d; B is the pose of the mount, X that of the sensor on it.
@@ -144,7 +144,7 @@ class PlaneObservations:
 
         The normal is given in the target's frame; `count` is the number of planes.
         """
-        # In the frame of the mount.
+        # The normal in the frame of the mount.
         n = self.flanges.rotations.transpose(0, 2, 1) @ normal
         one_hot = (self.groups[:, None] == np.arange(count)).astype(np.float64)
         p, u = self.midpoints, self.directions * self.rms_lengths[:, None]
@@ -207,7 +207,7 @@ class PlanePlanningTarget:
 
     @property
     def max_plane_offset(self) -> float:
-        """Largest useful distance of the laser plane from the centre: 0, no effect on a plane."""
+        """Largest useful distance of the laser plane from the centre: 0, since it has no effect."""
         return 0.0
 
     @property
@@ -235,7 +235,7 @@ class PlanePlanningTarget:
     def predict_observations(
         self, positions: FloatArray, sections: Sequence[Pose], flanges: FlangePoses
     ) -> PlaneObservations:
-        """Return the lines of the plane without noise."""
+        """Return the lines of the plane without noise, with the midpoints of `visibility`."""
         x, y, _ = self._normals(sections).T
         count = len(sections)
         directions = np.column_stack([y, -x, np.zeros(count)])
@@ -243,7 +243,7 @@ class PlanePlanningTarget:
         return PlaneObservations(
             positions,
             directions / np.maximum(np.hypot(x, y), 1e-9)[:, None],
-            np.full(count, offset / slope),  # the rms length by which the two are related
+            np.full(count, offset / slope),  # rms length: the ratio of both standard deviations
             np.tile(np.diag([offset**2, slope**2]), (count, 1, 1)),
             flanges,
             np.zeros(count, dtype=np.int64),

@@ -346,7 +346,7 @@ def find_target(image: npt.ArrayLike, target: Target) -> TargetView:
     Raises
     ------
     TypeError, ValueError, TargetNotFound
-        If it is not an image, or the target is not found in it.
+        If `image` is not an image, or the target is not found in it.
 
     Examples
     --------

@@ -98,7 +98,7 @@ def camera(
     ] = False,
     ros_yaml: Annotated[
         Path | None,
-        typer.Option(metavar="F.yaml", help="Also write it in the format of OpenCV and ROS."),
+        typer.Option(metavar="F.yaml", help="Also write the camera as OpenCV and ROS do."),
     ] = None,
     report: Report = None,
 ) -> None:
@@ -119,7 +119,7 @@ def camera(
     from lsvision.io.camera_file import write_camera_yaml
 
     names = [printable(file.name) for file in files]
-    model = CameraSettings(
+    settings = CameraSettings(
         radial_terms=radial_terms,
         fixed_aspect=fixed_aspect,
         tilted=tilted,
@@ -127,7 +127,7 @@ def camera(
     )
     with add_file_names_to_errors(image=names):
         photos = read_images(files)
-        calibration = calibrate_camera(photos, board, model)
+        calibration = calibrate_camera(photos, board, settings)
     rows = camera_rows(calibration)
     warnings = warning_lines(names, calibration)
     provenance = build_provenance(f"{len(calibration.views)} views of {board}", files)
@@ -226,8 +226,8 @@ def laser_plane(
             combine_photos(*pair, line_options.pattern)
             for pair in zip(board_images, line_images, strict=True)
         ]
-        page = ReportContent(rows, warnings, names, provenance, combined_photos)
-        write_atomic(report, laser_plane_page(calibration, board.points, page))
+        content = ReportContent(rows, warnings, names, provenance, combined_photos)
+        write_atomic(report, laser_plane_page(calibration, board.points, content))
     replace(calibration.light_section, provenance=provenance).save(out)
     if details is not None:
         write_calibration(details, calibration, provenance)
@@ -238,7 +238,7 @@ def laser_plane(
 def _image_pairs(
     board_names: Sequence[str], line_names: Sequence[str]
 ) -> tuple[list[Path], list[Path]]:
-    """Return the files of board and line images, the same number of each."""
+    """Return the files of board and line images; raise an error unless there is one for each."""
     boards, lines = image_files(board_names), image_files(line_names)
     if len(boards) != len(lines):
         raise UnreadableFile(

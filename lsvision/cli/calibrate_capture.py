@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from lsvision.calibration.capture_pairs import Pair
 
 DEFAULT_PAIRS = 15
-"""Default number of pairs."""
+"""Number of pairs that `calibrate camera` and `calibrate laser-plane` recommend."""
 
 
 @expand_option_groups
@@ -73,10 +73,10 @@ def capture(
             typer.echo(f"missing: {'; '.join(missing_views(state.pairs, pairs)) or 'nothing'}")
         if len(state.pairs) == pairs:
             break
-    missing = missing_views(state.pairs, pairs)
     typer.echo(f"{len(state.pairs)} of {pairs} pairs in {boards} and {lines}")
     if len(state.pairs) < pairs:
-        raise LsvisionError(f"{camera} ended early; still missing: {'; '.join(missing)}")
+        missing = "; ".join(missing_views(state.pairs, pairs))
+        raise LsvisionError(f"{camera} ended early; still missing: {missing}")
 
 
 def _require_empty(folder: Path) -> None:

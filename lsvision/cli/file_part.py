@@ -98,7 +98,7 @@ def read_parts(source: Path | LiveCamera, options: PartOptions) -> Iterator[File
     if is_image_source(source, options):
         yield _read_images(source, options)
         return
-    # `str` and `Path` change nothing: only the type says that it may be a camera.
+    # The source is a path here; converting it only tells the type checker so.
     for part in iterate_source(Path(str(source)), options.reading):
         several = part.first > 0 or len(part.file.profiles) > 1
         header = _header(options, part.file, part.first)
@@ -128,7 +128,7 @@ def _header(options: PartOptions, file: "ProfileFile | ImageFile", first: int = 
     """Return the lines above the results: a summary of the file or part, and notes."""
     valid = (profile for profile in file.profiles if profile.lost < len(profile))
     warnings = filter(None, (_range_warning(profile, options.sensor) for profile in valid))
-    notes = [*file.notes, *islice(warnings, 1)]  # the distance differs from profile to profile
+    notes = [*file.notes, *islice(warnings, 1)]  # of many warnings, which differ in the distance
     if options.verbose and not isinstance(file, ImageFile) and file.ignored:
         notes.append(f"columns not used: {', '.join(file.ignored)}")
     name = f"{file.path}, from profile {first} on" if first else str(file.path)
