@@ -2,8 +2,9 @@
 
 The paper slides a window of 10 % of the points over the whole profile and tests whether all r_j
 lie below the sensor error. Here the window starts at a candidate and grows outwards, with a refit
-of the ellipse after each step, until `ENDING_RUN` consecutive points exceed the sensor error;
-single lost columns and jumps do not end an arc. The arcs of many profiles grow together as a stack.
+of the ellipse after each step, up to runs of outliers (`INTERRUPTING_RUN`) that are too long to be
+bridged (`MAX_GAP_FRACTION`); single lost columns and jumps do not end an arc. The arcs of many
+profiles grow together as a stack.
 """
 
 import math
@@ -34,7 +35,7 @@ from lsvision.statistics.robust import MAD_TO_STD
 SENSOR_ERROR_SIGMAS = 4.0
 """The paper's sensor error: largest distance of an inlier from the ellipse, in standard deviations
 of a point along the normal."""
-ENDING_RUN = 3
+INTERRUPTING_RUN = 3
 """Smallest number of consecutive points beyond the sensor error that interrupt an arc."""
 MAX_GAP_FRACTION = 0.5
 """Longest interruption between two runs of inliers that is bridged, as a fraction of the arc's
@@ -327,7 +328,7 @@ def find_connected_inliers(inliers: BoolArray, previous: IntArray) -> IntArray:
         Ascending positions of the connected inliers; empty if the window has no inlier.
     """
     members = inliers.nonzero()[0]
-    cuts = (members[1:] - members[:-1] > ENDING_RUN).nonzero()[0] + 1
+    cuts = (members[1:] - members[:-1] > INTERRUPTING_RUN).nonzero()[0] + 1
     if len(cuts) == 0:
         return members
     firsts = members[np.append(0, cuts)]

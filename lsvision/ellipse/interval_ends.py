@@ -188,7 +188,7 @@ class _Search:
         previous = self.targets.critical
         fractions = np.minimum(1.0, MAX_STEP / np.maximum(self.lengths, TINY))
         self._limit_crossing_steps(fractions)
-        fractions[self.rows.ends == CIRCLE] = 1.0
+        fractions[self.rows.ends == CIRCLE] = 1.0  # only a full step leads to d = 0
         moved = self._accept(self._move(self.reduction * fractions))
         factor = np.where(moved, STEP_GROWTH, STEP_REDUCTION)
         self.reduction = np.minimum(factor * self.reduction, 1.0)
@@ -293,8 +293,8 @@ class _Search:
             owners, ends = select_rows(self.rows, moved)
             new = expand_cost(self.regions.stack, owners, trial[moved])
             best = self.regions.best
-            # F without the priors hardly increases where a step leaves the curved surface of a
-            # known radius; F with them hardly where it follows a prior that contradicts the points.
+            # The smaller increase counts: F with the priors is large off the curved surface of a
+            # known radius, and F without them where a prior contradicts the points.
             ratio = np.minimum(
                 new.cost - best.cost[owners], new.cost_of_points - best.cost_of_points[owners]
             )

@@ -94,12 +94,10 @@ class CylinderSection(WithEllipse, Result):
         Linear approximation; units mm and rad. Towards a circle the variance of theta grows
         without limit; `interval` is valid there, too.
         """
-        rows = np.zeros((5, 5))
-        rows[0, 0] = rows[1, 1] = 1.0
-        rows[2] = semi_major_gradient(self.fit.parameters)
-        rows[3] = semi_minor_gradient(self.fit.parameters)
-        rows[4] = self._theta_gradient
-        covariance: FloatArray = rows @ self.fit.parameter_covariance @ rows.T
+        parameters = self.fit.parameters
+        by_axes = semi_major_gradient(parameters), semi_minor_gradient(parameters)
+        jacobian = np.vstack([np.eye(2, 5), *by_axes, self._theta_gradient])
+        covariance: FloatArray = jacobian @ self.fit.parameter_covariance @ jacobian.T
         return covariance
 
     @property

@@ -86,8 +86,7 @@ def smooth_arcs(points: Sequence[NoisyPoints], ellipses: Sequence[Ellipse]) -> l
     # all around an ellipse may have no mean direction.
     sums = [complex(row[:size].sum()) or 1.0 for row, size in zip(evaluated.w, sizes, strict=True)]
     mean_w = as_column([total / abs(total) for total in sums])
-    rotated = evaluated.w * mean_w.conjugate()
-    angles = np.arctan2(rotated.imag, rotated.real)
+    angles = np.angle(evaluated.w * mean_w.conjugate())
     order = _sort_rows(angles, sizes)
     angles, residuals = angles.take(order), evaluated.residuals.take(order)
     stds = np.sqrt(evaluated.variances.take(order))
