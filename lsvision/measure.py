@@ -182,7 +182,7 @@ def measure_profiles(
     sensor: NoiseModel | str | None = None,
     settings: Settings = Settings(),
 ) -> list[Measurement]:
-    """Measure many profiles at once, several times as fast as one by one.
+    """Measure many profiles at once, two to three times as fast as one by one.
 
     Each step processes up to `POINTS_AT_ONCE` points of several profiles together.
     `lsvision.measure_many` does the same in several processes, with profiles that are read lazily.

@@ -162,8 +162,7 @@ def _order_by_coverage(
     # their centre.
     order = np.lexsort((centres.real, -coverage.astype(np.float32), spans.rows))
     is_enough = coverage * (spans.stops - spans.starts) >= MIN_COVERAGE_POINTS
-    ordered: IntArray = order[is_enough[order]]
-    return ordered
+    return order[is_enough[order]]
 
 
 def _suppress_non_maxima(ordered: windows.Windows) -> list[int]:

@@ -105,8 +105,7 @@ class Prediction(NamedTuple):
 
     def covariances(self, jacobian: FloatArray) -> FloatArray:
         """Return the covariance (..., k, k) of the predicted ellipse at k points."""
-        covariances: FloatArray = jacobian.swapaxes(-1, -2) @ self.covariance @ jacobian
-        return covariances
+        return jacobian.swapaxes(-1, -2) @ self.covariance @ jacobian
 
 
 class EndInliers(NamedTuple):

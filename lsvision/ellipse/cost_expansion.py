@@ -207,5 +207,4 @@ def _differentiate_priors(
 
 def multiply_vectors(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
     """Multiply k matrices (k, i, j) by k vectors (k, j)."""
-    product: FloatArray = (matrices @ vectors[:, :, None])[:, :, 0]
-    return product
+    return (matrices @ vectors[:, :, None])[:, :, 0]

@@ -116,8 +116,7 @@ class CriticalRatios:
 
     def allows_any_theta(self, circle_ratios: FloatArray) -> BoolArray:
         """Return whether circles with these ratios (s,) are possible: then any theta is, too."""
-        possible: BoolArray = self.may_be_circle & (circle_ratios <= self.two_dof)
-        return possible
+        return self.may_be_circle & (circle_ratios <= self.two_dof)
 
     def ratios_for_flattening(self, owners: IntArray, kappas: FloatArray) -> FloatArray:
         """Return c of phi for values of h / m and a true d in the direction of the estimate.
@@ -237,8 +236,7 @@ def _interpolation_fractions(level: float, tubes: FloatArray) -> FloatArray:
         weights = (target - tails[j]) * (target - tails[k])
         products = (tails[i] - tails[j]) * (tails[i] - tails[k])
         positions += position * weights / np.where(products == 0, TINY, products)
-    fractions: FloatArray = np.minimum(np.maximum((positions + 1) / 2, 0.0), 1.0)
-    return fractions
+    return np.minimum(np.maximum((positions + 1) / 2, 0.0), 1.0)
 
 
 def _in_sigmas(deviators: ComplexArray, semi_axes: FloatArray, axes: ComplexArray) -> ComplexArray:

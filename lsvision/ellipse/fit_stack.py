@@ -92,5 +92,4 @@ def _directions(points: ComplexArray, parameters: FloatArray) -> ComplexArray:
     offset = points - as_complex(parameters[:, :2])
     # Solution of offset = t E w with t > 0.
     w = parameters[:, 2] * offset - deviators_from_parameters(parameters) * offset.conj()
-    directions: ComplexArray = w / np.maximum(np.abs(w), TINY)
-    return directions
+    return w / np.maximum(np.abs(w), TINY)

@@ -105,8 +105,7 @@ def arc_lengths(z: ComplexArray, residuals: FloatArray, normals: ComplexArray) -
     feet = z - residuals.astype(complex) * normals
     steps = np.zeros(feet.shape)
     np.abs(feet[..., 1:] - feet[..., :-1], out=steps[..., 1:])
-    lengths: FloatArray = steps.cumsum(axis=-1)
-    return lengths
+    return steps.cumsum(axis=-1)
 
 
 def ray_normal_variances(points: NoisyPoints, parameters: FloatArray) -> FloatArray:
@@ -171,8 +170,7 @@ class WeightedSystem(NamedTuple):
         """
         weights = self.weights if members is None else self.weights * members
         weighted = self.rows[..., :PARAMETERS, :] * weights[..., None, :]
-        equations: FloatArray = weighted @ self.rows.swapaxes(-1, -2)
-        return equations
+        return weighted @ self.rows.swapaxes(-1, -2)
 
 
 def add_flattening_prior(equations: FloatArray, parameters: FloatArray) -> None:

@@ -97,8 +97,7 @@ class CylinderSection(WithEllipse, Result):
         parameters = self.fit.parameters
         by_axes = semi_major_gradient(parameters), semi_minor_gradient(parameters)
         jacobian = np.vstack([np.eye(2, 5), *by_axes, self._theta_gradient])
-        covariance: FloatArray = jacobian @ self.fit.parameter_covariance @ jacobian.T
-        return covariance
+        return jacobian @ self.fit.parameter_covariance @ jacobian.T
 
     @property
     def radius_std(self) -> float:
