@@ -219,18 +219,9 @@ def measure_profiles(
 
 
 class _Search(NamedTuple):
-    """Profile with what is searched in it: which radii, in which components.
+    """Profile, as given and prepared, with the radii (mm) and the components that are searched.
 
-    Parameters
-    ----------
-    profile : Profile
-        The profile.
-    prepared : PreparedProfile
-        The profile, prepared for detection.
-    radius_range : (float, float)
-        Smallest and largest radius. Units: mm.
-    components : list of (n,) int ndarray
-        Indices of the points of the connected components of the prepared profile.
+    The components are indices (n,) of points of the prepared profile.
     """
 
     profile: Profile

