@@ -200,6 +200,7 @@ class CriticalRatios:
         squared = x * x + y * y
         turn = speed * (b_cos[:, None] * is_beside_axis * x + a_sin[:, None] * y) / squared
         outside = (turn * np.exp(-squared / 2)).sum(axis=2) / count
+        # The true d is within the outer boundary (first three widths), not within the inner one.
         tubes: FloatArray = 1 - outside[:, :3] + outside[:, 3:]
         return tubes
 

@@ -69,8 +69,7 @@ def homogenise_arcs(smoothed: Sequence[SmoothedArc]) -> list[HomogenisedArc]:
     mean_part, deviator_part = m * w, d * w.conj()
     normals = mean_part - deviator_part
     normals /= np.abs(normals)
-    offsets = mean_part + deviator_part
-    smoothed_points = centre + offsets + normals * residuals
+    smoothed_points = centre + (mean_part + deviator_part) + normals * residuals
     # The residual is linear in small changes of the parameters: one Gauss-Newton step is enough.
     rows = np.concatenate([parameter_jacobian(normals, w), residuals[:, None]], axis=1)
     equations = WeightedSystem(rows, 1 / (stds * stds)).normal_equations()
