@@ -323,8 +323,5 @@ def _warnings(lines: "list[LaserLine]", frames: int) -> "list[str]":
         )
     saturated = float(np.mean([line.saturated.mean() for line in lines]))
     if saturated > MAX_SATURATED_FRACTION:
-        notes.append(
-            f"{saturated:.0%} of the line is at full scale: shorten the exposure, or use --method "
-            "gaussian"
-        )
+        notes.append(f"{saturated:.0%} of the line is at full scale: shorten the exposure")
     return notes

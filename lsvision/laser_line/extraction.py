@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, get_args
 
 import numpy as np
@@ -15,6 +15,7 @@ from lsvision.geometry.arrays import freeze_arrays
 from lsvision.geometry.equality import ComparedByValue
 from lsvision.laser_line.coarse_colours import select_sharper_line
 from lsvision.laser_line.detection import DetectedLine, find_direction, find_line
+from lsvision.laser_line.gaussian_fit import locate_by_gaussian_fit
 from lsvision.laser_line.image_array import MIN_SIZE_PX, Image, as_image
 from lsvision.laser_line.jpeg_blocks import BLOCK
 from lsvision.laser_line.line_image import (
@@ -31,7 +32,6 @@ from lsvision.laser_line.settings import LineSettings
 from lsvision.laser_line.stripe_windows import Stripes, cut_windows
 from lsvision.laser_line.subpixel import (
     locate_by_derivative,
-    locate_by_gaussian_fit,
     locate_by_steger,
 )
 
@@ -64,7 +64,8 @@ class LaserLine(ComparedByValue):
     std : (n,) ndarray
         Standard deviation along v (columns) or u (rows). Units: px.
     intensity : (n,) ndarray
-        Height above the background. Units: DN.
+        Height above the background; where the line is saturated and a Gaussian fits its flanks,
+        the height of that, above full scale. Units: DN.
     width : (n,) ndarray
         Standard deviation of the Gaussian section down the column (along the row): on a steep part
         of the line larger than across it. Units: px.
@@ -77,6 +78,10 @@ class LaserLine(ComparedByValue):
         one, can be followed: above about 0.2, check that this is the right one.
     filter_sigma : float
         Standard deviation of the filter that located it. Units: px.
+    skew_shift : (n,) ndarray, optional
+        Shift of v (or u) by a skewness of the section, over its third cumulant; NaN, by default
+        everywhere, for that of the derivative of Gaussian on an unsaturated section, and where no
+        Gaussian fits a saturated one: its `width` is too large then. Units: 1 / px^2.
 
     Examples
     --------
@@ -94,6 +99,7 @@ class LaserLine(ComparedByValue):
     direction: Direction
     second_line_fraction: float
     filter_sigma: float
+    skew_shift: FloatArray = field(default_factory=lambda: np.array(np.nan))
 
     def __post_init__(self) -> None:
         freeze_arrays(self, pixels=("n", 2))
@@ -104,6 +110,9 @@ class LaserLine(ComparedByValue):
             raise ValueError(f"expected saturated of shape {count}, got {saturated.shape}")
         saturated.setflags(write=False)
         object.__setattr__(self, "saturated", saturated)
+        if not np.ndim(self.skew_shift):
+            object.__setattr__(self, "skew_shift", np.full(count, self.skew_shift))
+        freeze_arrays(self, skew_shift=count)
         if self.direction not in get_args(Direction):
             raise ValueError(f"expected direction 'columns' or 'rows', got {self.direction!r}")
 
@@ -233,6 +242,7 @@ def _to_sensor_pixels(line: LaserLine, row: int, column: int) -> LaserLine:
         pixels=2 * line.pixels + np.array([column, row]),
         std=2 * np.hypot(line.std, alias / math.sqrt(2)),  # rms of a sine
         width=2 * line.width,
+        skew_shift=line.skew_shift / 4,
         filter_sigma=2 * line.filter_sigma,
     )
 
@@ -250,7 +260,7 @@ def _interleave(lines: list[LaserLine], starts: list[int]) -> LaserLine:
 
     merged: dict[str, Any] = {
         name: np.concatenate([getattr(first, name), getattr(second, name)])[order]
-        for name in ("pixels", "std", "intensity", "width", "saturated")
+        for name in ("pixels", "std", "intensity", "width", "saturated", "skew_shift")
     }
     fraction = max(first.second_line_fraction, second.second_line_fraction)
     return replace(first, second_line_fraction=fraction, **merged)
@@ -282,11 +292,13 @@ def _locate_stripes(image: LineImage, detected: DetectedLine, settings: LineSett
 
 
 def _relocate_saturated(image: LineImage, detected: DetectedLine) -> Stripes:
-    """Replace saturated stripes by those of a wider filter in the laser's own channel.
+    """Replace saturated stripes by fits of a Gaussian, or those of a wider filter.
 
-    Where the wider filter has no zero crossing, the stripe of a coloured laser is lost: the excess
-    of its colour is zero in the saturated middle, and the narrow filter locates one of its rims.
-    Without colours the narrow filter's stripe is kept.
+    Without colours a Gaussian is fitted to the unsaturated pixels; where that fails, the wider
+    filter locates the stripe, and where that has no zero crossing, the narrow filter's stripe is
+    kept. Of a coloured laser the excess of its colour is zero in the saturated middle, and a fit or
+    the narrow filter locates one of the rims: the wider filter, in the laser's own channel, alone
+    locates such stripes.
     """
     clipped = detected.windows.saturated.any(axis=1) & detected.stripes.found
     if not clipped.any():
@@ -299,9 +311,19 @@ def _relocate_saturated(image: LineImage, detected: DetectedLine) -> Stripes:
     largest = detected.variances[clipped].max(axis=1, keepdims=True)
     variances = np.broadcast_to(largest, windows.values.shape)
     wider = locate_by_derivative(windows, start, variances, sigma)
-    replaced = wider.found | (image.channel_signal is not image.signal)
+    coloured = image.channel_signal is not image.signal
+    replaced = wider.found | coloured
     at = np.flatnonzero(clipped)[replaced]
-    return detected.stripes.replace_at(at, wider.select(replaced))
+    stripes = detected.stripes.replace_at(at, wider.select(replaced))
+    if coloured:
+        return stripes
+    fits = locate_by_gaussian_fit(
+        detected.windows.select(clipped),
+        detected.stripes.select(clipped),
+        detected.variances[clipped],
+    )
+    fitted = np.isfinite(fits.skew_shifts)
+    return stripes.replace_at(np.flatnonzero(clipped)[fitted], fits.select(fitted))
 
 
 def _near_border(image: LineImage, detected: DetectedLine) -> BoolArray:
@@ -349,14 +371,15 @@ def _build_line(
     width = image.signal.shape[1]
     pixels = np.full((width, 2), np.nan)
     pixels[columns] = stripes.pixels[good]
-    std, heights, sigmas = np.full((3, width), np.nan)
+    std, heights, sigmas, skew_shift = np.full((4, width), np.nan)
     std[columns] = np.sqrt(noise_std**2 + excess)
     heights[columns] = stripes.heights[good]
     sigmas[columns] = stripes.sigmas[good]
+    skew_shift[columns] = stripes.skew_shifts[good]
     saturated = np.zeros(width, dtype=bool)
     saturated[columns] = detected.windows.saturated[good].any(axis=1)
     second, sigma = detected.second_line_fraction, detected.sigma
-    return LaserLine(pixels, std, heights, sigmas, saturated, "columns", second, sigma)
+    return LaserLine(pixels, std, heights, sigmas, saturated, "columns", second, sigma, skew_shift)
 
 
 def _rows_at_columns(pixels: Points, columns: IntArray) -> FloatArray:

@@ -17,6 +17,9 @@ MAX_STEP_PX = 8.0
 SECOND_ORDER = 2.0
 """Error of the first-order correction, as a multiple of (sum of its terms)^2 / width of the line:
 the largest value on noise-free images of pipes whose line becomes vertical."""
+SATURATED_SECOND_ORDER = 5.0
+"""The same where pixels are clipped: in the flanks that are left, the terms by curvature and by
+skewness do not cancel as in the middle, and the error of the curvature near an end counts twice."""
 MAX_EDGE_VARIANCE_RATIO = 2.0
 """Largest ratio of the variance of a column at an edge to that by blur; beyond it, the rest of the
 variance is taken for an error of the position."""
@@ -29,8 +32,6 @@ def correct_line_blur(
     blur: float | None = None,
     sheet_direction: npt.ArrayLike | None = None,
     sheet_growth: float | None = None,
-    *,
-    saturated_widths: bool = False,
 ) -> LaserLine:
     """Correct the bias of a laser line by blur along the line.
 
@@ -54,10 +55,6 @@ def correct_line_blur(
     sheet_growth : float, optional
         Relative change of the thickness of the sheet's image along that direction, by perspective.
         Units: 1 / px.
-    saturated_widths : bool
-        Whether the widths are right where the line is saturated, as those of the method "gaussian",
-        which leaves saturated pixels out. If not, the blur of a line that is saturated everywhere
-        is taken from its width in general, and the correction is uncertain.
 
     Returns
     -------
@@ -79,7 +76,9 @@ def correct_line_blur(
 
     to the first order. The second term is exact for a straight line, however abrupt the edge of
     the light, if M is the blurred light. The last term is the skewness of the cross-section of
-    variance q^2, as the derivative-of-Gaussian filter of sigma s sees it.
+    variance q^2, as the derivative-of-Gaussian filter of sigma s sees it. Where a Gaussian is
+    fitted to a saturated line, it is 3 v'' (C_uv - v' C_uu)^2 times
+    `LaserLine.skew_shift`: flanks are shifted to the other side than the middle.
 
     Examples
     --------
@@ -115,35 +114,50 @@ def correct_line_blur(
     for run in runs:
         width = widths[run]
         shape = compute_line_shape(rows[run], line.intensity[run] * width, std[run] / width)
-        unusable = line.saturated[run] & (not saturated_widths)
+        unusable = line.saturated[run] & np.isnan(line.skew_shift[run])
         width_std = np.where(unusable, np.inf, std[run])
         thicker = None if thickening is None else thickening[run]
         spread = estimate_line_spread(width, width_std, shape, blur, sheet, thicker)
-        shift, shift_std = _compute_shift(shape, spread, width, line.filter_sigma / pitch)
+        second_order = np.where(line.saturated[run], SATURATED_SECOND_ORDER, SECOND_ORDER)
+        shift, shift_std = _compute_shift(
+            shape, spread, width, _skew_shift(line, run) * pitch**2, second_order
+        )
         pixels[run, across] -= pitch * shift
         corrected_std[run] = pitch * np.hypot(std[run], shift_std)
     return replace(line, pixels=pixels, std=corrected_std)
 
 
+def _skew_shift(line: LaserLine, run: IntArray) -> FloatArray:
+    """Return the shift (k,) of a run by a skewness, over its third cumulant. Units: 1 / px^2."""
+    squared = line.width[run] ** 2
+    variance = np.minimum(squared, MAX_VARIANCE_RATIO * median(squared))
+    stated = line.skew_shift[run]
+    return np.where(np.isnan(stated), -0.5 / (variance + line.filter_sigma**2), stated)
+
+
 def _compute_shift(
-    shape: LineShape, spread: LineSpread, width: FloatArray, filter_sigma: float
+    shape: LineShape,
+    spread: LineSpread,
+    width: FloatArray,
+    skew_shift: FloatArray,
+    second_order: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the shift (n,) of a run by its blur, and its standard deviation. Units: px."""
     c_vv, c_uv, c_uu = spread.values
-    variance = np.minimum(width**2, MAX_VARIANCE_RATIO * median(width**2))
     # Minus the covariance of the displacements of light along u and from the line along v.
     lag = shape.slope * c_uu - c_uv
     bend = shape.curvature * c_uu / 2
     fade = lag * shape.fade
-    skew = -1.5 * shape.curvature * lag**2 / (variance + filter_sigma**2)
-    by_lag = shape.fade - 3 * shape.curvature * lag / (variance + filter_sigma**2)
+    by_skewness = 3 * shape.curvature * skew_shift
+    skew = by_skewness * lag**2
+    by_lag = shape.fade + 2 * by_skewness * lag
     gradient = np.stack([-by_lag, shape.curvature / 2 + shape.slope * by_lag], axis=1)
     shift = bend + fade + skew
     size = np.abs(bend) + np.abs(fade) + np.abs(skew)
     shift_variance = (
         (gradient @ spread.covariance[1:, 1:] * gradient).sum(axis=1)
         + (lag * shape.fade_std) ** 2
-        + (SECOND_ORDER * size**2 / width) ** 2
+        + (second_order * size**2 / width) ** 2
     )
     # These errors are common to the columns of a window, the first one to all of them.
     shift_variance *= WINDOW / 2

@@ -91,8 +91,9 @@ def estimate_line_spread(
     `thickening` the relative change of the variance of the sheet's blur from that in the middle of
     the line.
 
-    If no width is usable, as of a line that is saturated everywhere, the result is the prior with
-    its wide uncertainty. If edges disturb all columns it is zero, which means no correction.
+    If no width is usable, as of a saturated line to which no Gaussian is fitted, the result is the
+    prior with its wide uncertainty. If edges disturb all columns it is zero, which means no
+    correction.
     """
     undisturbed = shape.far_from_edges(CLEARANCE)
     if not undisturbed.any():

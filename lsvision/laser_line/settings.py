@@ -18,12 +18,13 @@ class LineSettings(ShowsChanges):
     Parameters
     ----------
     method : {"derivative", "gaussian", "steger"}
-        Sub-pixel method, see `lsvision.laser_line.subpixel`. "derivative": zero crossing of a
-        derivative-of-Gaussian filter down each column; fast and without bias. "gaussian": fit
-        of a Gaussian to each column without its saturated pixels; four times slower, for
-        overexposed lines. "steger": ridge of the smoothed image, for lines that are steep in
-        both directions; its smoothing along the line biases curves inwards (a radius of 25 mm
-        by -10 um on the rig of the tests) and correlates the errors of neighbours.
+        Sub-pixel method, see `subpixel` and `gaussian_fit`. "derivative": zero crossing of a
+        derivative-of-Gaussian filter down each column; fast and without bias. Where a line
+        without colours is saturated, a Gaussian is fitted to the unsaturated pixels.
+        "gaussian": such a fit to each column; four times slower, for overexposed lines of a
+        coloured laser. "steger": ridge of the smoothed image, for lines that are steep in both
+        directions; its smoothing along the line biases curves inwards (a radius of 25 mm by -10 um
+        on the rig of the tests) and correlates the errors of neighbours.
     sigma : float
         Standard deviation of the filter: best at 1 to 1.5 times that of the line. For a wide line
         it is doubled, once to three times. Units: px.

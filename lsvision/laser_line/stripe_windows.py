@@ -1,7 +1,7 @@
 """Windows of pixels around a laser line, one for each column, and the stripes located in them."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -102,12 +102,16 @@ class Stripes:
         Height above the background. Units: DN.
     sigmas : (n,) ndarray
         Standard deviation of the Gaussian section down the column. Units: px.
+    skew_shifts : (n,) ndarray
+        Shift of v by a skewness of the section, over its third cumulant; NaN where it is that of
+        the derivative of Gaussian on an unsaturated section. Units: 1 / px^2.
     """
 
     pixels: FloatArray
     std: FloatArray
     heights: FloatArray
     sigmas: FloatArray
+    skew_shifts: FloatArray
 
     @property
     def found(self) -> BoolArray:
@@ -116,15 +120,13 @@ class Stripes:
 
     def select(self, which: BoolArray) -> "Stripes":
         """Return the stripes of a mask (n,)."""
-        return Stripes(self.pixels[which], self.std[which], self.heights[which], self.sigmas[which])
+        return Stripes(*(getattr(self, field.name)[which] for field in fields(self)))
 
     def replace_at(self, indices: IntArray, others: "Stripes") -> "Stripes":
         """Return the stripes with those at indices (k,) replaced by k others."""
-        merged = Stripes(
-            self.pixels.copy(), self.std.copy(), self.heights.copy(), self.sigmas.copy()
-        )
-        merged.pixels[indices], merged.std[indices] = others.pixels, others.std
-        merged.heights[indices], merged.sigmas[indices] = others.heights, others.sigmas
+        merged = Stripes(*(getattr(self, field.name).copy() for field in fields(self)))
+        for field in fields(self):
+            getattr(merged, field.name)[indices] = getattr(others, field.name)
         return merged
 
 

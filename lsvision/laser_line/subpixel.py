@@ -1,13 +1,8 @@
-"""Three methods to locate a laser line to a fraction of a pixel; each returns `Stripes`.
+"""Two filters that locate a laser line to a fraction of a pixel; each returns `Stripes`.
 
 Zero crossing of the derivative of Gaussian (the default)
     Standard deviation at most 1.2 times the Cramer-Rao bound where the filter's sigma s is 1 to 1.5
     times the stripe's; no bias on a level or evenly curved line.
-Fit of a Gaussian
-    Reaches the Cramer-Rao bound on a Gaussian stripe. Pixels at full scale are left out, so an
-    overexposed line is located by its flanks, as precisely as a well exposed one. On a line with a
-    sigma below 1 px, of which the pixels average the flanks, the errors are then 1.5 to 5 times
-    `std`.
 Steger's ridge
     For lines that columns and rows both cut at grazing angles. Smooths along the line as well,
     which shifts a curve inwards (on the rig of the tests a radius of 25 mm by 10 um, one of
@@ -42,26 +37,9 @@ in the background is tabulated, and number of values."""
 MEDIAN_SPAN = 7
 """Number of neighbouring columns whose median width gives the correction for the tails; 15 columns
 would smooth the widths at steep ends of a line."""
-GAUSS_NEWTON_ITERATIONS = 10
-"""Damped Gauss-Newton steps; from the zero crossings six suffice."""
-GAUSS_NEWTON_DAMPING = 1e-9
-"""Diagonal added to a normal matrix, relative to its trace: it may be singular."""
 MAX_SHIFT_PX = 1.0
-"""Largest distance of a fitted stripe from its start, and of a ridge point from its pixel: beyond
-it the neighbouring pixel is nearer. Units: px."""
-MIN_PIXELS = 6
-"""Smallest number of unsaturated pixels for the four parameters of a Gaussian."""
-SIGMA_RATIO_RANGE = (0.4, 4.0)
-"""Smallest and largest ratio of fitted to initial sigma; outside of this range the fit has
-converged to something other than the stripe."""
-MIN_FITTED_WIDTH_PX = 0.4
-"""Smallest width of a fitted stripe: a narrower one fits the noise of one or two pixels, and its
-errors are two to ten times `std`. A pixel alone blurs by 0.29. Units: px."""
-MAX_LAST_STEP_STDS = 0.1
-"""Largest last step of a fit that has converged, in standard deviations of the position."""
-MAX_CLIPPED_LAST_STEP_STDS = 3.0
-"""The same where pixels are clipped: such fits converge slowly, and the stripes at their start are
-worse; errors above 5 standard deviations occurred from steps of 12 on."""
+"""Largest distance of a ridge point from its pixel: beyond it the neighbouring pixel is nearer.
+Units: px."""
 PADDED_RIDGE_SIGMAS = 2.5
 """Distance from the left and right border, in sigmas of the smoothing, below which the values
 substituted for the missing pixels shift a ridge."""
@@ -121,7 +99,7 @@ def locate_by_derivative(
     rows = np.where(located, windows.centre_rows + position, np.nan)
     std = np.hypot(np.sqrt(variance), windows.clipping_std(sigma, steepness))
     pixels = np.column_stack([windows.columns.astype(np.float64), rows])
-    return Stripes(pixels, std, heights, sigmas)
+    return Stripes(pixels, std, heights, sigmas, np.full(len(std), np.nan))
 
 
 def _find_zero_crossings(
@@ -189,85 +167,6 @@ def _moments(
     return zeroth, by_x, second - position * (first + by_x)
 
 
-def locate_by_gaussian_fit(windows: Windows, start: Stripes, variances: FloatArray) -> Stripes:
-    """Locate stripes by weighted least-squares fits of A exp(-(k - m)^2 / 2 q^2) + B.
-
-    Parameters
-    ----------
-    windows : Windows
-        n windows around the line.
-    start : Stripes
-        Result of `locate_by_derivative` for the same windows.
-    variances : (n, w) ndarray
-        Read and shot noise of the windows' pixels. Units: DN^2.
-
-    Returns
-    -------
-    Stripes
-        One for each window; NaN where the fit leaves its start or fewer than `MIN_PIXELS` pixels
-        are unsaturated. `std` comes from the covariance of the fit. The stripe of `start` where the
-        fitted one is narrower than `MIN_FITTED_WIDTH_PX`, or the fit has not converged.
-    """
-    usable = start.found & ((~windows.saturated).sum(axis=1) >= MIN_PIXELS)
-    stripes = Stripes(
-        np.full((len(usable), 2), np.nan), *(np.full(len(usable), np.nan) for _ in range(3))
-    )
-    if not usable.any():
-        return stripes
-    fitted = windows.select(usable)
-    initial = start.pixels[usable, 1] - fitted.centre_rows
-    initial_widths = start.sigmas[usable]
-    guess = np.column_stack([start.heights[usable], initial, initial_widths, fitted.backgrounds])
-    parameters, step, normal_matrices = _fit_gaussians(fitted, guess, variances[usable])
-    std = np.sqrt(np.linalg.pinv(normal_matrices, hermitian=True)[:, 1, 1])
-    height, position, width, _ = parameters.T
-    width_ratio = width / initial_widths
-    good = (height > 0) & (np.abs(position - initial) < MAX_SHIFT_PX)
-    good &= (width_ratio > SIGMA_RATIO_RANGE[0]) & (width_ratio < SIGMA_RATIO_RANGE[1])
-    clipped = fitted.saturated.any(axis=1)
-    max_step = np.where(clipped, MAX_CLIPPED_LAST_STEP_STDS, MAX_LAST_STEP_STDS) * std
-    unfitted = (np.abs(step[:, 1]) > max_step) | (width < MIN_FITTED_WIDTH_PX)
-    good &= ~unfitted
-    at = np.flatnonzero(usable)[good]
-    stripes.pixels[at, 0] = fitted.columns[good]
-    stripes.pixels[at, 1] = (fitted.centre_rows + position)[good]
-    stripes.std[at] = std[good]
-    stripes.heights[at], stripes.sigmas[at] = height[good], width[good]
-    at = np.flatnonzero(usable)[unfitted]
-    return stripes.replace_at(at, start.select(at))
-
-
-def _fit_gaussians(
-    windows: Windows, initial: FloatArray, variances: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the parameters A, m, q, B (n, 4) of the fits, their last step, and normal matrices."""
-    weights = np.where(windows.saturated, 0.0, 1 / variances)
-    parameters = initial
-    for _ in range(GAUSS_NEWTON_ITERATIONS):
-        residuals, jacobians = _gaussian_residuals(windows, parameters)
-        weighted = jacobians * weights[:, :, None]
-        normal_matrices = jacobians.transpose(0, 2, 1) @ weighted
-        gradient = np.einsum("nwk,nw->nk", weighted, residuals)
-        trace = normal_matrices.trace(axis1=1, axis2=2)[:, None, None]
-        normal_matrices += GAUSS_NEWTON_DAMPING * trace * np.eye(4)
-        step = np.linalg.solve(normal_matrices, gradient[:, :, None])[:, :, 0]
-        # Position and width change by half the width at most, so that the fit stays at its stripe.
-        limit = 0.5 * parameters[:, 2]
-        step[:, 1:3] = np.clip(step[:, 1:3], -limit[:, None], limit[:, None])
-        parameters = parameters + step
-    return parameters, step, normal_matrices
-
-
-def _gaussian_residuals(windows: Windows, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the residuals (n, w), and derivatives (n, w, 4) of the model by A, m, q, B."""
-    height, position, width, background = (column[:, None] for column in parameters.T)
-    x = (windows.offsets - position) / width
-    shape = np.exp(-0.5 * x**2)
-    by_position = height * shape * x / width
-    jacobians = np.stack([shape, by_position, by_position * x, np.ones_like(shape)], axis=2)
-    return windows.values - height * shape - background, jacobians
-
-
 def locate_by_steger(
     image: Image, windows: Windows, start: Stripes, variances: FloatArray, sigma: float
 ) -> Stripes:
@@ -327,6 +226,7 @@ def locate_by_steger(
         np.where(good, std, np.nan),
         start.heights,
         start.sigmas,
+        start.skew_shifts,
     )
 
 

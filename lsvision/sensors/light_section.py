@@ -197,7 +197,6 @@ class LightSection(ComparedByValue):
             line,
             self.line_blur_px or None,
             *self._normal_in_image(line.pixels),
-            saturated_widths=settings is not None and settings.method == "gaussian",
         )
 
     def profile_from_line(self, line: LaserLine) -> Profile:

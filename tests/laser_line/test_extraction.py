@@ -97,6 +97,21 @@ def test_the_std_of_an_overexposed_line_contains_its_sampling(sheet_sigma, expos
     assert np.sqrt(np.mean((errors / line.std[line.saturated]) ** 2)) < 2.2
 
 
+@pytest.mark.parametrize("method", ["derivative", "gaussian"])
+@pytest.mark.parametrize("bits", [8, 16])
+def test_the_section_of_an_overexposed_line_is_found_at_any_depth_of_pixels(bits, method, rng):
+    # The steps of the fit were damped by a number in DN: in 16 bit its height was 0.7 of the true.
+    rows, unit = np.arange(80.0)[:, None], 2 ** (bits - 8)
+    mean = unit * (10 + 1000 * np.exp(-0.5 * ((rows - 40.2) / 2.5) ** 2) * np.ones(200))
+    noise = rng.normal(0, unit, mean.shape)
+    image = np.clip(np.rint(mean + noise), 0, 2**bits - 1).astype(f"uint{bits}")
+    line = extract_laser_line(image, LineSettings(method=method))
+    assert line.saturated.all()
+    assert np.median(line.intensity) == pytest.approx(1000 * unit, rel=0.03)
+    assert np.median(line.width) == pytest.approx(2.5, rel=0.01)
+    assert rms(line.pixels[:, 1] - 40.2) < 0.02
+
+
 def test_an_overexposed_line_has_no_columns_far_beyond_the_std_of_their_fit():
     truth, errors = 30 + 0.02 * np.arange(1500.0), []
     mean = 10 + 600 * np.exp(-0.5 * ((np.arange(90.0)[:, None] - truth) / 1.5) ** 2)
