@@ -3,6 +3,8 @@
 The fit reaches the Cramer-Rao bound on a Gaussian stripe. Pixels at full scale are left out, so an
 overexposed line is located by its flanks, as precisely as a well exposed one. On a line with a
 sigma below 1 px, of which the pixels average the flanks, the errors are then 1.5 to 5 times `std`.
+A halo of scattered light (15 % of the light, three times as wide) is not in the model: it makes the
+flanks of a clipped line wider, and radii are off by 1.7 of their standard deviations (rms).
 """
 
 from dataclasses import replace
