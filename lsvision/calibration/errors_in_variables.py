@@ -50,6 +50,37 @@ SINGULAR = (
 
 
 @dataclass(frozen=True, eq=False)
+class RobotStdPosterior:
+    """What the residuals tell about the standard deviations of the robot.
+
+    Parameters
+    ----------
+    scales : (q, 2) ndarray
+        Standard deviations of position and orientation, in units of the stated or nominal ones.
+    weights : (q,) ndarray
+        Probabilities of the scales; one scale for a stated robot.
+    covariance_dof : float
+        Degrees of freedom of the fit's covariance; infinite for a stated robot.
+    """
+
+    scales: FloatArray
+    weights: FloatArray
+    covariance_dof: float
+
+    @property
+    def mean_scales(self) -> FloatArray:
+        """Roots (2,) of the mean squares of the scales.
+
+        The mode is often zero, where the observations are as noisy as the robot.
+        """
+        scales: FloatArray = np.sqrt(self.weights @ self.scales**2)
+        return scales
+
+
+STATED_ROBOT = RobotStdPosterior(np.ones((1, 2)), np.ones(1), math.inf)
+
+
+@dataclass(frozen=True, eq=False)
 class ErrorsInVariablesFit:
     """Errors-in-variables solution.
 
@@ -65,17 +96,14 @@ class ErrorsInVariablesFit:
         Whitening matrix of every pose, used or not.
     jacobian, residuals : ndarray
         Whitened Jacobian (n, m, p) and residuals (n, m) of every pose, used or not.
-    robot_std_scales : (2,) ndarray
-        Standard deviations of the robot's position and orientation in units of the stated or
-        nominal ones.
+    posterior : RobotStdPosterior
+        Standard deviations of the robot.
     chi2 : float
         Sum of squared whitened residuals of the used poses and the prior.
     dof : float
         Degrees of freedom of `chi2`; see `degrees_of_freedom`.
     variance_factor : float
         Factor on the covariance, at least 1.
-    covariance_dof : float
-        Degrees of freedom of the covariance; infinite for a stated robot.
     """
 
     states: States
@@ -84,16 +112,20 @@ class ErrorsInVariablesFit:
     whitening: FloatArray
     jacobian: FloatArray
     residuals: FloatArray
-    robot_std_scales: FloatArray
+    posterior: RobotStdPosterior
     chi2: float
     dof: float
     variance_factor: float
-    covariance_dof: float
+
+    @property
+    def robot_std_scales(self) -> FloatArray:
+        """Estimated scales (2,) of the robot's standard deviations."""
+        return self.posterior.mean_scales
 
     @property
     def robot_std_is_estimated(self) -> bool:
         """Whether the robot's standard deviations were estimated from the residuals."""
-        return math.isfinite(self.covariance_dof)
+        return math.isfinite(self.posterior.covariance_dof)
 
     @property
     def covariance(self) -> FloatArray:
@@ -154,32 +186,31 @@ def fit_errors_in_variables(
     FitFailed
         If the normal equations are singular.
     """
-    states, scales, covariance_dof = initial_guess, np.ones(2), math.inf
+    states, posterior = initial_guess, STATED_ROBOT
     for _ in range(6):
         previous = states
         if estimate_robot_std:
             try:
-                scales, covariance_dof = _estimate_robot_std_scales(observations, states, mask)
+                posterior = _estimate_robot_std(observations, states, mask)
             except np.linalg.LinAlgError as error:
                 raise FitFailed(SINGULAR) from error
-        whitening = robot_whitening(observations, states, scales)
+        whitening = robot_whitening(observations, states, posterior.mean_scales)
         states = solve_least_squares(
             observations, states, mask[:, None, None] * whitening, max_steps=8
         ).states
         if np.abs(states.translations - previous.translations).max() < 1e-7:
             break
-    return _build_fit(observations, states, mask, scales, covariance_dof)
+    return _build_fit(observations, states, mask, posterior)
 
 
 def _build_fit(
     observations: Observations,
     states: States,
     mask: FloatArray,
-    scales: FloatArray,
-    covariance_dof: float,
+    posterior: RobotStdPosterior,
 ) -> ErrorsInVariablesFit:
     """Return the fit at a state, with its cofactors and statistics."""
-    whitening = robot_whitening(observations, states, scales)
+    whitening = robot_whitening(observations, states, posterior.mean_scales)
     jacobian, residuals = whitened_jacobian_and_residuals(observations, states, whitening)
     prior, prior_residuals = prior_jacobian_and_residuals(observations, states)
     try:
@@ -188,7 +219,8 @@ def _build_fit(
         raise FitFailed(SINGULAR) from error
     chi2 = float((residuals[0] ** 2 * mask[:, None]).sum() + (prior_residuals**2).sum())
     dof = _count_degrees_of_freedom(observations, mask, prior[0], cofactors)
-    variance_factor = 1.0 if math.isfinite(covariance_dof) else max(1.0, chi2 / max(dof, 1))
+    estimated = math.isfinite(posterior.covariance_dof)
+    variance_factor = 1.0 if estimated else max(1.0, chi2 / max(dof, 1))
     return ErrorsInVariablesFit(
         states=states,
         mask=mask,
@@ -196,11 +228,10 @@ def _build_fit(
         whitening=whitening[0],
         jacobian=jacobian[0],
         residuals=residuals[0],
-        robot_std_scales=scales,
+        posterior=posterior,
         chi2=chi2,
         dof=dof,
         variance_factor=variance_factor,
-        covariance_dof=covariance_dof,
     )
 
 
@@ -253,9 +284,9 @@ def robot_whitening(
 def robot_covariances(
     observations: Observations, states: States, scales: npt.ArrayLike
 ) -> FloatArray:
-    """Return A_i S A_i' (s, n, m, m) for scales (2,) of the robot's position and orientation."""
+    """Return A_i S A_i' (..., s, n, m, m) for scales (..., 2) of the robot's two errors."""
     parts = _robot_covariance_parts(observations, states)
-    return np.tensordot(np.square(scales), parts, axes=(0, 2))
+    return np.tensordot(np.square(scales), parts, axes=(-1, 2))
 
 
 def _robot_covariance_parts(observations: Observations, states: States) -> FloatArray:
@@ -264,20 +295,17 @@ def _robot_covariance_parts(observations: Observations, states: States) -> Float
     return jacobian @ observations.flanges.covariances @ np.swapaxes(jacobian, -1, -2)
 
 
-def _estimate_robot_std_scales(
+def _estimate_robot_std(
     observations: Observations, states: States, mask: FloatArray
-) -> tuple[FloatArray, float]:
-    """Return the scales (2,) of the robot's errors, and the degrees of freedom of the covariance.
-
-    The scales are the roots of their posterior mean squares.
+) -> RobotStdPosterior:
+    """Return the posterior of the robot's standard deviations.
 
     Restricted likelihood (Harville 1977) of the linearised problem times a half-Cauchy prior of the
     geometric mean of both scales and a log-normal one of their ratio, on a coarse grid and then on
-    a fine one. The posterior mean is used, because the mode is often zero where the observations
-    are as noisy as the robot, which would make the covariance too small.
+    a fine one.
 
-    The variances of the unknowns, in geometric mean, have a posterior mean m and variance v; those
-    of Student's t with k degrees of freedom have v = 2 m^2 / (k - 4).
+    The variances of the unknowns, in geometric mean, have a mean m and variance v; those of
+    Student's t with k degrees of freedom have v = 2 m^2 / (k - 4).
     """
     likelihood = _restricted_likelihood(observations, states, mask)
     z = np.linspace(-2.0, 2.0, 17)  # of the ratio's logarithm, in standard deviations of its prior
@@ -297,11 +325,11 @@ def _estimate_robot_std_scales(
         * (means / (1 + (means / ROBOT_STD_SCALE_PRIOR) ** 2))[:, None]
     )
     weights /= weights.sum()
-    mean_squares: FloatArray = np.tensordot(weights, scales**2, axes=2)
     variances = np.exp(log_variances - (weights * log_variances).sum())
     mean = float((weights * variances).sum())
     relative_variance = float((weights * (variances / mean - 1) ** 2).sum())
-    return np.sqrt(mean_squares), MIN_COVARIANCE_DOF + 2 / max(relative_variance, MIN_VARIANCE)
+    covariance_dof = MIN_COVARIANCE_DOF + 2 / max(relative_variance, MIN_VARIANCE)
+    return RobotStdPosterior(scales.reshape(-1, 2), weights.ravel(), covariance_dof)
 
 
 def _restricted_likelihood(

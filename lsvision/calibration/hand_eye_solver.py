@@ -144,9 +144,12 @@ def _require_consistent_poses(
         raise CalibrationFailed(mistake)
     finding = f"the best solution leaves {inlier_rms:.3g} mm at {inliers} of {len(norms)} poses"
     if inlier_rms <= limit:
+        rejected = np.flatnonzero(fit.mask == 0).tolist()
+        outliers = ", ".join(str(pose_indices[index]) for index in rejected)
         raise CalibrationFailed(
-            f"{finding}, and {min_inliers} poses that agree are needed: {CHECKS}; the robot must "
-            "stand still at each pose"
+            f"{finding}, and {min_inliers} poses that agree are needed: add poses, or repeat those "
+            f"that disagree ({outliers}, counted from 0), with the robot standing still; if they "
+            f"disagree again, {CHECKS}"
         )
     raise CalibrationFailed(
         f"{finding}, more than {limit_name.format(limit)}: {CHECKS}; for a less accurate robot "
@@ -223,7 +226,7 @@ def build_hand_eye(
         least_determined_direction=direction,
         mounting=context.mounting,
         sensor=context.sensor,
-        degrees_of_freedom=fit.covariance_dof,
+        degrees_of_freedom=fit.posterior.covariance_dof,
     )
 
 

@@ -2,23 +2,32 @@
 
 A wrong pose (paired with another profile, or read while the arm still moved) biases least squares
 over all poses. Least trimmed squares over random selections of a few poses finds gross errors; the
-F test of the leave-one-out residual finds those of a few standard deviations. Poses are rejected as
-a whole, because an error of a pose affects all its points.
+F test of the leave-one-out residual finds those of a few standard deviations. Poses that the
+estimated errors of the robot explain are then restored, several at once: the search has equal
+weights for all poses, although errors of orientation grow with the distance from the flange.
+Poses are rejected as a whole, because an error of a pose affects all its points.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from lsvision.calibration.batched_least_squares import (
     MAX_STEPS,
+    prior_jacobian_and_residuals,
     search_whitening,
     solve_least_squares,
+    whitened_jacobian_and_residuals,
 )
-from lsvision.calibration.errors_in_variables import ErrorsInVariablesFit, fit_errors_in_variables
+from lsvision.calibration.errors_in_variables import (
+    ErrorsInVariablesFit,
+    fit_errors_in_variables,
+    robot_covariances,
+)
 from lsvision.calibration.observations import Observations, States
 from lsvision.calibration.rotations import vectors_from_rotations
-from lsvision.geometry import FloatArray
+from lsvision.geometry import FloatArray, IntArray
 
 GROSS_OUTLIER_FACTOR = 5.0
 """Multiple of the median pose residual beyond which a pose is a gross outlier."""
@@ -79,12 +88,13 @@ def fit_with_outlier_rejection(
 ) -> ErrorsInVariablesFit:
     """Return the fit to the inlier poses, found without initial guess; its mask marks them.
 
-    Least trimmed squares, then leave-one-out F tests. `min_poses` is the smallest number of inlier
+    Least trimmed squares, then leave-one-out F tests; `min_poses` is the smallest number of inlier
     poses; for `estimate_robot_std` see `fit_errors_in_variables`.
     """
     state = _least_trimmed_squares_guess(observations, settings, min_poses)
     mask = _reject_gross_outliers(observations, state)
     fit = fit_errors_in_variables(observations, state, mask, estimate_robot_std=estimate_robot_std)
+    fit = _restore_inliers(observations, fit, settings)
     fit = _reject_outliers(observations, fit, settings, min_poses)
     return _restore_inliers(observations, fit, settings)
 
@@ -178,31 +188,91 @@ def _reject_outliers(
         rejected = int(p_values.argmin())
         if p_values[rejected] * fit.mask.sum() > settings.significance:
             break
-        fit = _toggle_pose(observations, fit, rejected)
+        mask = fit.mask.copy()
+        mask[rejected] = 0.0
+        fit = _refit(observations, fit, mask)
     return fit
 
 
 def _restore_inliers(
     observations: Observations, fit: ErrorsInVariablesFit, settings: OutlierSettings
 ) -> ErrorsInVariablesFit:
-    """Return the fit with poses above the significance restored, largest p-value first."""
-    while not fit.mask.all():
-        p_values = np.where(fit.mask > 0, 0.0, outlier_p_values(fit))
-        restored = int(p_values.argmax())
-        if p_values[restored] * len(fit.mask) <= settings.significance:
-            break
-        fit = _toggle_pose(observations, fit, restored)
+    """Return the fit with as many poses restored as are no outliers, taken together.
+
+    Together, because each may look wrong beside poses that were selected by their small residuals.
+    The p-value is multiplied by the number of selections of as many poses.
+    """
+    rejected = np.flatnonzero(fit.mask == 0)
+    rejected = rejected[np.argsort(-outlier_p_values(fit)[rejected], kind="stable")]
+    for count in range(len(rejected), 0, -1):
+        restored = rejected[:count]
+        selections = math.comb(int(fit.mask.sum()) + count, count)
+        if joint_p_value(observations, fit, restored) * selections > settings.significance:
+            mask = fit.mask.copy()
+            mask[restored] = 1.0
+            return _refit(observations, fit, mask)
     return fit
 
 
-def _toggle_pose(
-    observations: Observations, fit: ErrorsInVariablesFit, index: int
+def _refit(
+    observations: Observations, fit: ErrorsInVariablesFit, mask: FloatArray
 ) -> ErrorsInVariablesFit:
-    """Return the fit without a pose that it used, or with one that it did not use."""
-    mask = fit.mask.copy()
-    mask[index] = 1.0 - mask[index]
+    """Return the fit of other poses, from the solution of a fit."""
     estimated = fit.robot_std_is_estimated
     return fit_errors_in_variables(observations, fit.states, mask, estimate_robot_std=estimated)
+
+
+def joint_p_value(
+    observations: Observations, fit: ErrorsInVariablesFit, indices: IntArray
+) -> float:
+    """Return the p-value of the residuals of k unused poses (k,), taken together.
+
+    It is the mean over the robot's standard deviations that the used poses allow: where its errors
+    of orientation dominate, a few poses may be explained by those of position alone. For a stated
+    robot it is that of the F test.
+    """
+    from scipy.special import chdtrc, fdtrc
+
+    residuals, covariances = _predicted_residuals(observations, fit, indices)
+    solutions = np.linalg.solve(covariances, residuals[..., None])[..., 0]
+    chi2, size = (residuals * solutions).sum(axis=-1), residuals.shape[-1]
+    if fit.robot_std_is_estimated:
+        return float(fit.posterior.weights @ chdtrc(size, chi2))
+    if fit.dof <= 0:
+        return 1.0
+    return float(fdtrc(size, fit.dof, chi2[0] / size / max(fit.chi2 / fit.dof, 1e-6)))
+
+
+def _predicted_residuals(
+    observations: Observations, fit: ErrorsInVariablesFit, indices: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the residuals (q, km) of k unused poses, and their covariances (q, km, km).
+
+    Each of the q scales of the posterior has a solution of its own (linearised at the fit).
+    """
+    no_whitening = np.eye(observations.covariances.shape[-1])[None, None]
+    jacobian, residuals = (
+        array[0]
+        for array in whitened_jacobian_and_residuals(observations, fit.states, no_whitening)
+    )
+    prior, prior_residuals = prior_jacobian_and_residuals(observations, fit.states)
+    robot = robot_covariances(observations, fit.states, fit.posterior.scales)[:, 0]
+    covariances, used = observations.covariances + robot, fit.mask > 0
+    weighted = np.linalg.solve(covariances[:, used], jacobian[used])
+    normal = np.einsum("nmp,qnmr->qpr", jacobian[used], weighted) + prior[0].T @ prior[0]
+    moment = np.einsum("qnmp,nm->qp", weighted, residuals[used]) + prior_residuals[0] @ prior[0]
+    # Scaled to a unit diagonal: columns in mm and rad would make the matrix ill-conditioned.
+    scales = 1 / np.sqrt(np.einsum("qpp->qp", normal))
+    rows = jacobian[indices].reshape(-1, jacobian.shape[-1]) * scales[:, None]
+    normal = normal * scales[:, :, None] * scales[:, None, :]
+    solutions = np.linalg.solve(normal, np.swapaxes(rows, -1, -2))
+    steps = np.einsum("qpr,qp->qr", solutions, moment * scales)
+    blocks = np.eye(len(indices))[:, None, :, None] * covariances[:, indices, :, None, :]
+    size = rows.shape[1]
+    return (
+        residuals[indices].ravel() - steps,
+        rows @ solutions + blocks.reshape(-1, size, size),
+    )
 
 
 def outlier_p_values(fit: ErrorsInVariablesFit) -> FloatArray:

@@ -266,6 +266,7 @@ def test_too_few_poses_that_agree_are_not_blamed_on_their_residual():
     with pytest.raises(CalibrationFailed, match=r"10 of 12 poses, and 11 .* are needed") as error:
         calibrate_hand_eye_sphere(*scene, RADIUS, settings=allowing(0.1))
     assert "--max-residual" not in str(error.value)
+    assert "repeat those that disagree (4, 7, counted from 0)" in str(error.value)
 
 
 @pytest.mark.parametrize("limit", [0.0, -1.0, np.nan])
