@@ -14,7 +14,8 @@ from itertools import pairwise
 import numpy as np
 
 from lsvision.detection.arcs import IdentifiedArc, ScreenedArc
-from lsvision.geometry import Ellipse, IntArray
+from lsvision.geometry import Ellipse, IntArray, orthogonal_residuals
+from lsvision.geometry.arrays import rms
 from lsvision.geometry.noisy_points import ComplexArray
 from lsvision.profile import PreparedProfile
 from lsvision.statistics.robust import SIGNIFICANT_SIGMAS
@@ -65,7 +66,7 @@ def tangential_end_reason(
     count = max(DIRECTION_POINTS, int(DIRECTION_FRACTION * len(arc.indices)))
     min_count, curved_count = max(DIRECTION_POINTS, count // 2), max(CURVED_POINTS, count)
     longest, mixed_points = np.union1d(arc.indices, screened.indices), screened.mixed_points
-    measured = _without_dropped_lines(longest, screened, curved_count + mixed_points)
+    measured = _without_dropped_lines(profile, longest, screened, curved_count + mixed_points)
     turns_deg = [
         math.degrees(_end_turn(inner, beyond[mixed_points:], arc.ellipse, min_count))
         for inner, beyond in _split_ends(profile, measured, count + mixed_points)
@@ -86,11 +87,29 @@ def tangential_end_reason(
     return f"continues tangentially at both ends (turns {turns} deg)"
 
 
-def _without_dropped_lines(longest: IntArray, screened: ScreenedArc, count: int) -> IntArray:
-    """Return the indices of an arc without those ends of which screening dropped `count` points."""
+def _without_dropped_lines(
+    profile: PreparedProfile, longest: IntArray, screened: ScreenedArc, count: int
+) -> IntArray:
+    """Return the indices of an arc without those ends at which screening dropped another line.
+
+    Such a line has `count` points or more, and is beyond the noise from the screened ellipse.
+    """
+    max_rms = SIGNIFICANT_SIGMAS * _noise_std(profile, screened)
+
+    def is_line(dropped: IntArray) -> bool:
+        points = profile.points[dropped]
+        return (
+            len(dropped) >= count and rms(orthogonal_residuals(points, screened.ellipse)) > max_rms
+        )
+
     first, last = np.searchsorted(longest, screened.indices[[0, -1]]).tolist()
-    start = first if first >= count else 0
-    return longest[start : last + 1 if len(longest) - last > count else len(longest)]
+    start = first if is_line(longest[:first]) else 0
+    return longest[start : last + 1 if is_line(longest[last + 1 :]) else len(longest)]
+
+
+def _noise_std(profile: PreparedProfile, screened: ScreenedArc) -> float:
+    """Return the standard deviation of the points of a screened arc. Units: mm."""
+    return profile.noise_std * math.sqrt(screened.variance_factor)
 
 
 def find_connected_beyond(
@@ -181,7 +200,7 @@ def _find_welds(
     The fillet is measured over `count` points beyond the screened arc, and the bead beyond the
     `longest` arc, which may contain the fillet.
     """
-    radius, noise_std = screened.ellipse.radius, profile.noise_std * screened.variance_factor**0.5
+    radius, noise_std = screened.ellipse.radius, _noise_std(profile, screened)
     fillet_curvatures, bead_curvatures = (
         [
             _significant_curvature(beyond, noise_std)

@@ -242,6 +242,21 @@ def test_a_line_that_screening_dropped_goes_on_tangentially(count, is_rejected):
         assert (reason is not None) == is_rejected
 
 
+@pytest.mark.parametrize("dropped", [12, 20])
+def test_points_of_the_arc_that_screening_dropped_are_no_other_line(dropped):
+    points, start, stop = sides(NOTHING, NOTHING)
+    for first, last in ((dropped, 0), (0, dropped)):
+        assert reason_of(points, start, stop, screened=(start + first, stop - last)) is None
+
+
+def test_a_line_beyond_three_sigma_of_the_ellipse_is_another_one():
+    """A flat of 12 points, 0.84 mm rms from the circle."""
+    points, start, stop = sides(NOTHING, [0.0] * 12)
+    for std, is_rejected in ((0.25, True), (0.31, False)):
+        reason = reason_of(points, start, len(points), screened=(start, stop), std=std)
+        assert (reason is not None) == is_rejected
+
+
 def test_a_fillet_begins_where_screening_ended():
     """The identified arc has two points of it; the curvature of the other 10 is not significant."""
     points, start, stop = sides(NOTHING, fillet(1 / CURVED, 12))
