@@ -8,6 +8,7 @@ large uncertainty; only one fits those of two or more sections.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,7 +26,7 @@ from lsvision.cylinder.problem import (
     rotate_covariances,
     weighted_problem,
 )
-from lsvision.ellipse.problem import RadiusPrior
+from lsvision.ellipse.problem import Priors, RadiusPrior
 from lsvision.errors import DegenerateGeometry, TooFewPoints
 from lsvision.geometry import (
     BoolArray,
@@ -87,7 +88,7 @@ def fit_cylinder(
     covariances: npt.ArrayLike | None = None,
     *,
     initial_guess: Cylinder | None = None,
-    known_radius: RadiusPrior | None = None,
+    known_radius: RadiusPrior | float | Sequence[float] | None = None,
     settings: CylinderFittingSettings = CylinderFittingSettings(),
 ) -> CylinderFit:
     """Fit a cylinder to points in space by maximum likelihood.
@@ -103,8 +104,8 @@ def fit_cylinder(
     initial_guess : Cylinder, optional
         Start of the iteration, which converges to the nearest minimum; the points of one section
         have two (the twins). None: estimated from the points.
-    known_radius : RadiusPrior, optional
-        Prior on the radius.
+    known_radius : RadiusPrior, float or (float, float), optional
+        Prior on the radius: the radius, or (radius, std). Units: mm.
     settings : CylinderFittingSettings
         Reweightings and truncation.
 
@@ -143,6 +144,8 @@ def fit_cylinder(
     'radius 19.000000 mm, axis [0. 0. 1.]'
     """
     points, covariances = _validate(points, covariances)
+    if not isinstance(known_radius, RadiusPrior):
+        known_radius = Priors.from_values(known_radius, None).radius
     with report_numerical_failure("a cylinder"):
         fit = _fit_validated(points, covariances, initial_guess, known_radius, settings)
     cylinder = fit.cylinder

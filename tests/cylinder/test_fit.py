@@ -145,6 +145,17 @@ def test_the_rejection_of_two_short_arcs_says_what_to_add() -> None:
         fit_cylinder(points)
 
 
+def test_a_known_radius_is_a_number_a_pair_or_a_prior() -> None:
+    points, covariances = two_sections(np.random.default_rng(2), (0.8, 2.0))
+    as_prior = fit_cylinder(points, covariances, known_radius=RadiusPrior(19.0, 0.01))
+    assert fit_cylinder(points, covariances, known_radius=(19, 0.01)).radius == as_prior.radius
+    assert abs(fit_cylinder(points, covariances, known_radius=19).radius - 19) < 1e-4
+    with pytest.raises(ValueError, match="expected a positive known radius in mm, got nan"):
+        fit_cylinder(points, known_radius=float("nan"))
+    with pytest.raises(TypeError, match="known_radius"):
+        fit_cylinder(points, known_radius="19")  # type: ignore[arg-type]
+
+
 def test_short_arcs_of_two_opposite_sensors_are_measured() -> None:
     for k in range(10):
         one, _ = two_sections(np.random.default_rng(k), (-0.35, 0.35))
