@@ -125,8 +125,8 @@ def fit_cylinder(
     DegenerateGeometry
         If all points are at one position or on a straight line; or, without an initial guess, in
         one plane, such as the points of one section, which two cylinders fit; or, also without
-        covariances, if two sections of short arcs (1 of 3 pairs of 60 deg, none of 120 deg) fit a
-        cylinder between their planes better than one along them.
+        covariances, if two sections of short arcs (up to about 90 deg, the more often the larger
+        the noise) fit a cylinder between their planes better than one along them.
     FitFailed
         If no cylinder fits, for example to noisy points of a plane, or if numbers overflow.
 
