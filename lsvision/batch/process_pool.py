@@ -23,6 +23,8 @@ from multiprocessing.process import BaseProcess
 from multiprocessing.reduction import ForkingPickler
 from typing import Any, Generic, NamedTuple, TypeVar
 
+from lsvision.batch.thread_limits import THREAD_VARIABLES
+
 Task = TypeVar("Task")
 Value = TypeVar("Value")
 
@@ -33,8 +35,6 @@ TASKS_PER_PROCESS = 2
 process."""
 MAX_CRASHES = 2
 """Number of processes that a task may end before its result is `EndedProcess`."""
-THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-"""Variables that limit the threads of linear algebra to one per process."""
 
 
 @dataclass(frozen=True)
@@ -79,6 +79,30 @@ def default_jobs() -> int:
         return len(os.sched_getaffinity(0))
     except AttributeError:  # macOS and Windows
         return os.cpu_count() or 1
+
+
+def start_fork_server(preloaded: str) -> None:
+    """Fork the processes of `run_tasks` from a server, which is started and imports a module.
+
+    What the module imports is imported once, and while the program goes on. Without a server each
+    process is a new interpreter, which imports what it needs. For programs, before anything else:
+    the start method of `multiprocessing` is the same for the whole program. Where the folder of
+    temporary files cannot have the server's socket, there is none.
+
+    Raises
+    ------
+    RuntimeError
+        If the program has a start method.
+    """
+    from multiprocessing import forkserver
+
+    multiprocessing.set_start_method("forkserver")
+    forkserver.set_forkserver_preload([preloaded])
+    try:
+        with _worker_settings():
+            forkserver.ensure_running()
+    except OSError:
+        multiprocessing.set_start_method("spawn", force=True)
 
 
 def run_tasks(
@@ -211,9 +235,11 @@ def _open_workers() -> Iterator[list[_Worker[Any]]]:
 
 def _start_worker(function: Callable[[Any], Any]) -> _Worker[Any]:
     """Start a process that runs a function."""
-    context = multiprocessing.get_context("spawn")
-    connection, other_end = context.Pipe()
-    process = context.Process(target=_run_worker, args=(function, other_end), daemon=True)
+    # A process that is forked directly could inherit locks that other threads hold.
+    forked = multiprocessing.get_start_method(allow_none=True) == "forkserver"
+    new_process = multiprocessing.get_context("forkserver" if forked else "spawn").Process  # type: ignore[attr-defined]
+    connection, other_end = multiprocessing.Pipe()
+    process = new_process(target=_run_worker, args=(function, other_end), daemon=True)
     with _worker_settings():
         process.start()
     other_end.close()  # otherwise the end of the process would not close the connection

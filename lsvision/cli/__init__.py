@@ -1,8 +1,14 @@
 """The command ``lsvision``: one module per command, heavy imports inside the commands."""
 
+import sys
+
 
 def main() -> None:
     """Run the command with the arguments of the process; see `lsvision.cli.app.main`."""
-    from lsvision.cli.app import main as run  # not needed by processes that import the script
+    # Not needed by processes that import the script.
+    from lsvision.cli.process_settings import prepare_process
+
+    prepare_process(sys.argv[1:])
+    from lsvision.cli.app import main as run
 
     run()

@@ -4,7 +4,6 @@ import io
 import re
 import signal
 import sys
-import warnings
 from importlib import import_module
 from itertools import islice
 from typing import Annotated, Any, NoReturn
@@ -176,10 +175,6 @@ def main() -> None:
         if isinstance(stream, io.TextIOWrapper):
             # File names may have characters that the encoding of the stream lacks.
             stream.reconfigure(errors="backslashreplace")
-    # The commands report implausible units themselves, unless --units states them.
-    warnings.filterwarnings("ignore", "expected a profile in mm", UserWarning)
-    # Processes that this one starts get its -W options.
-    sys.warnoptions.append("ignore:expected a profile in mm:UserWarning")
     for name in ("SIGTERM", "SIGHUP"):  # like Ctrl-C: results so far are written
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), _interrupt)

@@ -5,6 +5,9 @@ import signal
 import time
 from pathlib import Path
 
+IMPORTING_PROCESS = os.getpid()
+"""The process that has imported this module, which differs from that of a task if it is forked."""
+
 
 def square(number):
     return number * number
@@ -81,3 +84,7 @@ class Killer:
         from lsvision.measure import measure_profiles
 
         return measure_profiles(profiles)
+
+
+def importing_process(_):
+    return IMPORTING_PROCESS

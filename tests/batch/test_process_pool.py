@@ -28,8 +28,36 @@ from tests.batch.tasks import (
 )
 
 
+@pytest.fixture(params=["spawn", "forkserver"])
+def start_method(request):
+    """Processes are started by this method, which a program chooses once."""
+    if request.param not in multiprocessing.get_all_start_methods():
+        pytest.skip("not on this system")
+    before = multiprocessing.get_start_method(allow_none=True)
+    multiprocessing.set_start_method(request.param, force=True)
+    yield
+    multiprocessing.set_start_method(before, force=True)
+
+
+SERVER = (
+    "from lsvision.batch.process_pool import start_fork_server\n"
+    "start_fork_server('tests.batch.tasks')\n"
+)
+"""Code of a program whose processes are forked from a server."""
+with_and_without_server = pytest.mark.parametrize(
+    "start",
+    [
+        "",
+        pytest.param(
+            SERVER, marks=pytest.mark.skipif(sys.platform != "linux", reason="no fork server")
+        ),
+    ],
+)
+
+
 @pytest.mark.parametrize("jobs", [1, 2])
 @pytest.mark.parametrize("ordered", [True, False])
+@pytest.mark.usefixtures("start_method")
 def test_every_task_is_done_once(jobs, ordered):
     found = list(run_tasks(square, range(20), jobs, ordered=ordered))
     assert sorted(found) == [Finished(number, number * number) for number in range(20)]
@@ -62,6 +90,7 @@ def test_tasks_are_taken_only_a_little_ahead():
     assert len(taken) <= 5 + 2 * IN_FLIGHT_PER_JOB
 
 
+@pytest.mark.usefixtures("start_method")
 def test_a_task_that_ends_its_process_once_is_done_and_costs_no_other(tmp_path):
     tasks = [(k, str(tmp_path), "once" if k == 4 else "never") for k in range(12)]
     found = list(run_tasks(ends_its_process, tasks, 2, ordered=False))
@@ -69,6 +98,7 @@ def test_a_task_that_ends_its_process_once_is_done_and_costs_no_other(tmp_path):
     assert all(value == task[0] for task, value in found)
 
 
+@pytest.mark.usefixtures("start_method")
 def test_a_task_that_ends_its_process_twice_is_given_up_alone(tmp_path):
     tasks = [(k, str(tmp_path), "always" if k == 4 else "never") for k in range(12)]
     found = dict(run_tasks(ends_its_process, tasks, 2, ordered=False))
@@ -101,6 +131,7 @@ def test_a_source_that_fails_costs_no_result_of_the_tasks_before(jobs, ends, tmp
     assert sorted(done) == list(range(10))
 
 
+@pytest.mark.usefixtures("start_method")
 def test_a_caller_that_stops_early_does_not_wait_for_results_on_their_way():
     # ProcessPoolExecutor waits without limit for a result whose process is terminated meanwhile.
     for delay in (0.0, 0.01, 0.03):
@@ -111,6 +142,7 @@ def test_a_caller_that_stops_early_does_not_wait_for_results_on_their_way():
     assert multiprocessing.active_children() == []
 
 
+@pytest.mark.usefixtures("start_method")
 def test_large_tasks_and_large_results_do_not_block_each_other():
     tasks = [bytes([number]) + bytes(3_000_000) for number in range(12)]
     assert list(run_tasks(large, tasks, 2, ordered=True)) == [
@@ -144,8 +176,9 @@ def run_in_repository(code, **options):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
-def test_a_process_ends_with_its_parent_in_the_middle_of_a_task():
-    code = (
+@with_and_without_server
+def test_a_process_ends_with_its_parent_in_the_middle_of_a_task(start):
+    code = start + (
         "import os\n"
         "from lsvision.batch.process_pool import run_tasks\n"
         "from tests.batch.tasks import pid_then_sleep\n"
@@ -164,8 +197,9 @@ def test_a_process_ends_with_its_parent_in_the_middle_of_a_task():
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 @pytest.mark.parametrize("delay", [0.0, 0.1, 0.3])
-def test_an_interrupt_reaches_only_the_parent_also_while_processes_start(delay):
-    code = (
+@with_and_without_server
+def test_an_interrupt_reaches_only_the_parent_also_while_processes_start(delay, start):
+    code = start + (
         "import os, signal, threading\n"
         "from lsvision.batch.process_pool import run_tasks\n"
         "from tests.batch.tasks import pid_then_sleep\n"
@@ -181,15 +215,47 @@ def test_an_interrupt_reaches_only_the_parent_also_while_processes_start(delay):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
-def test_the_first_process_is_started_with_interrupts_blocked_too():
+@with_and_without_server
+def test_the_first_process_is_started_with_interrupts_blocked_too(start):
     """In Python 3.11 the resource tracker, started with the first process, unblocks them."""
-    code = (
+    code = start + (
         "from lsvision.batch.process_pool import run_tasks\n"
         "from tests.batch.tasks import blocks_interrupts\n"
         "print({value for _, value in run_tasks(blocks_interrupts, range(8), 2, ordered=True)})\n"
     )
     done = run_in_repository(code)
     assert (done.returncode, done.stdout) == (0, "{True}\n"), done.stderr
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="no fork server")
+def test_a_fork_server_imports_the_modules_of_its_processes_once():
+    code = SERVER + (
+        "from lsvision.batch.process_pool import run_tasks\n"
+        "from tests.batch.tasks import importing_process\n"
+        "found = run_tasks(importing_process, range(8), 2, ordered=True)\n"
+        "print(len({value for _, value in found}))\n"
+    )
+    done = run_in_repository(code)
+    assert (done.returncode, done.stdout) == (0, "1\n"), done.stderr
+    without = run_in_repository(code.replace(SERVER, ""))
+    assert (without.returncode, without.stdout) == (0, "2\n"), without.stderr
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="no fork server")
+def test_without_a_socket_for_the_server_processes_are_spawned(tmp_path):
+    folder = tmp_path / ("long" * 30)
+    folder.mkdir()
+    code = (
+        f"import tempfile; tempfile.tempdir = {str(folder)!r}\n"
+        + SERVER
+        + (
+            "from lsvision.batch.process_pool import run_tasks\n"
+            "from tests.batch.tasks import square\n"
+            "print([value for _, value in run_tasks(square, range(3), 2, ordered=True)])\n"
+        )
+    )
+    done = run_in_repository(code)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "[0, 1, 4]\n", "")
 
 
 def _is_running(pid):

@@ -14,6 +14,7 @@ import lsvision
 from lsvision.cli.file_part import PartOptions
 from lsvision.cli.measure_options import build_measure_function
 from lsvision.cli.part_results import MeasureTask, measure_task
+from lsvision.cli.process_settings import prepare_process
 from lsvision.cli.robot_frame import RobotFrame
 
 REPOSITORY = Path(__file__).parents[2]
@@ -108,6 +109,63 @@ def test_a_process_that_measures_does_not_import_the_command_line():
 def test_a_process_that_imports_the_script_does_not_import_the_command_line():
     code = "import sys, lsvision.__main__; print('typer' in sys.modules)"
     assert shell(code=code).stdout == "False\n"
+
+
+def test_a_forked_process_of_measure_imports_nothing_that_was_not_preloaded():
+    """What it imports, each process imports again."""
+    code = (
+        "import lsvision.cli.preloaded, pickle, sys\n"
+        "before = set(sys.modules)\n"
+        "measure, task = pickle.loads(sys.stdin.buffer.read())\n"
+        "print(len(measure(task)[0].records[0]['cylinders']), sorted(set(sys.modules) - before))"
+    )
+    measure = partial(measure_task, PartOptions(measuring=build_measure_function("10:40")))
+    task = MeasureTask(0, (Path("fixtures/welded_pair.csv"),))
+    done = subprocess.run(
+        [sys.executable, "-c", code], input=pickle.dumps((measure, task)), capture_output=True,
+        cwd=REPOSITORY, timeout=60, check=False,
+    )  # fmt: skip
+    assert (done.stdout, done.stderr) == (b"2 []\n", b"")
+
+
+def test_a_command_spends_no_time_on_garbage_or_idle_threads():
+    code = (
+        "import gc, os, sys\n"
+        "phases = []\n"
+        "gc.callbacks.append(lambda phase, _: phases.append(phase))\n"
+        "from lsvision.cli import main\n"
+        "sys.argv[1:] = ['measure', 'fixtures/welded_pair.csv']\n"
+        "try: main()\n"
+        "except SystemExit: print(phases.count('start') < 10, os.environ['OPENBLAS_NUM_THREADS'])\n"
+    )
+    assert shell(code=code).stdout.splitlines()[-1] == "True 1"
+    kept = {**os.environ, "OPENBLAS_NUM_THREADS": "3"}
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=REPOSITORY, env=kept, capture_output=True, text=True,
+        timeout=60, check=True,
+    )  # fmt: skip
+    assert done.stdout.splitlines()[-1] == "True 3"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "starts"),
+    [
+        ("measure in --jobs 2", True),
+        ("batch in --out o --jobs=16 --radius 10:20", True),
+        ("measure in --jobs 1", False),
+        ("measure in --jobs -2", False),
+        ("measure in --jobs 2x", False),
+        ("measure in", False),
+        ("measure --jobs", False),
+    ],
+)
+@pytest.mark.skipif(sys.platform != "linux", reason="no fork server")
+def test_the_fork_server_is_started_with_several_jobs_only(monkeypatch, arguments, starts):
+    started = []
+    monkeypatch.setattr("lsvision.batch.process_pool.start_fork_server", started.append)
+    monkeypatch.setattr("gc.set_threshold", lambda _: None)
+    prepare_process(arguments.split())
+    assert started == ["lsvision.cli.preloaded"] * starts
 
 
 def test_version_is_reported(run):
