@@ -36,11 +36,12 @@ _REFERENCE_ROWS = slice(_LOW_ROWS.stop, None)
 """Rows of the bands in a transform to the frequencies of the low and the reference band."""
 MIN_SPECTRUM_POINTS = REFERENCE_BAND.stop
 """Smallest number of points whose spectrum contains the reference band."""
-MAX_SMOOTHED_RISE = 2.0
+MAX_SMOOTHED_RISE = 1.5
 """Largest ratio of low-frequency power to reference power that is used for a sensor that smooths,
-since smoothing attenuates the reference band, too. Without this limit the intervals of smoothed
-data are far too wide; with a ratio of 1, the interval of phi does not contain the true 0 of one in
-ten real spheres, whose sections are circles."""
+since smoothing attenuates the reference band, too. With 2, 2 % of smoothed arcs do not determine
+their radius, with 1.5 1 %; with 1, errors correlated over 6 points have 95 % intervals that contain
+the radius in 79 to 89 % of the arcs, with 1.5 in 90 to 94 %. Of 125 real spheres, whose sections
+are circles, the interval of phi contains 0 in 96 %, with 1 in 94 %."""
 MIN_POINTS = 8
 """Number of points below which no correlation is estimated."""
 FIT_PARAMETERS = 5
