@@ -15,6 +15,8 @@ candidate, rejection or section that may lie in arcs accepted before; with a lar
 later one is left out."""
 MIN_POINTS = 8
 """Smallest number of points to which an ellipse is fitted: three more than its parameters."""
+INTERRUPTING_RUN = 3
+"""Smallest number of consecutive points beyond the sensor error that interrupt an arc."""
 
 
 def span_of(indices: IntArray) -> Arc:

@@ -14,8 +14,15 @@ from typing import NamedTuple
 import numpy as np
 
 from lsvision.detection.acceptance import AcceptanceSettings, shape_rejection_reason
-from lsvision.detection.arcs import MAX_OVERLAP, MIN_POINTS, IdentifiedArc, Rejection
+from lsvision.detection.arcs import (
+    INTERRUPTING_RUN,
+    MAX_OVERLAP,
+    MIN_POINTS,
+    IdentifiedArc,
+    Rejection,
+)
 from lsvision.detection.candidates import Candidate, seed_ellipse
+from lsvision.detection.divided_arcs import join_divided_arcs
 from lsvision.ellipse.parameters import (
     ellipse_from_parameters,
     parameters_from_ellipse,
@@ -35,8 +42,6 @@ from lsvision.statistics.robust import MAD_TO_STD
 SENSOR_ERROR_SIGMAS = 4.0
 """The paper's sensor error: largest distance of an inlier from the ellipse, in standard deviations
 of a point along the normal."""
-INTERRUPTING_RUN = 3
-"""Smallest number of consecutive points beyond the sensor error that interrupt an arc."""
 MAX_GAP_FRACTION = 0.5
 """Longest interruption between two runs of inliers that is bridged, as a fraction of the arc's
 central run; the run beyond it must also be longer than the interruption. Without both conditions,
@@ -207,7 +212,7 @@ def identify_arcs(
 ) -> list[tuple[list[IdentifiedArc], list[Rejection]]]:
     """Return the arcs that grow from the candidates of each profile, and the rejected ones.
 
-    Each point belongs to one arc at most. Candidates that do not overlap grow together.
+    Each point belongs to one arc at most; parts of a pipe on both sides of a gap are one arc. Candidates that do not overlap grow together.
 
     Parameters
     ----------
@@ -230,7 +235,10 @@ def identify_arcs(
         grown_arcs = grow_arcs([seed for _, seed in seeds])
         for (search, seed), grown in zip(seeds, grown_arcs, strict=True):
             search.add(seed, grown, settings)
-    return [(search.arcs, search.rejections) for search in searches]
+    return [
+        (join_divided_arcs(profile, search.arcs), search.rejections)
+        for profile, search in zip(profiles, searches, strict=True)
+    ]
 
 
 def grow_arcs(seeds: Sequence[Seed]) -> list[GrownArc | None]:

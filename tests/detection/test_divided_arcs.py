@@ -1,0 +1,109 @@
+"""Arcs on both sides of a gap in a pipe are one arc; those of two bodies stay two."""
+
+import math
+
+import numpy as np
+import pytest
+
+from lsvision import Ellipse, Profile, measure_cylinders
+from lsvision.detection.arcs import IdentifiedArc
+from lsvision.detection.divided_arcs import join_divided_arcs
+from lsvision.detection.profile_preparation import prepare_profile
+
+NOISE = 0.05  # mm
+
+
+def pipe_under_cables(seed, cables, radius=30.0):
+    """Noisy points of a pipe at (0, -300) under cables, each with its x and radius. Units: mm."""
+    x = np.arange(-0.97 * radius, 0.97 * radius, 0.25)
+    y = np.sqrt(radius**2 - x**2)
+    for cable_x, cable in cables:
+        centre_y = math.sqrt(radius**2 - cable_x**2) + 0.8 * cable
+        above = np.maximum(cable**2 - (x - cable_x) ** 2, 0.0)
+        y = np.where(above > 0, np.maximum(y, centre_y + np.sqrt(above)), y)
+    return np.column_stack([x, y - 300 + np.random.default_rng(seed).normal(0, NOISE, len(x))])
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("cables", [[(0.0, 5.0)], [(3.0, 8.0)], [(-11.0, 3.0), (8.0, 4.0)]])
+def test_a_pipe_under_cables_is_one_pipe_as_accurate_as_its_whole_arc(seed, cables):
+    measured = measure_cylinders(pipe_under_cables(seed, cables))
+    (pipe,) = (cylinder for cylinder in measured.cylinders if cylinder.radius > 15)
+    assert pipe.radius_std < 0.1  # mm; of each part alone 1 to 4
+    assert abs(pipe.radius - 30) < 4 * pipe.radius_std
+
+
+def circle_arc(degrees, radius=20.0, centre=(0.0, -300.0), count=60):
+    """Points of an arc of a circle between two angles from +Y, clockwise."""
+    angles = np.radians(np.linspace(*degrees, count))
+    return np.add(centre, radius * np.column_stack([np.sin(angles), np.cos(angles)]))
+
+
+def circle(radius=20.0, centre=(0.0, -300.0)):
+    return Ellipse(centre, radius, radius, 0.0)
+
+
+def joined(*arcs, ellipses=None, order=None):
+    """Numbers of points of the arcs after joining; `order` is that of all points along the line.
+
+    The arcs have noise along Y, and one ellipse each, by default a circle of 20 mm.
+    """
+    points = np.concatenate(arcs)
+    points[:, 1] += np.random.default_rng(1).normal(0, NOISE, len(points))
+    order = np.arange(len(points)) if order is None else order
+    owners = np.repeat(np.arange(len(arcs)), list(map(len, arcs)))[order]
+    profile = prepare_profile(Profile(points[order]), None)
+    identified = [
+        IdentifiedArc(np.flatnonzero(owners == number), ellipse)
+        for number, ellipse in enumerate(ellipses or [circle()] * len(arcs))
+    ]
+    return [len(arc.indices) for arc in join_divided_arcs(profile, identified)]
+
+
+LEFT, RIGHT = (-60.0, -15.0), (10.0, 60.0)
+LARGER = 0.21  # mm
+
+
+def test_both_sides_of_a_gap_are_one():
+    assert joined(circle_arc(LEFT), circle_arc(RIGHT)) == [120]
+
+
+def test_three_parts_are_one_also_if_the_middle_one_comes_last():
+    left, right, middle = circle_arc((-70, -40)), circle_arc((40, 70)), circle_arc((-20, 15))
+    order = [*range(60), *range(120, 180), *range(60, 120)]
+    assert joined(left, right, middle, order=order) == [180]
+
+
+@pytest.mark.parametrize(
+    ("larger", "sizes"), [(0.0, [120]), (LARGER - 0.015, [120]), (LARGER + 0.015, [60, 60])]
+)
+def test_a_clamp_around_a_pipe_is_another_body(larger, sizes):
+    """At 0.21 mm chi^2 of the joint fit has increased by 20.5 (`MAX_CHI2_INCREASE`)."""
+    clamp = circle_arc(RIGHT, radius=20 + larger)
+    assert joined(circle_arc(LEFT), clamp, ellipses=[circle(), circle(20 + larger)]) == sizes
+
+
+def test_the_sections_of_two_bodies_do_not_overlap():
+    pipe, neighbour = circle_arc(LEFT), circle_arc(RIGHT, radius=15.0, centre=(35.0, -300.0))
+    ellipses = [circle(), circle(15.0, (35.0, -300.0))]
+    assert joined(pipe, neighbour, ellipses=ellipses) == [60, 60]
+
+
+def test_arcs_without_a_gap_are_not_joined():
+    """Region growing has compared them: a corner or a step is between them."""
+    whole = circle_arc((-60.0, 60.0), count=120)
+    assert joined(whole[:60], whole[60:]) == [60, 60]
+    assert joined(whole[:58], whole[62:]) == [116]
+
+
+def test_arcs_whose_points_alternate_are_not_joined():
+    whole = circle_arc((-60.0, 60.0), count=120)
+    order = np.arange(120).reshape(2, 60).T.ravel()
+    assert joined(whole[::2], whole[1::2], order=order) == [60, 60]
+
+
+@pytest.mark.parametrize(("seed", "cable"), [(45, (0.0, 9.0)), (15, (2.0, 10.0))])
+def test_the_joint_fit_needs_four_steps(seed, cable):
+    """With three, the ellipse of a part is still too far from that of the pipe."""
+    measured = measure_cylinders(pipe_under_cables(seed, [cable]))
+    assert [c.radius_std < 1 for c in measured.cylinders if c.radius > 15] == [True]
