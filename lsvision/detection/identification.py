@@ -212,7 +212,8 @@ def identify_arcs(
 ) -> list[tuple[list[IdentifiedArc], list[Rejection]]]:
     """Return the arcs that grow from the candidates of each profile, and the rejected ones.
 
-    Each point belongs to one arc at most; parts of a pipe on both sides of a gap are one arc. Candidates that do not overlap grow together.
+    Each point belongs to one arc at most; parts of a pipe on both sides of a gap are one arc.
+    Candidates that do not overlap grow together.
 
     Parameters
     ----------
