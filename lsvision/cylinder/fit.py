@@ -14,8 +14,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from lsvision.cylinder.alternatives import (
+    CylinderComparison,
+    in_plane_covariances,
+    select_fit,
+)
 from lsvision.cylinder.fit_result import CylinderFit, estimate_variance_factor
-from lsvision.cylinder.initial_guess import guess_cylinder
+from lsvision.cylinder.initial_guess import guess_cylinders
+from lsvision.cylinder.point_checks import require_not_degenerate, validate_points
 from lsvision.cylinder.problem import (
     PARAMETERS,
     CylinderProblem,
@@ -27,25 +33,19 @@ from lsvision.cylinder.problem import (
     weighted_problem,
 )
 from lsvision.ellipse.problem import Priors, RadiusPrior
-from lsvision.errors import DegenerateGeometry, TooFewPoints
+from lsvision.errors import DegenerateGeometry, LsvisionError
 from lsvision.geometry import (
     BoolArray,
     Cylinder,
     FloatArray,
     Points,
-    as_readonly_array,
     tangent_frame,
 )
-from lsvision.geometry.arrays import TINY, measure_extent, require_coordinates, require_covariances
+from lsvision.geometry.arrays import TINY, measure_extent
 from lsvision.geometry.settings_repr import ShowsChanges
 from lsvision.statistics.numerical_failures import report_numerical_failure, require_finite
 from lsvision.statistics.robust import mad_std
 
-MIN_EXTENT_MM = 1e-9
-"""Smallest extent of points to which a cylinder is fitted: far below the resolution of any sensor.
-Units: mm."""
-COPLANARITY_TOLERANCE = 1e-7
-"""Ratio of thickness to extent of points, below which they are in a plane or on a straight line."""
 SINGULARITY_TOLERANCE = 1e-14
 """Smallest eigenvalue of a regular information matrix, after scaling its diagonal to 1."""
 MAX_TRUNCATION_ITERATIONS = 20
@@ -124,9 +124,10 @@ def fit_cylinder(
         If there are fewer than 6 points.
     DegenerateGeometry
         If all points are at one position or on a straight line; or, without an initial guess, in
-        one plane, such as the points of one section, which two cylinders fit; or, also without
-        covariances, if two sections of short arcs (up to about 90 deg, the more often the larger
-        the noise) fit a cylinder between their planes better than one along them.
+        one plane, such as the points of one section, which two cylinders fit; or if two cylinders
+        fit equally well, as to two sections of short arcs (up to about 90 deg, the more often the
+        larger the noise) on opposite sides; or, also without covariances and not exactly in planes,
+        if those on one side fit a cylinder between their planes better than one along them.
     FitFailed
         If no cylinder fits, for example to noisy points of a plane, or if numbers overflow.
 
@@ -143,7 +144,7 @@ def fit_cylinder(
     >>> f"radius {fit.radius:.6f} mm, axis {fit.direction.round(6) + 0.0}"
     'radius 19.000000 mm, axis [0. 0. 1.]'
     """
-    points, covariances = _validate(points, covariances)
+    points, covariances = validate_points(points, covariances)
     if not isinstance(known_radius, RadiusPrior):
         known_radius = Priors.from_values(known_radius, None).radius
     with report_numerical_failure("a cylinder"):
@@ -162,58 +163,48 @@ def _fit_validated(
 ) -> CylinderFit:
     """Fit a cylinder to valid points, after centring them and scaling their extent to 1."""
     origin, scale = points.mean(axis=0), measure_extent(points)
-    _check_not_degenerate(points - origin, has_initial_guess=initial_guess is not None)
+    require_not_degenerate(points - origin, has_initial_guess=initial_guess is not None)
     scaled = (points - origin) / scale
     scaled_covariances = None if covariances is None else covariances / scale**2
     prior = known_radius and RadiusPrior(known_radius.radius / scale, known_radius.std / scale)
     if initial_guess is None:
-        has_outliers = settings.truncation is not None
-        scaled_guess = guess_cylinder(scaled, scaled_covariances, prior, has_outliers=has_outliers)
+        comparison = CylinderComparison(
+            scaled,
+            in_plane_covariances(scaled) if covariances is None else scaled_covariances,
+            covariances is not None,
+            prior,
+            settings.truncation or math.inf,
+        )
+        guesses = guess_cylinders(comparison)
+        fits = _fit_all(scaled, scaled_covariances, guesses, prior, settings)
+        fit = _rescale(select_fit(fits, comparison, scale), origin, scale)
     else:
-        scaled_guess = Cylinder(
+        guess = Cylinder(
             (initial_guess.point - origin) / scale,
             initial_guess.direction,
             initial_guess.radius / scale,
         )
-    fit = _fit_truncated(scaled, scaled_covariances, scaled_guess, prior, settings)
-    return _orient_like_initial_guess(_rescale(fit, origin, scale), initial_guess)
+        fit = _fit_truncated(scaled, scaled_covariances, guess, prior, settings)
+        fit = _rescale(fit, origin, scale)
+    return _orient_like_initial_guess(fit, initial_guess)
 
 
-def _validate(
-    points: npt.ArrayLike, covariances: npt.ArrayLike | None
-) -> tuple[Points, FloatArray | None]:
-    """Return points and covariances as read-only arrays; raise the errors of `fit_cylinder`."""
-    points = as_readonly_array(points, ("n", 3), "points")
-    if len(points) <= PARAMETERS:
-        raise TooFewPoints("a cylinder", len(points), PARAMETERS + 1, "measure a longer arc")
-    if not np.isfinite(points).all():
-        raise ValueError("expected finite points, got NaN or infinity: leave lost points out")
-    require_coordinates(points)
-    if np.ptp(points, axis=0).max() < MIN_EXTENT_MM:
-        raise DegenerateGeometry(
-            f"all {len(points)} points lie within {MIN_EXTENT_MM:g} mm, and any cylinder there "
-            "fits them: measure an arc of the cylinder, or check the units"
-        )
-    if covariances is None:
-        return points, None
-    covariances = as_readonly_array(covariances, (len(points), 3, 3), "covariances")
-    require_covariances(covariances)
-    return points, covariances
-
-
-def _check_not_degenerate(centred: Points, *, has_initial_guess: bool) -> None:
-    """Raise DegenerateGeometry for points on a line, or in a plane without an initial guess."""
-    extents = np.linalg.svd(centred, compute_uv=False)
-    if not extents[1] > COPLANARITY_TOLERANCE * extents[0]:
-        raise DegenerateGeometry(
-            f"all {len(centred)} points lie on one straight line, and many cylinders along it fit "
-            "them: measure an arc of the cylinder"
-        )
-    if not has_initial_guess and not extents[2] > COPLANARITY_TOLERANCE * extents[0]:
-        raise DegenerateGeometry(
-            f"all {len(centred)} points lie in one plane, and two cylinders, the twins, fit one "
-            "section: add a second section, or pass an initial guess near the right one"
-        )
+def _fit_all(
+    points: Points,
+    covariances: FloatArray | None,
+    guesses: list[Cylinder],
+    known_radius: RadiusPrior | None,
+    settings: CylinderFittingSettings,
+) -> list[CylinderFit]:
+    """Return the fits from several initial guesses, without those that fail but the first."""
+    first, *others = guesses
+    fits = [_fit_truncated(points, covariances, first, known_radius, settings)]
+    for guess in others:
+        try:
+            fits.append(_fit_truncated(points, covariances, guess, known_radius, settings))
+        except LsvisionError:
+            continue
+    return fits
 
 
 def _fit_truncated(

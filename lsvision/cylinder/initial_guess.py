@@ -2,19 +2,19 @@
 
 import numpy as np
 
-from lsvision.cylinder.problem import (
-    cylinder_from_parameters,
-    minimise,
-    normalised_residuals,
-    parameters_from_cylinder,
-    weighted_problem,
+from lsvision.cylinder.alternatives import (
+    MAX_CANDIDATE_INCREASE,
+    CylinderComparison,
+    distinct_cylinders,
+    refine,
+    tilted_guesses,
 )
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import DegenerateGeometry, FitFailed
 from lsvision.geometry import Cylinder, FloatArray, Points, hemisphere_directions, tangent_frame
 from lsvision.geometry.arrays import TINY, rms
 from lsvision.profile import MAX_RELATIVE_SCATTER
-from lsvision.statistics.robust import median
+from lsvision.statistics.robust import mad_std, median
 
 DIRECTIONS = 400
 """Number of directions in the grid over the hemisphere. They are 7 deg apart, so that the
@@ -36,79 +36,90 @@ CONCENTRATION_STEPS = 5
 """Number of fits to the half of the points nearest to the last fit."""
 
 
-def guess_cylinder(
-    points: Points,
-    covariances: FloatArray | None,
-    known_radius: RadiusPrior | None,
-    *,
-    has_outliers: bool,
-) -> Cylinder:
-    """Estimate a cylinder without an initial guess.
+def guess_cylinders(comparison: CylinderComparison) -> list[Cylinder]:
+    """Estimate a cylinder without an initial guess, and others that fit nearly as well.
 
     For each direction of a grid, an algebraic circle is fitted to the projection of the points
-    along it; the best directions are refined by least squares with equal weights, and the best
-    cylinder is returned. For elongated points a second grid is used, which is finer near their long
-    axis.
+    along it; the best directions are refined by least squares with equal weights. For elongated
+    points a second grid is used, which is finer near their long axis. From the best cylinder others
+    are searched that are too near to it for the grid.
 
     Parameters
     ----------
-    points : (n, 3) ndarray
-        Points centred at the origin and scaled to an extent of about 1.
-    covariances : (n, 3, 3) ndarray, optional
-        Covariance of each point's error, in the same scale; the best cylinder is then that of the
-        smallest normalised residuals. Two parallel arcs, for example, also lie nearly on a cylinder
-        across them.
-    known_radius : RadiusPrior, optional
-        Prior on the radius, in the same scale.
-    has_outliers : bool
-        Whether the points may have outliers: cylinders are refined with the half of the points that
-        is nearest to them, and the median of the residuals decides.
+    comparison : CylinderComparison
+        Points, centred at the origin and scaled to an extent of about 1, with their errors. With
+        a truncation, cylinders are refined with the half of the points that is nearest to them,
+        and the median of the residuals decides.
+
+    Returns
+    -------
+    list of Cylinder
+        The best cylinder first, then the others of which chi^2 is less than
+        `MAX_CANDIDATE_INCREASE` larger.
 
     Raises
     ------
     FitFailed
         If no direction leads to a cylinder.
     DegenerateGeometry
-        If there are no covariances, and the best cylinder is one between two sections of short
-        arcs; see `_require_no_wider_arc`.
+        If the direction of the errors is unknown, and the best cylinder is one between two sections
+        of short arcs; see `_require_no_wider_arc`.
     """
-    rows = np.linspace(0, len(points) - 1, min(len(points), MAX_POINTS)).astype(int)
-    subset = points[rows]
-    subset_covariances = None if covariances is None else covariances[rows]
-    best: Cylinder | None = None
-    cylinders, lowest_cost = list[Cylinder](), np.inf
-    for candidate in _candidates(subset):
-        try:
-            refined = _refine(subset, candidate, known_radius)
-            if has_outliers:
-                refined = _concentrate(subset, refined, known_radius)
-        except FitFailed:
-            continue
-        cylinders.append(refined)
-        cost = _cost(subset, subset_covariances, refined, known_radius, has_outliers=has_outliers)
-        if cost < lowest_cost * (1 - SAME_COST):
-            best, lowest_cost = refined, cost
-    if best is None:
+    rows = np.linspace(0, len(comparison.points) - 1, min(len(comparison.points), MAX_POINTS))
+    subset = comparison.subset(rows.astype(int))
+    cylinders = _refine_all(_candidates(subset.points), subset)
+    if not cylinders:
         raise FitFailed(
             "no cylinder fits the points: they lie on another surface; use points of one cylinder"
         )
-    if covariances is None:
+    best = cylinders[_index_of_best(cylinders, subset)]
+    cylinders += _refine_all(tilted_guesses(subset.points, best), subset)
+    best = cylinders.pop(_index_of_best(cylinders, subset))
+    if subset.covariances is None:
         _require_no_wider_arc(subset, best, cylinders)
-    return best
+    others = distinct_cylinders([best, *cylinders])[1:]
+    return [best, *(c for c in others if subset.increase(c, best) < MAX_CANDIDATE_INCREASE)]
 
 
-def _require_no_wider_arc(points: Points, best: Cylinder, cylinders: list[Cylinder]) -> None:
+def _refine_all(candidates: list[Cylinder], comparison: CylinderComparison) -> list[Cylinder]:
+    """Return the least-squares cylinders near candidates, without those that fail."""
+    points, known_radius, refined = comparison.points, comparison.known_radius, list[Cylinder]()
+    for candidate in candidates:
+        try:
+            cylinder = refine(points, candidate, known_radius)
+            if comparison.has_outliers:
+                cylinder = _concentrate(points, cylinder, known_radius)
+        except FitFailed:
+            continue
+        refined.append(cylinder)
+    return refined
+
+
+def _index_of_best(cylinders: list[Cylinder], comparison: CylinderComparison) -> int:
+    """Return the index of the first of the cylinders with the lowest cost."""
+    if comparison.has_outliers:
+        costs = np.array([comparison.median_residual(cylinder) for cylinder in cylinders])
+    else:
+        costs = comparison.chi2(cylinders)
+    return int(np.argmax(costs <= costs.min() * (1 + SAME_COST)))
+
+
+def _require_no_wider_arc(
+    comparison: CylinderComparison, best: Cylinder, cylinders: list[Cylinder]
+) -> None:
     """Raise DegenerateGeometry if points on two sides of a cylinder may also lie on a wider arc.
 
     Two sections of a short arc lie near a second cylinder, between the laser planes, which touches
     each of them along a line. Errors within the planes are tangential to it, so that its residuals
     may be smaller than those of the true cylinder.
     """
+    points = comparison.points
     half_width, has_two_sides = _coverage(points, best)
     for other in cylinders if has_two_sides else []:
         other_half_width, other_has_two_sides = _coverage(points, other)
         is_wider = other_half_width > half_width and not other_has_two_sides
-        scatter = rms(other.signed_distances(points))
+        distances = other.signed_distances(points)
+        scatter = mad_std(distances) if comparison.has_outliers else rms(distances)
         if is_wider and scatter <= MAX_RELATIVE_SCATTER * other.radius:
             raise DegenerateGeometry(
                 "two cylinders fit the points: one between two sections, and one along them, with "
@@ -199,36 +210,9 @@ def _best_distinct_directions(directions: FloatArray, costs: FloatArray) -> list
     return selected
 
 
-def _refine(points: Points, candidate: Cylinder, known_radius: RadiusPrior | None) -> Cylinder:
-    """Return the least-squares cylinder near a candidate."""
-    frame = tangent_frame(candidate.direction)
-    start = parameters_from_cylinder(frame, candidate)
-    problem = weighted_problem(points @ frame.T, None, start, known_radius)
-    return cylinder_from_parameters(frame, minimise(problem, start))
-
-
 def _concentrate(points: Points, cylinder: Cylinder, known_radius: RadiusPrior | None) -> Cylinder:
     """Return a cylinder refitted, several times, to the half of the points nearest to it."""
     for _ in range(CONCENTRATION_STEPS):
         distances = np.abs(cylinder.signed_distances(points))
-        cylinder = _refine(points[distances <= median(distances)], cylinder, known_radius)
+        cylinder = refine(points[distances <= median(distances)], cylinder, known_radius)
     return cylinder
-
-
-def _cost(
-    points: Points,
-    covariances: FloatArray | None,
-    cylinder: Cylinder,
-    known_radius: RadiusPrior | None,
-    *,
-    has_outliers: bool,
-) -> float:
-    """Return the sum of squared residuals, or with outliers the median of their moduli."""
-    residuals, _, normalised = normalised_residuals(points, covariances, cylinder)
-    values = residuals if covariances is None else normalised
-    if has_outliers:
-        return median(np.abs(values))
-    prior = 0.0
-    if known_radius is not None:
-        prior = (cylinder.radius - known_radius.radius) / known_radius.effective_std
-    return float(values @ values) + prior**2
