@@ -338,7 +338,7 @@ def _remarks(tube: "ScannedCylinder", shape: "TubeShape | None") -> list[str]:
     low, high = tube.axial_range
     remarks = [f"measured from {low:z.1f} to {high:z.1f} mm along the axis from its point"]
     if tube.twin is not None:
-        remarks.append(twin_note(tube.twin))
+        remarks.append(twin_note(tube, tube.twin))
     if shape is not None:
         remarks += shape_lines(shape)
     return remarks

@@ -21,6 +21,8 @@ from lsvision.scan.shape_result import TubeShape
 
 KEYS_OF_AXIS = ("direction_deg", "position_mm", "point_x_mm", "point_y_mm", "point_z_mm")
 """Quantities of a scan that differ between the two twins of a tube in one section."""
+KEYS_OF_RADIUS = ("radius_mm", "diameter_mm")
+"""Quantities that differ, too, between those of short arcs on opposite sides."""
 
 
 def measure_quantity(cylinder: MeasuredCylinder, part: Part, key: str, level: float) -> Estimate:
@@ -28,8 +30,8 @@ def measure_quantity(cylinder: MeasuredCylinder, part: Part, key: str, level: fl
 
     The key is one of `SECTION_KEYS` for a section, of `SCAN_KEYS` for a scan. Not determined: theta
     whose interval contains every direction; bow, taper and ovality of a tube in fewer than three
-    sections, which are NaN; direction and position of a tube in one section, whose twin fits
-    equally well.
+    sections, which are NaN; direction and position of a tube with a twin that fits equally well, as
+    in one section, and its radius if that of the twin is another one.
 
     Raises
     ------
@@ -49,7 +51,8 @@ def measure_quantity(cylinder: MeasuredCylinder, part: Part, key: str, level: fl
     except DegenerateGeometry:  # a form deviation of too few sections
         return Estimate(quantity, math.nan, math.nan, (math.nan, math.nan), determined=False)
     value, std = number.value * quantity.scale, number.std * quantity.scale
-    determined = not (cylinder.ambiguous and key in KEYS_OF_AXIS)
+    has_twin = cylinder.twin_has_other_radius if key in KEYS_OF_RADIUS else cylinder.ambiguous
+    determined = not (has_twin and key in KEYS_OF_AXIS + KEYS_OF_RADIUS)
     return Estimate(quantity, value, std, quantity.in_unit(number.interval(level)), determined)
 
 

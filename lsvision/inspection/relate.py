@@ -30,7 +30,7 @@ def relate(
     a, b : CylinderSection or ScannedCylinder
         Both of one section, or both in one base frame. Their errors are taken as independent:
         errors of a pose or a calibration that are common to both are then counted twice. An
-        ambiguous one, of a scan with one section, is taken as it is, without its twin.
+        ambiguous one, such as of a scan with one section, is taken as it is, without its twin.
     up : (3,) array_like, optional
         In space: direction along which flush is measured, across both axes, base frame, of any
         length. Not used in a section, where flush is along Y.

@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Sequence
 
 DEFAULT_DECIMALS = 4
 """Decimals of a number without std, such as a radius known exactly."""
@@ -57,3 +58,20 @@ def decimals_for(std: float) -> int:
         return DEFAULT_DECIMALS
     exponent = int(f"{std:.1e}".partition("e")[2])  # after rounding: 0.0996 is 0.10
     return min(max(1 - exponent, 0), MAX_DECIMALS)
+
+
+def format_ranges(sections: Sequence[int]) -> str:
+    """Return ascending indices as text, with consecutive ones as ranges.
+
+    Examples
+    --------
+    >>> format_ranges((0, 1, 2, 3, 4, 7))
+    '0-4, 7'
+    """
+    runs: list[list[int]] = []
+    for section in sections:
+        if runs and section == runs[-1][1] + 1:
+            runs[-1][1] = section
+        else:
+            runs.append([section, section])
+    return ", ".join(f"{low}-{high}" if high > low else str(low) for low, high in runs)

@@ -1,9 +1,10 @@
 """One cylinder for each track of arcs, fitted jointly to the points of all its sections.
 
 One section fits two cylinders equally well, the twins, whose axes are tilted to opposite sides of
-the section's normal; so do two at right angles that cross on the axis. The twin is selected on a
-few sections of the track; then assignment of points and fit of the cylinder alternate. The track
-with the most points comes first; each point belongs to one cylinder only.
+the section's normal; so do two at right angles that cross on the axis, and short arcs on opposite
+sides, in two planes. The twin is selected on a few sections of the track; then assignment of points
+and fit of the cylinder alternate. The track with the most points comes first; each point belongs to
+one cylinder only.
 """
 
 import itertools
@@ -13,15 +14,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lsvision.cylinder.alternatives import (
+    MAX_CANDIDATE_INCREASE,
+    CylinderComparison,
+    find_equivalent,
+    find_other_minima,
+    keep_equivalent,
+    sort_by_chi2,
+)
 from lsvision.cylinder.fit import CylinderFittingSettings, fit_cylinder
 from lsvision.cylinder.fit_result import CylinderFit
-from lsvision.cylinder.robot_frame import twin_jacobian
 from lsvision.detection.acceptance import UNDETERMINABLE
 from lsvision.ellipse.prior_check import CONTRADICTION_FRACTION, CONTRADICTION_SIGMAS
 from lsvision.ellipse.problem import RadiusPrior
-from lsvision.ellipse.section import CylinderSection
 from lsvision.errors import LsvisionError
-from lsvision.geometry import BoolArray, Cylinder, FloatArray, IntArray, Pose, tangent_frame
+from lsvision.geometry import BoolArray, Cylinder, IntArray
 from lsvision.results.number_format import format_value
 from lsvision.scan.cloud import ScanCloud
 from lsvision.scan.point_assignment import (
@@ -30,14 +37,9 @@ from lsvision.scan.point_assignment import (
     fit_section_shifts,
 )
 from lsvision.scan.scan_result import ScanRejection
+from lsvision.scan.single_section import fit_of_single_section
 from lsvision.scan.tracks import ArcObservation, Track
 from lsvision.statistics.robust import median
-
-MAX_TWIN_CHI2_INCREASE = 9.0
-"""Increase of chi^2, that of 3 standard deviations of one parameter, up to which another cylinder
-fits as well."""
-TWIN_COSINE = math.cos(math.radians(1.0))
-"""Cosine of the angle between two cylinders above which they are the same: 1 deg."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -94,7 +96,8 @@ class JointFit:
         Rms of the normalised residuals after a lateral shift of each section is fitted; 1 for a
         single section.
     twin : Cylinder or None
-        The other cylinder that fits equally well, of one section or of two that cross in the tube.
+        The other cylinder that fits equally well, of one section, of two that cross in the tube, or
+        of short arcs on opposite sides.
     known_radius : RadiusPrior or None
         Prior with which several sections were fitted.
     """
@@ -126,7 +129,7 @@ def fit_tracks(
         if not unassigned:
             continue
         if has_one_section:
-            fits.append(cylinder_from_single_section(cloud, unassigned[0]))
+            fits.append(_joint_fit_of_single_section(cloud, unassigned[0]))
             continue
         result = fit_track(cloud, unassigned, known_radius, settings)
         if isinstance(result, JointFit):
@@ -138,6 +141,13 @@ def fit_tracks(
             fitted = result.cloud.contains(cloud.point_sections, cloud.indices)
             cloud = cloud.subset(np.flatnonzero(~fitted))
     return fits, rejections
+
+
+def _joint_fit_of_single_section(cloud: ScanCloud, observation: ArcObservation) -> JointFit:
+    arc, section = observation.arc, observation.section
+    arc_points = cloud.subset(cloud.find_rows(section, arc.indices))
+    fit, twin = fit_of_single_section(arc, arc_points.points, cloud.poses[section])
+    return JointFit(fit, arc_points, 1.0, twin)
 
 
 def _count_points(track: Track) -> int:
@@ -200,33 +210,19 @@ def fit_track(
     reason = _rejection_reason(joint_fit, settings)
     if reason is not None:
         return ScanRejection(sections, reason)
-    equivalent = [fit.cylinder for fit in others if _is_equivalent(fit, best)]
-    return replace(joint_fit, twin=_find_twin(joint_fit, equivalent, settings))
-
-
-def _is_equivalent(fit: CylinderFit, best: CylinderFit) -> bool:
-    """Return whether a fit to the points of the best one fits as well, in another direction."""
-    if abs(fit.direction @ best.direction) > TWIN_COSINE:
-        return False
-    lowest = _mean_square_residual(best)
-    variance = lowest if math.isfinite(best.degrees_of_freedom) else 1.0
-    increase = len(best.residuals) * (_mean_square_residual(fit) - lowest)
-    return increase < MAX_TWIN_CHI2_INCREASE * best.variance_factor * variance
+    return replace(joint_fit, twin=_find_twin(joint_fit, others, settings))
 
 
 def _find_twin(
-    joint_fit: JointFit, cylinders: Sequence[Cylinder], settings: JointFitSettings
+    joint_fit: JointFit, others: Sequence[CylinderFit], settings: JointFitSettings
 ) -> Cylinder | None:
-    """Return the first of the cylinders that fits all points as well as the fit; None without."""
+    """Return the first of other cylinders that fits all points as well as the fit; None without."""
     cloud, known_radius = joint_fit.cloud, joint_fit.known_radius
-    for cylinder in cylinders:
-        try:
-            fit = _fit(cloud, np.arange(len(cloud)), cylinder, known_radius, settings)
-        except LsvisionError:
-            continue
-        if _is_equivalent(fit, joint_fit.fit):
-            return fit.cylinder
-    return None
+    rows = np.arange(len(cloud))
+    initial_guesses = [fit.cylinder for fit in others]
+    fits, _ = _fit_all(cloud, rows, initial_guesses, known_radius, settings)
+    comparison = _comparison(cloud, rows, known_radius, settings)
+    return find_equivalent(joint_fit.fit, [fit.cylinder for fit in fits], comparison)
 
 
 def fit_twins(
@@ -235,10 +231,11 @@ def fit_twins(
     known_radius: RadiusPrior | None,
     settings: JointFitSettings,
 ) -> list[CylinderFit]:
-    """Return cylinders fitted to a few arcs of a track from several initial guesses, best first.
+    """Return the cylinder fitted to arcs of a track, and then the others that fit as well.
 
-    The initial guesses are the line through the arcs' centres and both twins of the arc with
-    the best determined axis.
+    The initial guesses are the line through the arcs' centres, both twins of the arc with the best
+    determined axis, and the other minima near the best cylinder. The best one is selected on a few
+    arcs, and if others fit these as well on all arcs.
 
     Raises
     ------
@@ -247,28 +244,60 @@ def fit_twins(
     """
     trial_indices = np.linspace(0, len(track) - 1, min(len(track), settings.trial_sections))
     rows = _rows_of_arcs(cloud, [track[index] for index in np.unique(trial_indices.astype(int))])
-    fits = []
-    failure: LsvisionError | None = None
-    for initial_guess in _initial_guesses(track):
+    fits, failure = _fit_all(cloud, rows, _initial_guesses(track), known_radius, settings)
+    if failure is not None and not fits:
+        raise failure
+    comparison = _comparison(cloud, rows, known_radius, settings)
+    best = sort_by_chi2(fits, comparison)[0].cylinder
+    minima = find_other_minima(comparison.points, best, known_radius)
+    minima = [c for c in minima if comparison.increase(c, best) < MAX_CANDIDATE_INCREASE]
+    fits += _fit_all(cloud, rows, minima, known_radius, settings)[0]
+    best_fit, *others = keep_equivalent(fits, comparison)
+    if not others or len(track) <= settings.trial_sections:
+        return [best_fit, *others]
+    rows = _rows_of_arcs(cloud, track)
+    cylinders = [fit.cylinder for fit in (best_fit, *others)]
+    all_fits, _ = _fit_all(cloud, rows, cylinders, known_radius, settings)
+    return keep_equivalent(all_fits or [best_fit], _comparison(cloud, rows, known_radius, settings))
+
+
+def _fit_all(
+    cloud: ScanCloud,
+    rows: IntArray,
+    initial_guesses: Sequence[Cylinder],
+    known_radius: RadiusPrior | None,
+    settings: JointFitSettings,
+) -> tuple[list[CylinderFit], LsvisionError | None]:
+    """Return the fits from several initial guesses, and the last error."""
+    fits, failure = list[CylinderFit](), None
+    for initial_guess in initial_guesses:
         try:
             fits.append(_fit(cloud, rows, initial_guess, known_radius, settings))
         except LsvisionError as error:
             failure = error
-    if failure is not None and not fits:
-        raise failure
-    return sorted(fits, key=_mean_square_residual)
+    return fits, failure
+
+
+def _comparison(
+    cloud: ScanCloud,
+    rows: IntArray,
+    known_radius: RadiusPrior | None,
+    settings: JointFitSettings,
+) -> CylinderComparison:
+    """Return the comparison of cylinders by the points of a cloud at some rows."""
+    return CylinderComparison(
+        cloud.points[rows],
+        cloud.covariances[rows],
+        cloud.noise_known,
+        known_radius,
+        settings.fitting.truncation or math.inf,
+    )
 
 
 def _rows_of_arcs(cloud: ScanCloud, track: Sequence[ArcObservation]) -> IntArray:
     return np.concatenate(
         [cloud.find_rows(observation.section, observation.arc.indices) for observation in track]
     )
-
-
-def _mean_square_residual(fit: CylinderFit) -> float:
-    # Without a noise model the normalised residuals have mean square 1 whatever the fit.
-    noise_estimated = math.isfinite(fit.degrees_of_freedom)
-    return float(np.mean((fit.residuals if noise_estimated else fit.normalised) ** 2))
 
 
 def _initial_guesses(track: Track) -> list[Cylinder]:
@@ -364,35 +393,3 @@ def _contradicted_radius_reason(joint_fit: JointFit, settings: JointFitSettings)
         return None
     found = format_value(free.radius, free.radius_std)
     return f"the known radius of {known.radius:g} mm contradicts the points: they give {found} mm"
-
-
-def cylinder_from_single_section(cloud: ScanCloud, observation: ArcObservation) -> JointFit:
-    """Return the cylinder of one arc, in the base frame: the first of its two twins.
-
-    `cloud` has all points of the scan.
-    """
-    arc, pose = observation.arc, cloud.poses[observation.section]
-    first, second = (twin.transformed(pose) for twin in Cylinder.twins(arc.ellipse))
-    arc_points = cloud.subset(cloud.find_rows(observation.section, arc.indices))
-    residuals = first.signed_distances(arc_points.points)
-    stds = np.full(len(residuals), max(arc.fit.rms, np.finfo(float).tiny))
-    fit = CylinderFit(
-        cylinder=first,
-        covariance=_single_section_covariance(arc, first, pose),
-        residuals=residuals,
-        normalised=residuals / stds,
-        stds=stds,
-        inliers=np.ones(len(residuals), dtype=bool),
-        variance_factor=arc.fit.variance_factor,
-        degrees_of_freedom=arc.fit.degrees_of_freedom,
-    )
-    return JointFit(fit, arc_points, 1.0, second)
-
-
-def _single_section_covariance(arc: CylinderSection, first: Cylinder, pose: Pose) -> FloatArray:
-    """Return `CylinderFit.covariance` propagated from that of (centre_x, centre_y, a, b, theta)."""
-    basis = tangent_frame(first.direction)[:2] @ pose.rotation
-    by_ellipse = twin_jacobian(arc, 1.0)
-    jacobian = np.vstack([basis @ by_ellipse[:3], basis @ by_ellipse[3:6], by_ellipse[6]])
-    covariance: FloatArray = jacobian @ arc.covariance @ jacobian.T
-    return covariance

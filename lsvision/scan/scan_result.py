@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -18,6 +19,7 @@ from lsvision.cylinder.fit_result import (
 from lsvision.geometry import Cylinder, FloatArray, IntArray, Points, Pose
 from lsvision.geometry.cylinder import WithCylinder
 from lsvision.measure import Measurement
+from lsvision.results.number_format import format_ranges
 from lsvision.results.picture import draw_space_svg
 from lsvision.results.quantities import Record, json_numbers
 from lsvision.results.result import Result
@@ -52,7 +54,8 @@ class ScannedCylinder(WithCylinder, Result):
     axial_range_std : tuple of float
         Standard uncertainty of `axial_range`. Units: mm.
     twin : Cylinder or None
-        The other cylinder that fits equally well, of one section, or of two that cross in the tube.
+        The other cylinder that fits equally well: of one section, of two that cross in the tube, or
+        of short arcs on opposite sides, then with another radius.
     includes_calibration : bool
         Whether the covariance includes the errors of a hand-eye calibration; otherwise the
         sensor mount is taken as exact.
@@ -150,6 +153,11 @@ class ScannedCylinder(WithCylinder, Result):
         return self.twin is not None
 
     @property
+    def twin_has_other_radius(self) -> bool:
+        """Whether there is a `twin` of another radius: of short arcs on opposite sides."""
+        return self.twin is not None and not math.isclose(self.twin.radius, self.radius)
+
+    @property
     def section_residuals(self) -> FloatArray:
         """Mean and rms of the residuals of each of `sections`, (k, 2). Units: mm."""
         residuals = [self.fit.residuals[self.point_sections == s] for s in self.sections]
@@ -176,6 +184,7 @@ class ScannedCylinder(WithCylinder, Result):
             "points": len(self.points),
             "rms_mm": self.fit.rms,
             "twin_direction": None if self.twin is None else json_numbers(self.twin.direction),
+            "twin_radius_mm": None if self.twin is None else self.twin.radius,
         }
 
     def _summary(self) -> str:
@@ -370,30 +379,14 @@ def tube_cells(tubes: Sequence[ScannedCylinder]) -> list[tuple[str, ...]]:
 def twin_notes(tubes: Sequence[ScannedCylinder]) -> list[str]:
     """Return a numbered line for each cylinder that has a twin."""
     return [
-        f"  {number}: {twin_note(tube.twin)}"
+        f"  {number}: {twin_note(tube, tube.twin)}"
         for number, tube in enumerate(tubes, 1)
         if tube.twin is not None
     ]
 
 
-def twin_note(twin: Cylinder) -> str:
-    """Return a line with the other possible direction of a cylinder."""
+def twin_note(tube: ScannedCylinder, twin: Cylinder) -> str:
+    """Return a line with the other possible direction of a cylinder, and radius if different."""
     direction = " ".join(f"{component:+z.4f}" for component in twin.direction)
-    return f"its twin ({direction}) fits equally well; a further section decides"
-
-
-def format_ranges(sections: Sequence[int]) -> str:
-    """Return ascending indices as text, with consecutive ones as ranges.
-
-    Examples
-    --------
-    >>> format_ranges((0, 1, 2, 3, 4, 7))
-    '0-4, 7'
-    """
-    runs: list[list[int]] = []
-    for section in sections:
-        if runs and section == runs[-1][1] + 1:
-            runs[-1][1] = section
-        else:
-            runs.append([section, section])
-    return ", ".join(f"{low}-{high}" if high > low else str(low) for low, high in runs)
+    radius = f", radius {twin.radius:.5g} mm," if tube.twin_has_other_radius else ""
+    return f"its twin ({direction}){radius} fits equally well; a further section decides"
