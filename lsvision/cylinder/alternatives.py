@@ -13,6 +13,7 @@ import numpy as np
 
 from lsvision.cylinder.fit_result import CylinderFit
 from lsvision.cylinder.problem import (
+    PARAMETERS,
     axis_distances,
     cylinder_from_parameters,
     minimise,
@@ -69,14 +70,21 @@ def tilted_guesses(points: Points, cylinder: Cylinder) -> list[Cylinder]:
     ]
 
 
-def refine(points: Points, candidate: Cylinder, known_radius: RadiusPrior | None) -> Cylinder:
-    """Return the least-squares cylinder near a candidate, with equal weights.
+def refine(
+    points: Points,
+    candidate: Cylinder,
+    known_radius: RadiusPrior | None,
+    stds: FloatArray | None = None,
+) -> Cylinder:
+    """Return the least-squares cylinder near a candidate, with equal weights without `stds` (n,).
 
     The points (n, 3) should be centred at the origin.
     """
     frame = tangent_frame(candidate.direction)
     start = parameters_from_cylinder(frame, candidate)
     problem = weighted_problem(points @ frame.T, None, start, known_radius)
+    if stds is not None:
+        problem = replace(problem, stds=stds)
     return cylinder_from_parameters(frame, minimise(problem, start))
 
 
@@ -152,7 +160,7 @@ class CylinderComparison:
     def chi2(self, cylinders: Sequence[Cylinder]) -> FloatArray:
         """Return chi^2 of each cylinder (k,), with a common estimate of the noise if unknown.
 
-        Without known noise the cylinder of the smallest residuals has a chi^2 of n, apart from
+        Without known noise the cylinder of the smallest residuals has a chi^2 of n - 5, apart from
         outliers and the prior.
         """
         values = np.array([self._residuals(cylinder) for cylinder in cylinders])
@@ -187,7 +195,8 @@ class CylinderComparison:
         if self.has_outliers:
             noise = min(mad_std(row) for row in values)
         elif not self.noise_known:
-            noise = math.sqrt(float((values**2).mean(axis=1).min()))
+            degrees_of_freedom = max(values.shape[1] - PARAMETERS, 1)
+            noise = math.sqrt(float((values**2).sum(axis=1).min()) / degrees_of_freedom)
         if self.noise_known:
             noise = max(noise, 1.0)
         scaled = np.abs(values) / max(noise, np.finfo(float).tiny)

@@ -11,10 +11,17 @@ from lsvision.cylinder.alternatives import (
 )
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import DegenerateGeometry, FitFailed
-from lsvision.geometry import Cylinder, FloatArray, Points, hemisphere_directions, tangent_frame
+from lsvision.geometry import (
+    Cylinder,
+    FloatArray,
+    IntArray,
+    Points,
+    hemisphere_directions,
+    tangent_frame,
+)
 from lsvision.geometry.arrays import TINY, rms
 from lsvision.profile import MAX_RELATIVE_SCATTER
-from lsvision.statistics.robust import mad_std, median
+from lsvision.statistics.robust import mad_std
 
 DIRECTIONS = 400
 """Number of directions in the grid over the hemisphere. They are 7 deg apart, so that the
@@ -32,8 +39,16 @@ SAME_COST = 1e-6
 MAX_POINTS = 400
 """Largest number of points for the initial guess, selected evenly; more points do not improve
 it."""
-CONCENTRATION_STEPS = 5
-"""Number of fits to the half of the points nearest to the last fit."""
+DISTINCT_WITH_OUTLIERS_COSINE = np.cos(np.radians(25.0))
+"""Largest cosine between two candidates if there may be outliers: that of 25 deg. Outliers make
+many neighbouring directions across short arcs better than those along them."""
+MAX_CANDIDATES_WITH_OUTLIERS = 12
+"""Number of best directions of each grid that are refined if there may be outliers."""
+ROBUST_STEPS = 8
+"""Number of robust fits; the half of the points nearest to the last fit, instead of weights, finds
+fewer cylinders of short arcs."""
+MIN_ROBUST_STD = 1e-9
+"""Smallest standard deviation of a robust fit. Unit: extent of the points."""
 
 
 def guess_cylinders(comparison: CylinderComparison) -> list[Cylinder]:
@@ -48,8 +63,8 @@ def guess_cylinders(comparison: CylinderComparison) -> list[Cylinder]:
     ----------
     comparison : CylinderComparison
         Points, centred at the origin and scaled to an extent of about 1, with their errors. With
-        a truncation, cylinders are refined with the half of the points that is nearest to them,
-        and the median of the residuals decides.
+        a truncation, cylinders are refined with robust weights, and the median of the residuals
+        decides.
 
     Returns
     -------
@@ -67,13 +82,15 @@ def guess_cylinders(comparison: CylinderComparison) -> list[Cylinder]:
     """
     rows = np.linspace(0, len(comparison.points) - 1, min(len(comparison.points), MAX_POINTS))
     subset = comparison.subset(rows.astype(int))
-    cylinders = _refine_all(_candidates(subset.points), subset)
+    candidates = _candidates(subset.points, has_outliers=subset.has_outliers)
+    cylinders = _refine_all(candidates, subset, robustly=subset.has_outliers)
     if not cylinders:
         raise FitFailed(
             "no cylinder fits the points: they lie on another surface; use points of one cylinder"
         )
     best = cylinders[_index_of_best(cylinders, subset)]
-    cylinders += _refine_all(tilted_guesses(subset.points, best), subset)
+    inliers = subset.subset(_find_inliers(best, subset))
+    cylinders += _refine_all(tilted_guesses(inliers.points, best), inliers)
     best = cylinders.pop(_index_of_best(cylinders, subset))
     if subset.covariances is None:
         _require_no_wider_arc(subset, best, cylinders)
@@ -81,14 +98,23 @@ def guess_cylinders(comparison: CylinderComparison) -> list[Cylinder]:
     return [best, *(c for c in others if subset.increase(c, best) < MAX_CANDIDATE_INCREASE)]
 
 
-def _refine_all(candidates: list[Cylinder], comparison: CylinderComparison) -> list[Cylinder]:
+def _find_inliers(cylinder: Cylinder, comparison: CylinderComparison) -> IntArray:
+    """Return the rows of the points near a cylinder; without outliers those of all points."""
+    distances = np.abs(cylinder.signed_distances(comparison.points))
+    limit = comparison.truncation * max(mad_std(distances), MIN_ROBUST_STD)
+    return np.flatnonzero(distances <= limit)
+
+
+def _refine_all(
+    candidates: list[Cylinder], comparison: CylinderComparison, *, robustly: bool = False
+) -> list[Cylinder]:
     """Return the least-squares cylinders near candidates, without those that fail."""
     points, known_radius, refined = comparison.points, comparison.known_radius, list[Cylinder]()
     for candidate in candidates:
         try:
             cylinder = refine(points, candidate, known_radius)
-            if comparison.has_outliers:
-                cylinder = _concentrate(points, cylinder, known_radius)
+            if robustly:
+                cylinder = _refine_robustly(points, cylinder, known_radius)
         except FitFailed:
             continue
         refined.append(cylinder)
@@ -143,7 +169,7 @@ def _coverage(points: Points, cylinder: Cylinder) -> tuple[float, bool]:
     return half_width, half_width <= np.pi / 4 and cosines.min() < 0 < cosines.max()
 
 
-def _candidates(points: Points) -> list[Cylinder]:
+def _candidates(points: Points, *, has_outliers: bool) -> list[Cylinder]:
     """Return the best cylinders of a regular and, for elongated points, of a stretched grid.
 
     The stretched grid is regular in coordinates that are compressed along the long axis until the
@@ -161,7 +187,7 @@ def _candidates(points: Points) -> list[Cylinder]:
         centres, radii, costs = fit_projected_circles(points, directions)
         candidates += [
             Cylinder(centres[k], directions[k], radii[k])
-            for k in _best_distinct_directions(grid, costs)
+            for k in _best_distinct_directions(grid, costs, has_outliers=has_outliers)
         ]
     return candidates
 
@@ -193,26 +219,30 @@ def fit_projected_circles(
     return np.einsum("kij,ki->kj", frames, centre), radii, costs
 
 
-def _best_distinct_directions(directions: FloatArray, costs: FloatArray) -> list[int]:
+def _best_distinct_directions(
+    directions: FloatArray, costs: FloatArray, *, has_outliers: bool
+) -> list[int]:
     """Return the indices of the distinct directions with the lowest costs, best first.
 
     For a stretched grid, `directions` are those before stretching.
     """
+    cosine = DISTINCT_WITH_OUTLIERS_COSINE if has_outliers else DISTINCT_DIRECTION_COSINE
+    count = MAX_CANDIDATES_WITH_OUTLIERS if has_outliers else MAX_CANDIDATES
     selected: list[int] = []
     for index in np.argsort(costs, kind="stable"):
-        if all(
-            abs(directions[index] @ directions[selected_index]) < DISTINCT_DIRECTION_COSINE
-            for selected_index in selected
-        ):
+        if all(abs(directions[index] @ directions[other]) < cosine for other in selected):
             selected.append(int(index))
-            if len(selected) == MAX_CANDIDATES:
+            if len(selected) == count:
                 break
     return selected
 
 
-def _concentrate(points: Points, cylinder: Cylinder, known_radius: RadiusPrior | None) -> Cylinder:
-    """Return a cylinder refitted, several times, to the half of the points nearest to it."""
-    for _ in range(CONCENTRATION_STEPS):
-        distances = np.abs(cylinder.signed_distances(points))
-        cylinder = refine(points[distances <= median(distances)], cylinder, known_radius)
+def _refine_robustly(
+    points: Points, cylinder: Cylinder, known_radius: RadiusPrior | None
+) -> Cylinder:
+    """Return a cylinder refitted several times with the weights of a Cauchy distribution."""
+    for _ in range(ROBUST_STEPS):
+        distances = cylinder.signed_distances(points)
+        std = max(mad_std(distances), MIN_ROBUST_STD)
+        cylinder = refine(points, cylinder, known_radius, np.hypot(1.0, distances / std))
     return cylinder

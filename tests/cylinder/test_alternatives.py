@@ -103,3 +103,39 @@ def test_points_of_planes_have_errors_within_them() -> None:
     assert in_plane_covariances(points @ pose.rotation.T + pose.translation) is not None
     assert in_plane_covariances(points + rng.normal(0, 1e-3, points.shape)) is None
     assert in_plane_covariances(points[[*range(60), 60, 61, 62]]) is None
+
+
+def one_sided_arcs(rng: np.random.Generator, arc_deg: float) -> tuple[np.ndarray, np.ndarray]:
+    """Two sections of one side, 40 mm apart; a fifth of the points lies 1 to 3 mm inside."""
+    turns = np.tile(np.radians(np.linspace(-arc_deg, arc_deg, 50)) / 2, 2)
+    errors = rng.normal(0, 0.02, 100)
+    outliers = rng.choice(100, 20, replace=False)
+    errors[outliers] -= rng.uniform(1, 3, 20)
+    y = 19 * np.cos(turns) + errors
+    points = np.column_stack([19 * np.sin(turns), y, np.repeat([0.0, 40.0], 50)])
+    return points, np.tile(np.diag([0.0, 0.02**2, 0.0]), (100, 1, 1))
+
+
+@pytest.mark.parametrize("known_noise", [True, False])
+@pytest.mark.parametrize("arc_deg", [40.0, 60.0])
+def test_truncation_finds_short_arcs_of_one_side_among_outliers(
+    arc_deg: float, known_noise: bool
+) -> None:
+    """A cylinder between both planes has half of the points nearby, too."""
+    robust = CylinderFittingSettings(truncation=3.0)
+    for seed in range(5):
+        points, covariances = one_sided_arcs(np.random.default_rng(seed), arc_deg)
+        fit = fit_cylinder(points, covariances if known_noise else None, settings=robust)
+        assert abs(fit.radius - 19) < SIGMAS * fit.radius_std < 1
+        assert 70 <= fit.inliers.sum() <= 82
+
+
+def test_outliers_in_arcs_not_exactly_in_planes_are_measured_rightly_or_rejected() -> None:
+    rng, robust = np.random.default_rng(6), CylinderFittingSettings(truncation=3.0)
+    for seed in range(4):
+        points, _ = one_sided_arcs(np.random.default_rng(seed), 40.0)
+        try:
+            fit = fit_cylinder(points + rng.normal(0, 1e-3, points.shape), settings=robust)
+        except DegenerateGeometry:
+            continue
+        assert abs(fit.radius - 19) < SIGMAS * fit.radius_std
