@@ -53,7 +53,11 @@ from .scan import (
     ScannedCylinder as ScannedCylinder,
     ScanSettings as ScanSettings,
 )
-from .cylinder.fit import fit_cylinder as fit_cylinder
+from .cylinder.fit import (
+    fit_cylinder as fit_cylinder,
+    CylinderFittingSettings as CylinderFittingSettings,
+)
+from .ellipse.problem import RadiusPrior as RadiusPrior
 from .planning import (
     plan_section as plan_section,
     plan_scan as plan_scan,

@@ -21,11 +21,17 @@ from lsvision.cylinder.alternatives import (
 )
 from lsvision.cylinder.fit_result import CylinderFit, estimate_variance_factor
 from lsvision.cylinder.initial_guess import guess_cylinders
-from lsvision.cylinder.point_checks import require_not_degenerate, validate_points
+from lsvision.cylinder.point_checks import (
+    require_noise_estimate,
+    require_not_degenerate,
+    require_type,
+    validate_points,
+)
 from lsvision.cylinder.problem import (
     PARAMETERS,
     CylinderProblem,
     cylinder_from_parameters,
+    invert_information,
     minimise,
     normalised_residuals,
     parameters_from_cylinder,
@@ -33,7 +39,7 @@ from lsvision.cylinder.problem import (
     weighted_problem,
 )
 from lsvision.ellipse.problem import Priors, RadiusPrior
-from lsvision.errors import DegenerateGeometry, LsvisionError
+from lsvision.errors import LsvisionError
 from lsvision.geometry import (
     BoolArray,
     Cylinder,
@@ -41,13 +47,11 @@ from lsvision.geometry import (
     Points,
     tangent_frame,
 )
-from lsvision.geometry.arrays import TINY, measure_extent
+from lsvision.geometry.arrays import measure_extent
 from lsvision.geometry.settings_repr import ShowsChanges
 from lsvision.statistics.numerical_failures import report_numerical_failure, require_finite
 from lsvision.statistics.robust import mad_std
 
-SINGULARITY_TOLERANCE = 1e-14
-"""Smallest eigenvalue of a regular information matrix, after scaling its diagonal to 1."""
 MAX_TRUNCATION_ITERATIONS = 20
 """Largest number of fits with truncation; usually five are needed."""
 MAX_DENSITY_SIGMAS = 40.0
@@ -71,6 +75,17 @@ class CylinderFittingSettings(ShowsChanges):
         of that of the noise model, if there is one, and the robust one (MAD) of the residuals.
         The covariance includes the effect of excluding such points, for normal errors.
         None: all points are inliers.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range.
+
+    Examples
+    --------
+    >>> import lsvision as lsv
+    >>> lsv.CylinderFittingSettings(truncation=3.0)
+    CylinderFittingSettings(truncation=3.0)
     """
 
     reweightings: int = 3
@@ -96,8 +111,8 @@ def fit_cylinder(
     Parameters
     ----------
     points : (n, 3) array_like
-        At least 6 points in one frame, without lost points; their order is used only to estimate
-        the correlation of neighbouring errors. Units: mm.
+        At least 6 points, without covariances 8, in one frame, without lost points; those of one
+        section follow one another, along the line. Units: mm.
     covariances : (n, 3, 3) array_like, optional
         Covariance of each point's error. None: least squares of the distances with equal
         weights, and the noise estimated from the residuals. Units: mm^2.
@@ -120,8 +135,12 @@ def fit_cylinder(
     ValueError
         If a shape is wrong, a number is not finite or a coordinate beyond 1e9 mm, or a covariance
         is zero or not symmetric and positive semi-definite.
+    TypeError
+        If `initial_guess` or `settings` is something else, or `known_radius` neither a number nor a
+        pair.
     TooFewPoints
-        If there are fewer than 6 points.
+        If there are fewer than 6 points; or without covariances fewer than 8 inliers, 7 with a
+        known radius, that do not lie exactly on the cylinder: their noise cannot be estimated.
     DegenerateGeometry
         If all points are at one position or on a straight line; or, without an initial guess, in
         one plane, such as the points of one section, which two cylinders fit; or if two cylinders
@@ -144,11 +163,16 @@ def fit_cylinder(
     >>> f"radius {fit.radius:.6f} mm, axis {fit.direction.round(6) + 0.0}"
     'radius 19.000000 mm, axis [0. 0. 1.]'
     """
+    require_type(settings, CylinderFittingSettings, "settings")
+    if initial_guess is not None:
+        require_type(initial_guess, Cylinder, "initial_guess")
     points, covariances = validate_points(points, covariances)
     if not isinstance(known_radius, RadiusPrior):
         known_radius = Priors.from_values(known_radius, None).radius
     with report_numerical_failure("a cylinder"):
         fit = _fit_validated(points, covariances, initial_guess, known_radius, settings)
+    if covariances is None:
+        require_noise_estimate(fit, known_radius)
     cylinder = fit.cylinder
     require_finite("a cylinder", cylinder.point, cylinder.direction, fit.radius, fit.covariance)
     return fit
@@ -334,7 +358,7 @@ def _build_fit(
     )
     return CylinderFit(
         cylinder=cylinder,
-        covariance=factor * std_scale**2 * _invert_information(jacobian.T @ jacobian),
+        covariance=factor * std_scale**2 * invert_information(jacobian.T @ jacobian),
         residuals=cylinder.signed_distances(points),
         normalised=normalised / std_scale,
         stds=problem.stds * std_scale,
@@ -342,22 +366,6 @@ def _build_fit(
         variance_factor=factor,
         degrees_of_freedom=dof,
     )
-
-
-def _invert_information(information: FloatArray) -> FloatArray:
-    """Return the inverse of the information matrix, computed with its diagonal scaled to 1.
-
-    DegenerateGeometry if the points do not determine all five parameters.
-    """
-    scale = 1 / np.sqrt(np.maximum(np.diag(information), TINY))
-    values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
-    if not values[0] > SINGULARITY_TOLERANCE:
-        raise DegenerateGeometry(
-            "the points do not determine the cylinder (too short an arc, or a section "
-            "perpendicular to the axis): measure a longer arc, or add a section"
-        )
-    inverse: FloatArray = (vectors / values) @ vectors.T
-    return inverse * np.outer(scale, scale)
 
 
 def _rescale(fit: CylinderFit, origin: FloatArray, scale: float) -> CylinderFit:

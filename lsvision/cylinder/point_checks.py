@@ -1,9 +1,11 @@
-"""Checks of the arguments of `fit_cylinder`."""
+"""Checks of the arguments of `fit_cylinder`, and of the number of points that its result needs."""
 
 import numpy as np
 import numpy.typing as npt
 
+from lsvision.cylinder.fit_result import CylinderFit
 from lsvision.cylinder.problem import PARAMETERS
+from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import DegenerateGeometry, TooFewPoints
 from lsvision.geometry import FloatArray, Points, as_readonly_array
 from lsvision.geometry.arrays import require_coordinates, require_covariances
@@ -13,6 +15,10 @@ MIN_EXTENT_MM = 1e-9
 Units: mm."""
 COPLANARITY_TOLERANCE = 1e-7
 """Ratio of thickness to extent of points, below which they are in a plane or on a straight line."""
+MIN_DEGREES_OF_FREEDOM = 3
+"""Smallest number of degrees of freedom from which the noise is estimated."""
+EXACT_RADII = 1e-9
+"""Rms residual of exact points: rounding, at coordinates of 1e6 radii. Unit: radius."""
 
 
 def validate_points(
@@ -49,4 +55,26 @@ def require_not_degenerate(centred: Points, *, has_initial_guess: bool) -> None:
         raise DegenerateGeometry(
             f"all {len(centred)} points lie in one plane, and two cylinders, the twins, fit one "
             "section: add a second section, or pass an initial guess near the right one"
+        )
+
+
+def require_type(value: object, expected: type, name: str) -> None:
+    """Raise TypeError if a value is not of a type; it says what was expected for `name`."""
+    if not isinstance(value, expected):
+        raise TypeError(
+            f"expected {name} as lsvision.{expected.__name__}, got {type(value).__name__}"
+        )
+
+
+def require_noise_estimate(fit: CylinderFit, known_radius: RadiusPrior | None) -> None:
+    """Raise TooFewPoints if a fit without covariances has less than 3 degrees of freedom.
+
+    Student's t has no variance then, so that no standard uncertainty can be stated. Points that lie
+    exactly on the cylinder have none.
+    """
+    points = int(fit.inliers.sum())
+    needed = PARAMETERS + MIN_DEGREES_OF_FREEDOM - (known_radius is not None)
+    if points < needed and fit.rms > EXACT_RADII * fit.radius:
+        raise TooFewPoints(
+            "a cylinder without covariances", points, needed, "pass covariances, or add points"
         )

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.ellipse.problem import RadiusPrior
-from lsvision.errors import FitFailed
+from lsvision.errors import DegenerateGeometry, FitFailed
 from lsvision.geometry import Cylinder, FloatArray, Points, tangent_frame
 from lsvision.geometry.arrays import TINY, measure_extent
 from lsvision.statistics.compiled_routines import levenberg_marquardt
@@ -32,6 +32,10 @@ error along a ray at 1e-6 rad from the surface."""
 PLAUSIBLE_SIGMAS = 6.0
 """Distance from the surface, in standard deviations, above which the weight of a point is computed
 at the measured point, to first order, because its foot point may not exist."""
+
+
+SINGULARITY_TOLERANCE = 1e-14
+"""Smallest eigenvalue of a regular information matrix, after scaling its diagonal to 1."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -223,6 +227,22 @@ def minimise(problem: CylinderProblem, initial_guess: FloatArray) -> FloatArray:
             "they lie on a plane or on several surfaces; use points of one cylinder"
         )
     return solution
+
+
+def invert_information(information: FloatArray) -> FloatArray:
+    """Return the inverse of the information matrix, computed with its diagonal scaled to 1.
+
+    DegenerateGeometry if the points do not determine all five parameters.
+    """
+    scale = 1 / np.sqrt(np.maximum(np.diag(information), TINY))
+    values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
+    if not values[0] > SINGULARITY_TOLERANCE:
+        raise DegenerateGeometry(
+            "the points do not determine the cylinder (too short an arc, or a section "
+            "perpendicular to the axis): measure a longer arc, or add a section"
+        )
+    inverse: FloatArray = (vectors / values) @ vectors.T
+    return inverse * np.outer(scale, scale)
 
 
 def _cache_last_evaluation(evaluate: Evaluation) -> Evaluation:

@@ -43,6 +43,17 @@ class RadiusPrior:
     ----------
     radius, std : float
         Mean and standard uncertainty; ``std = 0`` means exactly known. Units: mm.
+
+    Raises
+    ------
+    ValueError
+        If the radius is not positive, or the std is negative, or one is not finite.
+
+    Examples
+    --------
+    >>> import lsvision as lsv
+    >>> lsv.RadiusPrior(20.0, std=0.05)
+    RadiusPrior(radius=20.0, std=0.05)
     """
 
     radius: float

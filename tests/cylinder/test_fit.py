@@ -3,6 +3,7 @@
 import math
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -282,6 +283,48 @@ def test_invalid_points_raise_errors(
 ) -> None:
     with pytest.raises(error, match=message):
         fit_cylinder(points)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"initial_guess": 19}, "expected initial_guess as lsvision.Cylinder, got int"),
+        ({"settings": 3}, "expected settings as lsvision.CylinderFittingSettings, got int"),
+        ({"settings": None}, "expected settings as lsvision.CylinderFittingSettings, got NoneType"),
+    ],
+)
+def test_arguments_of_another_type_raise_an_error(wrong: dict[str, Any], message: str) -> None:
+    with pytest.raises(TypeError, match=message):
+        fit_cylinder(RINGS, **wrong)
+
+
+def few_points(rng: np.random.Generator, count: int) -> np.ndarray:
+    """Points of two rings with errors of 0.05 mm."""
+    turns = np.linspace(0, 2.4, 4)
+    exact = surface(PIPE, np.array([0.0, 20.0]), turns)
+    return (exact + rng.normal(0, 0.05, exact.shape))[:count]
+
+
+def test_the_noise_of_less_than_8_points_is_not_estimated() -> None:
+    rng = np.random.default_rng(1)
+    for count in (6, 7):
+        with pytest.raises(TooFewPoints, match=rf"without covariances has {count} .* needs 8"):
+            fit_cylinder(few_points(rng, count), initial_guess=PIPE)
+    with pytest.raises(TooFewPoints, match=r"without covariances has 6 .* needs 7"):
+        fit_cylinder(few_points(rng, 6), initial_guess=PIPE, known_radius=19.0)
+    covariances = np.tile(0.05**2 * np.eye(3), (6, 1, 1))
+    assert fit_cylinder(few_points(rng, 6), covariances, initial_guess=PIPE).radius_std > 0.02
+    exact = surface(PIPE, np.array([0.0, 20.0]), np.linspace(0, 2.4, 3))
+    assert fit_cylinder(exact).radius == pytest.approx(19, abs=1e-6)
+
+
+def test_intervals_of_8_points_hold_the_radius() -> None:
+    rng, count = np.random.default_rng(2), 100
+    held = 0
+    for _ in range(count):
+        low, high = fit_cylinder(few_points(rng, 8), initial_guess=PIPE).interval("radius")
+        held += low < PIPE.radius < high
+    assert held >= 0.95 * count - SIGMAS * math.sqrt(0.95 * 0.05 * count)
 
 
 def test_a_wrong_number_of_covariances_raises_an_error() -> None:
