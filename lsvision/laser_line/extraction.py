@@ -303,6 +303,20 @@ def _relocate_saturated(image: LineImage, detected: DetectedLine) -> Stripes:
     clipped = detected.windows.saturated.any(axis=1) & detected.stripes.found
     if not clipped.any():
         return detected.stripes
+    coloured = image.channel_signal is not image.signal
+    stripes = detected.stripes
+    if not coloured:
+        fits = locate_by_gaussian_fit(
+            detected.windows.select(clipped),
+            stripes.select(clipped),
+            detected.variances[clipped],
+        )
+        fitted = np.isfinite(fits.skew_shifts)
+        at = np.flatnonzero(clipped)[fitted]
+        stripes = stripes.replace_at(at, fits.select(fitted))
+        clipped[at] = False
+        if not clipped.any():
+            return stripes
     start = detected.stripes.pixels[clipped, 1]
     sigma = SATURATED_SIGMA_FACTOR * detected.sigma
     columns = detected.windows.columns[clipped]
@@ -311,19 +325,8 @@ def _relocate_saturated(image: LineImage, detected: DetectedLine) -> Stripes:
     largest = detected.variances[clipped].max(axis=1, keepdims=True)
     variances = np.broadcast_to(largest, windows.values.shape)
     wider = locate_by_derivative(windows, start, variances, sigma)
-    coloured = image.channel_signal is not image.signal
     replaced = wider.found | coloured
-    at = np.flatnonzero(clipped)[replaced]
-    stripes = detected.stripes.replace_at(at, wider.select(replaced))
-    if coloured:
-        return stripes
-    fits = locate_by_gaussian_fit(
-        detected.windows.select(clipped),
-        detected.stripes.select(clipped),
-        detected.variances[clipped],
-    )
-    fitted = np.isfinite(fits.skew_shifts)
-    return stripes.replace_at(np.flatnonzero(clipped)[fitted], fits.select(fitted))
+    return stripes.replace_at(np.flatnonzero(clipped)[replaced], wider.select(replaced))
 
 
 def _near_border(image: LineImage, detected: DetectedLine) -> BoolArray:

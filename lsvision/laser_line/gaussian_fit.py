@@ -11,11 +11,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from lsvision.geometry import FloatArray
+from lsvision.geometry import BoolArray, FloatArray, IntArray
 from lsvision.laser_line.stripe_windows import Stripes, Windows
 
 GAUSS_NEWTON_ITERATIONS = 15
-"""Damped Gauss-Newton steps: from the zero crossings 6 suffice, and 15 where pixels are clipped."""
+"""Largest number of damped Gauss-Newton steps: 3 to 5 are usual, 7 where pixels are clipped."""
+CONVERGED_STEP_PX = 1e-4
+"""Step of position and width below which a fit has converged: the next one is far smaller. Units:
+px."""
+SQUARE_RANGE, MAX_CONSTANT = (-0.5, 0.2), 0.7
+"""Coefficients of x^2 and of 1 that are added at most to the logarithm of a Gaussian in a step: its
+width changes by a factor of 0.7 to 1.3. Larger steps lead away from a faint stripe."""
 GAUSS_NEWTON_DAMPING = 1e-9
 """Diagonal added to a normal matrix, relative to its trace: it may be singular."""
 MAX_SHIFT_PX = 1.0
@@ -29,6 +35,9 @@ converged to something other than the stripe."""
 MIN_FITTED_WIDTH_PX = 0.4
 """Smallest width of a fitted stripe: a narrower one fits the noise of one or two pixels, and its
 errors are two to ten times `std`. A pixel alone blurs by 0.29. Units: px."""
+MIN_FLANK_LIGHT, MIN_FLANK_LIGHT_STDS = 0.02, 3.0
+"""Smallest light of the pixel beside a plateau of saturated ones, over the height of the line, and
+in its standard deviations."""
 MAX_LAST_STEP_STDS = 0.1
 """Largest last step of a fit that has converged, in standard deviations of the position."""
 MAX_CLIPPED_LAST_STEP_STDS = 3.0
@@ -53,8 +62,8 @@ def locate_by_gaussian_fit(windows: Windows, start: Stripes, variances: FloatArr
     Stripes
         One for each window; NaN where the fit leaves its start or fewer than `MIN_PIXELS` pixels
         are unsaturated. `std` comes from the covariance of the fit. The stripe of `start` where the
-        fitted one is narrower than `MIN_FITTED_WIDTH_PX`, or the fit has not converged: its
-        `skew_shifts` is NaN.
+        fitted one is narrower than `MIN_FITTED_WIDTH_PX`, a saturated one has no light beside its
+        plateau, or the fit has not converged: its `skew_shifts` is NaN.
     """
     usable = start.found & ((~windows.saturated).sum(axis=1) >= MIN_PIXELS)
     stripes = Stripes(
@@ -69,16 +78,17 @@ def locate_by_gaussian_fit(windows: Windows, start: Stripes, variances: FloatArr
     variances = variances[usable] / heights[:, None] ** 2
     initial = start.pixels[usable, 1] - fitted.centre_rows
     initial_widths = start.sigmas[usable]
-    guess = np.column_stack([np.ones_like(heights), initial, initial_widths, fitted.backgrounds])
-    parameters, step, normal_matrices = _fit_gaussians(fitted, guess, variances)
-    std = np.sqrt(np.linalg.pinv(normal_matrices, hermitian=True)[:, 1, 1])
-    height, position, width, _ = parameters.T
+    guess = np.stack([np.ones_like(heights), initial, initial_widths, fitted.backgrounds])
+    parameters, step, std = _fit_gaussians(fitted, guess, variances)
+    height, position, width, _ = parameters
     width_ratio = width / initial_widths
     good = (height > 0) & (np.abs(position - initial) < MAX_SHIFT_PX)
     good &= (width_ratio > SIGMA_RATIO_RANGE[0]) & (width_ratio < SIGMA_RATIO_RANGE[1])
     clipped = fitted.saturated.any(axis=1)
     max_step = np.where(clipped, MAX_CLIPPED_LAST_STEP_STDS, MAX_LAST_STEP_STDS) * std
-    unfitted = (np.abs(step[:, 1]) > max_step) | (width < MIN_FITTED_WIDTH_PX)
+    converged = np.abs(step) <= np.maximum(max_step, CONVERGED_STEP_PX)
+    lit = _flanks_have_light(fitted, variances)
+    unfitted = ~(converged & lit) | (width < MIN_FITTED_WIDTH_PX)
     good &= ~unfitted
     at = np.flatnonzero(usable)[good]
     stripes.pixels[at, 0] = fitted.columns[good]
@@ -89,6 +99,23 @@ def locate_by_gaussian_fit(windows: Windows, start: Stripes, variances: FloatArr
     stripes.skew_shifts[at] = shifts[good]
     at = np.flatnonzero(usable)[unfitted]
     return stripes.replace_at(at, start.select(at))
+
+
+def _flanks_have_light(windows: Windows, variances: FloatArray) -> BoolArray:
+    """Return whether the pixels beside the plateau of saturated ones have light on both sides (n,).
+
+    `values` of the windows are relative to the heights, and so are the `variances`. True without
+    saturated pixels. Without that light the section is a bar, to which no Gaussian fits.
+    """
+    last = len(windows.offsets) - 1
+    before = np.maximum(windows.saturated.argmax(axis=1) - 1, 0)
+    after = last - np.maximum(windows.saturated[:, ::-1].argmax(axis=1) - 1, 0)
+    ends = np.stack([before, after], axis=1)
+    light = np.take_along_axis(windows.values, ends, axis=1) - windows.backgrounds[:, None]
+    noise = np.sqrt(np.take_along_axis(variances, ends, axis=1))
+    smallest = np.maximum(MIN_FLANK_LIGHT, MIN_FLANK_LIGHT_STDS * noise)
+    lit: BoolArray = (light - smallest).min(axis=1) > 0
+    return lit | ~windows.saturated.any(axis=1)
 
 
 def _skew_shifts(
@@ -113,29 +140,101 @@ def _skew_shifts(
 def _fit_gaussians(
     windows: Windows, initial: FloatArray, variances: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the parameters A, m, q, B (n, 4) of the fits, their last step, and normal matrices."""
-    weights = np.where(windows.saturated, 0.0, 1 / variances)
-    parameters = initial
+    """Return the parameters A, m, q, B (4, n) of the fits, the last step and the std of m (n,).
+
+    `initial` (4, n) are the parameters to start from. A fit ends once it has converged.
+    """
+    weights = np.ascontiguousarray(np.where(windows.saturated, 0.0, 1 / variances).T)
+    values = np.ascontiguousarray(windows.values.T)
+    parameters, last_step, std = initial.copy(), *np.full((2, initial.shape[1]), np.inf)
+    moving = np.arange(initial.shape[1])
     for _ in range(GAUSS_NEWTON_ITERATIONS):
-        residuals, jacobians = _gaussian_residuals(windows, parameters)
-        weighted = jacobians * weights[:, :, None]
-        normal_matrices = jacobians.transpose(0, 2, 1) @ weighted
-        gradient = np.einsum("nwk,nw->nk", weighted, residuals)
-        trace = normal_matrices.trace(axis1=1, axis2=2)[:, None, None]
-        normal_matrices += GAUSS_NEWTON_DAMPING * trace * np.eye(4)
-        step = np.linalg.solve(normal_matrices, gradient[:, :, None])[:, :, 0]
-        # Position and width change by half the width at most, so that the fit stays at its stripe.
-        limit = 0.5 * parameters[:, 2]
-        step[:, 1:3] = np.clip(step[:, 1:3], -limit[:, None], limit[:, None])
-        parameters = parameters + step
-    return parameters, step, normal_matrices
+        current = parameters[:, moving]
+        step, std[moving] = _gauss_newton_step(windows.offsets, values, weights, current)
+        parameters[:, moving] = changed = _change_logarithm(current, step)
+        moved = np.abs(changed - current)[1:3]
+        last_step[moving] = moved[0]
+        unfinished = ~(moved < CONVERGED_STEP_PX).all(axis=0)
+        moving = moving[unfinished]
+        if not len(moving):
+            break
+        values, weights = values[:, unfinished], weights[:, unfinished]
+    return parameters, last_step, std
 
 
-def _gaussian_residuals(windows: Windows, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the residuals (n, w), and derivatives (n, w, 4) of the model by A, m, q, B."""
-    height, position, width, background = (column[:, None] for column in parameters.T)
-    x = (windows.offsets - position) / width
-    shape = np.exp(-0.5 * x**2)
-    by_position = height * shape * x / width
-    jacobians = np.stack([shape, by_position, by_position * x, np.ones_like(shape)], axis=2)
-    return windows.values - height * shape - background, jacobians
+def _gauss_newton_step(
+    offsets: IntArray, values: FloatArray, weights: FloatArray, parameters: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the step (4, n) of n fits, and the std of their positions (n,).
+
+    A step is a change of the logarithm of the Gaussian by c0 + c1 x + c2 x^2, with x = (k - m) / q,
+    and of B. The derivatives of the model by A c0, A c1, A c2 and B are S, S x, S x^2 and 1, with
+    S = exp(-x^2 / 2): the normal equations consist of moments of S and S^2 over the pixels.
+    `values` and `weights` are (w, n).
+    """
+    height, position, width, background = parameters
+    # In place: new arrays of this size take more time than what is computed in them.
+    shape = offsets[:, None] - position
+    shape /= width
+    np.exp(np.multiply(np.square(shape, out=shape), -0.5, out=shape), out=shape)
+    weighted = weights * shape
+    first = _moments(weighted, offsets, position, width, 2)
+    second = _moments(np.multiply(weighted, shape, out=shape), offsets, position, width, 4)
+    light = _moments(np.multiply(weighted, values, out=shape), offsets, position, width, 2)
+    total = weights.sum(axis=0)
+    system = np.empty((4, 6, len(position)))
+    for row in range(3):
+        system[row, :3] = second[row : row + 3]
+    system[:3, 3] = system[3, :3] = first
+    system[3, 3] = total
+    system[:3, 4] = light - height * second[:3] - background * first
+    sums = np.einsum("wn,wn->n", weights, values)
+    system[3, 4] = sums - height * first[0] - background * total
+    system[:, 5] = np.array([0.0, 1.0, 0.0, 0.0])[:, None]
+    diagonal = np.arange(4)
+    system[diagonal, diagonal] += GAUSS_NEWTON_DAMPING * system[diagonal, diagonal].sum(axis=0)
+    step, covariance = np.moveaxis(_solve(system), 1, 0)
+    step[:3] /= height
+    return step, np.sqrt(covariance[1]) * np.abs(width / height)
+
+
+def _change_logarithm(parameters: FloatArray, step: FloatArray) -> FloatArray:
+    """Return the parameters (4, n) after a step.
+
+    A parabola is added to the logarithm of each Gaussian. That of a flank is nearly linear in the
+    parabola's coefficients, but not in m and q: half the number of steps suffices.
+    """
+    height, position, width, background = parameters
+    constant, linear, square = step[:3]
+    narrowing = 1 - 2 * np.clip(square, *SQUARE_RANGE)
+    # The position moves by half the width at most, so that the fit stays at its stripe.
+    shift = np.clip(linear / narrowing, -0.5, 0.5)
+    growth = np.clip(constant, -MAX_CONSTANT, MAX_CONSTANT) + 0.5 * narrowing * shift**2
+    return np.stack(
+        [
+            height * np.exp(growth),
+            position + width * shift,
+            width / np.sqrt(narrowing),
+            background + step[3],
+        ]
+    )
+
+
+def _moments(
+    weights: FloatArray, offsets: IntArray, position: FloatArray, width: FloatArray, order: int
+) -> FloatArray:
+    """Return the sums (order + 1, n) over the pixels of weights (w, n) times powers of x."""
+    moments: FloatArray = offsets.astype(np.float64) ** np.arange(order + 1)[:, None] @ weights
+    for done in range(order):
+        moments[done + 1 :] -= position * moments[done:-1]
+    return moments / width ** np.arange(order + 1)[:, None]
+
+
+def _solve(system: FloatArray) -> FloatArray:
+    """Return the solutions (k, j, n) of n positive definite systems, matrix beside right sides."""
+    size = len(system)
+    for k in range(size):
+        row = system[k, k:] / system[k, k]
+        system[:, k:] -= system[:, k, None] * row
+        system[k, k:] = row
+    return system[:, size:]

@@ -1,14 +1,17 @@
 """The extracted line against the truth of the simulator."""
 
+import math
 import tracemalloc
 from functools import cache
 
 import cv2
 import numpy as np
 import pytest
+from scipy.optimize import curve_fit
 
 from lsvision.laser_line.extraction import LineSettings, extract_laser_line
 from lsvision.laser_line.path_search import PathSettings
+from lsvision.laser_line.stripe_windows import HALF_WIDTH_SIGMAS
 from lsvision.simulate.image_effects import ImageSensor, StrayLight
 from tests.laser_line.line_scenes import CLUTTER, SMALL_RIG, pipe_on_floor, plank, rendered
 from tests.tolerances import ROUNDING
@@ -122,6 +125,46 @@ def test_an_overexposed_line_has_no_columns_far_beyond_the_std_of_their_fit():
         errors.append((line.pixels[:, 1] - truth) / line.std)
     assert np.isfinite(errors).mean() > 0.99
     assert np.nanmean(np.power(errors, 4)) < 6  # 3 for normal errors
+
+
+@pytest.mark.parametrize("peak", [180, 400, 1200])
+def test_the_fit_is_the_weighted_least_squares_fit_to_the_unsaturated_pixels(peak, rng):
+    rows, position = np.arange(80.0), 40.3
+    mean = 10 + peak * np.exp(-0.5 * ((rows[:, None] - position) / 1.8) ** 2) * np.ones(60)
+    image = np.clip(np.rint(mean + rng.normal(0, 2, mean.shape)), 0, 255).astype(np.uint8)
+    settings = LineSettings(method="gaussian", read_noise=2.0, gain=0.0)
+    line = extract_laser_line(image, settings)
+    half_width = math.ceil(HALF_WIDTH_SIGMAS * line.filter_sigma)
+    for column in range(0, 60, 7):
+        k = np.arange(40 - half_width, 41 + half_width)
+        k = k[image[k, column] < 255]
+        fit = curve_fit(
+            lambda x, a, m, q, b: a * np.exp(-0.5 * ((x - m) / q) ** 2) + b,
+            k,
+            image[k, column],
+            (peak, position, 1.8, 10),
+            sigma=np.full(len(k), 2.0),
+            absolute_sigma=True,
+        )
+        assert line.pixels[column, 1] == pytest.approx(fit[0][1], abs=1e-3)
+        assert line.width[column] == pytest.approx(fit[0][2], abs=3e-3)
+
+
+@pytest.mark.parametrize("noise", [0.0, 3.0])
+@pytest.mark.parametrize("full_scale", [255, 65535])
+@pytest.mark.parametrize("method", ["derivative", "gaussian"])
+def test_the_std_of_a_bar_without_flanks_is_that_of_its_ends(method, full_scale, noise, rng):
+    # No pixel between full scale and the background: a Gaussian fits nothing (stated: 7 px).
+    columns = np.arange(400)
+    truth = 100 + 0.05 * columns - 8 * np.sin(columns / 60)
+    bar = np.abs(np.arange(200)[:, None] - truth) <= 3.5
+    image = full_scale * (bar + noise / 255 * rng.normal(size=bar.shape))
+    image = np.clip(np.rint(image), 0, full_scale).astype(f"uint{full_scale.bit_length()}")
+    line = extract_laser_line(image, LineSettings(method=method))
+    error = rms(line.pixels[:, 1] - truth)
+    assert error < 0.32
+    assert error < np.nanmedian(line.std) < 1.3 * error
+    assert np.nanmax(line.std) < 0.5
 
 
 def test_noise_given_by_the_settings_is_used():
