@@ -76,6 +76,17 @@ def select_sharper_line(
     return luminance_image, luminance_line.replace_columns(coarse, pair.disturbed), stds
 
 
+def coarse_colour_std(detected: DetectedLine) -> float:
+    """Return the standard deviation that coarse colours add to the line located in them, in px.
+
+    It is the line's roughness, over the largest distance at which columns share their errors; 0 if
+    the colours have the image's resolution.
+    """
+    found = detected.stripes.found
+    columns, rows = detected.windows.columns[found], detected.stripes.pixels[found, 1]
+    return roughness(columns, rows) if errors_are_correlated(columns, rows) else 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class _ComparedLines:
     """The line in colour and in luminance, in the same n columns.

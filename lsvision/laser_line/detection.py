@@ -209,7 +209,7 @@ def choose_pixel_noise(image: LineImage, windows: Windows, settings: LineSetting
     rounding_variance = ROUNDING_VARIANCE * image.value_step**2
     if read_noise is not None and gain is not None:
         return PixelNoise(read_noise**2, gain, rounding_variance)
-    estimated = estimate_pixel_noise(image.signal, windows, rounding_variance)
+    estimated = estimate_pixel_noise(image, windows, rounding_variance)
     return PixelNoise(
         estimated.read_variance if read_noise is None else read_noise**2,
         estimated.gain if gain is None else gain,

@@ -13,7 +13,7 @@ from lsvision.errors import NoLaserLine
 from lsvision.geometry import BoolArray, FloatArray, IntArray, Points
 from lsvision.geometry.arrays import freeze_arrays
 from lsvision.geometry.equality import ComparedByValue
-from lsvision.laser_line.coarse_colours import select_sharper_line
+from lsvision.laser_line.coarse_colours import coarse_colour_std, select_sharper_line
 from lsvision.laser_line.detection import DetectedLine, find_direction, find_line
 from lsvision.laser_line.gaussian_fit import locate_by_gaussian_fit
 from lsvision.laser_line.image_array import MIN_SIZE_PX, Image, as_image
@@ -190,6 +190,8 @@ def extract_laser_line(
     coarseness: FloatArray | float = 0.0
     if settings.luminance and line_image.colours:
         line_image, detected, coarseness = select_sharper_line(line_image, detected, settings)
+    elif line_image.colours:
+        coarseness = coarse_colour_std(detected)
     stripes = _locate_stripes(line_image, detected, settings)
     stripes = replace(stripes, std=np.hypot(stripes.std, coarseness))
     _check_border(line_image, detected)

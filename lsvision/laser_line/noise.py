@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.geometry import FloatArray, IntArray
-from lsvision.laser_line.image_array import Image
+from lsvision.laser_line.line_image import LineImage
 from lsvision.laser_line.stripe_windows import Windows
 from lsvision.statistics.robust import MAD_TO_STD, mad_std, median
 
@@ -78,19 +78,22 @@ class PixelNoise:
         return np.maximum(variances, self.rounding_variance)
 
 
-def estimate_pixel_noise(signal: Image, windows: Windows, rounding_variance: float) -> PixelNoise:
+def estimate_pixel_noise(
+    image: LineImage, windows: Windows, rounding_variance: float
+) -> PixelNoise:
     """Estimate read noise and gain of an image from the pixels in windows around its laser line.
 
     Variance against mean, fitted through the medians of bins of equal size (photon transfer, EMVA
     1288); each pixel's variance is its squared fourth difference along the line. Neither
     read noise nor gain is negative. No variance is below `rounding_variance`, in DN^2.
     """
-    inside = np.flatnonzero((windows.columns >= 2) & (windows.columns < signal.shape[1] - 2))
+    height, width = image.signal.shape
+    inside = np.flatnonzero((windows.columns >= 2) & (windows.columns < width - 2))
     inside = inside[:: max(1, len(inside) // MAX_SAMPLE_COLUMNS)]
     offsets = windows.offsets[:: max(1, len(windows.offsets) // MAX_SAMPLE_PIXELS)]
-    rows = np.clip(windows.centre_rows[inside, None] + offsets, 0, signal.shape[0] - 1)
-    indices = (rows * signal.shape[1] + windows.columns[inside, None]).ravel()
-    along = signal.ravel().take(indices + np.arange(-2, 3)[:, None]).astype(np.float64)
+    rows = np.clip(windows.centre_rows[inside, None] + offsets, 0, height - 1)
+    columns = np.broadcast_to(windows.columns[inside, None], rows.shape)
+    along = image.signal_at(rows.ravel(), columns.ravel() + np.arange(-2, 3)[:, None])
     level = along.mean(axis=0)
     scatter = np.abs(FOURTH_DIFFERENCE @ along)
     # Bins of equal size: the few brightest pixels that do not fill a bin are omitted.

@@ -151,8 +151,11 @@ def cut_windows(
     offsets = np.arange(-half_width, half_width + 1)
     centre_rows = np.rint(rows).astype(np.int64)
     window_rows = np.clip(centre_rows + offsets[:, None], 0, signal.shape[0] - 1)
-    values = signal[window_rows, columns]
+    if signal is image.signal:
+        values = image.signal_at(window_rows, columns)
+    else:
+        values = signal[window_rows, columns].astype(np.float64)
     raw = values if image.raw_channel is signal else image.raw_channel[window_rows, columns]
     # Transposed views: a sum over the pixels of each window adds whole rows of memory.
     saturated = (raw >= image.full_scale).T
-    return Windows(columns, centre_rows, offsets, values.astype(np.float64).T, saturated)
+    return Windows(columns, centre_rows, offsets, values.T, saturated)
