@@ -45,6 +45,8 @@ BINS = 12
 """Bins of pixel values in the photon transfer curve."""
 MAX_SAMPLE_COLUMNS, MAX_SAMPLE_PIXELS = 250, 9
 """Columns, and pixels in each window, to which the photon transfer curve is subsampled."""
+MAX_SAMPLE_LEVEL = 0.9
+"""Largest value of a pixel of that curve over the full scale."""
 ROUNDING_VARIANCE = 1 / 12
 """Variance of rounding to whole numbers. Units: DN^2."""
 MIN_SAMPLES = 40
@@ -93,7 +95,13 @@ def estimate_pixel_noise(
     offsets = windows.offsets[:: max(1, len(windows.offsets) // MAX_SAMPLE_PIXELS)]
     rows = np.clip(windows.centre_rows[inside, None] + offsets, 0, height - 1)
     columns = np.broadcast_to(windows.columns[inside, None], rows.shape)
-    along = image.signal_at(rows.ravel(), columns.ravel() + np.arange(-2, 3)[:, None])
+    at = rows.ravel(), columns.ravel() + np.arange(-2, 3)[:, None]
+    along = image.signal_at(*at)
+    # At full scale pixels have no noise, and just below it only one side of it.
+    raw = image.raw_channel[at].mean(axis=0)
+    below = raw < MAX_SAMPLE_LEVEL * image.full_scale
+    if np.count_nonzero(below) >= MIN_SAMPLES:
+        along = along[:, below]
     level = along.mean(axis=0)
     scatter = np.abs(FOURTH_DIFFERENCE @ along)
     # Bins of equal size: the few brightest pixels that do not fill a bin are omitted.

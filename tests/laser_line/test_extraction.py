@@ -10,8 +10,10 @@ import pytest
 from scipy.optimize import curve_fit
 
 from lsvision.laser_line.extraction import LineSettings, extract_laser_line
+from lsvision.laser_line.line_image import prepare_line_image
+from lsvision.laser_line.noise import estimate_pixel_noise
 from lsvision.laser_line.path_search import PathSettings
-from lsvision.laser_line.stripe_windows import HALF_WIDTH_SIGMAS
+from lsvision.laser_line.stripe_windows import HALF_WIDTH_SIGMAS, cut_windows
 from lsvision.simulate.image_effects import ImageSensor, StrayLight
 from tests.laser_line.line_scenes import CLUTTER, SMALL_RIG, pipe_on_floor, plank, rendered
 from tests.tolerances import ROUNDING
@@ -165,6 +167,28 @@ def test_the_std_of_a_bar_without_flanks_is_that_of_its_ends(method, full_scale,
     assert error < 0.32
     assert error < np.nanmedian(line.std) < 1.3 * error
     assert np.nanmax(line.std) < 0.5
+
+
+@pytest.mark.parametrize(("halo", "fitted"), [(0.0, True), (0.15, False)])
+def test_an_overexposed_line_with_a_halo_is_not_located_by_a_gaussian(halo, fitted, rng):
+    x = np.arange(80.0)[:, None] - 40.2 - 0.02 * np.arange(600)
+    section = (1 - halo) * np.exp(-0.5 * (x / 1.5) ** 2) + halo / 3 * np.exp(-0.5 * (x / 4.5) ** 2)
+    mean = 10 + 750 * section
+    noise = rng.normal(size=mean.shape) * np.sqrt(2 + 0.03 * mean)
+    line = extract_laser_line(np.clip(np.rint(mean + noise), 0, 255).astype(np.uint8))
+    assert np.mean(np.isfinite(line.skew_shift) == fitted) > 0.95
+
+
+def test_the_noise_of_an_overexposed_image_is_that_of_its_other_pixels(rng):
+    # Pixels at full scale do not scatter: they made the noise of all others 4 times too small.
+    rows, truth = np.arange(80.0)[:, None], 40.2 + 0.02 * np.arange(1200)
+    mean = 10 + 700 * np.exp(-0.5 * ((rows - truth) / 1.5) ** 2)
+    noisy = mean + rng.normal(size=mean.shape) * np.sqrt(2 + 0.05 * mean)
+    image = prepare_line_image(np.clip(np.rint(noisy), 0, 255).astype(np.uint8), None, "grey", None)
+    windows = cut_windows(image, image.signal, np.arange(1200), truth, 2.0)
+    noise = estimate_pixel_noise(image, windows, 1 / 12)
+    assert noise.gain == pytest.approx(0.05, rel=0.3)
+    assert noise.variances(np.array([30.0])) == pytest.approx(3.5, rel=0.25)
 
 
 def test_noise_given_by_the_settings_is_used():
