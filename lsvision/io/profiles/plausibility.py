@@ -11,6 +11,7 @@ _USUAL_MM = 1e3  # largest coordinate of most profiles
 _FINER_UNITS = ("um", "10nm")  # the first with which coordinates are below _USUAL_MM is suggested
 _MIN_ORDERED_POINTS = 20  # smallest number of points whose order distinguishes x from height
 _STEADY_FRACTIONS = (0.1, 0.9)  # of rising steps; outside, most steps have the same direction
+_MIN_WHOLE_POINTS, _MIN_WHOLE_HEIGHTS = 20, 10  # of a profile, and of its different heights
 _MIN_WIDTH_MM = 1.0  # narrower than the field of any profile sensor
 _MAX_LIDAR_EXTENT = 10.0  # coordinates up to this may be metres of a lidar, or mm of a sensor
 
@@ -29,12 +30,16 @@ def find_extent(profiles: tuple[Profile, ...]) -> tuple[FloatArray, FloatArray] 
     return np.array(low), np.array(high)
 
 
-def find_unit_warnings(low: FloatArray, high: FloatArray, stated: str) -> tuple[str, ...]:
+def find_unit_warnings(profiles: tuple[Profile, ...], stated: str) -> tuple[str, ...]:
     """Return a note if coordinates exceed the range of any sensor, or the width is below its field.
 
-    `low` and `high` are the smallest and largest x and height in mm, `stated` the unit that the
-    file or the caller states, which the note then suggests to check; if it is empty, another unit.
+    Without a stated unit also if all heights are whole numbers. `stated` is the unit that the file
+    or the caller states, which the note then suggests to check; if it is empty, another unit.
     """
+    extent = find_extent(profiles)
+    if extent is None:
+        return ()
+    low, high = extent
     farthest = float(np.abs([low, high]).max())
     if farthest > _MAX_RANGE_MM:
         unit = next(
@@ -46,10 +51,27 @@ def find_unit_warnings(low: FloatArray, high: FloatArray, stated: str) -> tuple[
         problem = f"the profile is {high[0] - low[0]:.3g} mm wide"
         remedy = "if it is in metres, see --units m"
     else:
-        return ()
+        return () if stated else _find_count_warnings(profiles)
     if stated:
         remedy = f"check the stated unit ({stated}), see --units"
     return (f"{problem}: {remedy}",)
+
+
+def _find_count_warnings(profiles: tuple[Profile, ...]) -> tuple[str, ...]:
+    """Return a warning if all heights are whole numbers: counts, or rounded to whole mm.
+
+    A few heights may be whole by chance, or the steps of an object.
+    """
+    heights = np.concatenate([profile.points[:, 1] for profile in profiles])
+    heights = heights[np.isfinite(heights)]
+    if len(heights) < _MIN_WHOLE_POINTS or not np.array_equal(heights, np.round(heights)):
+        return ()
+    if len(np.unique(heights)) < _MIN_WHOLE_HEIGHTS:
+        return ()
+    return (
+        "the heights are whole numbers without a unit, as counts of a sensor are: state the size "
+        "of a count, see --units 0.1mm",
+    )
 
 
 def find_other_problems(

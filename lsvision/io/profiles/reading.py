@@ -298,7 +298,7 @@ def convert_to_section_frame(
     extent = find_extent(profiles)
     # A unit other than mm is stated, at least for one axis.
     stated = "" if assumed and unit_names == ("mm",) else ", ".join(unit_names)
-    unit_warnings = () if extent is None else find_unit_warnings(*extent, stated)
+    unit_warnings = find_unit_warnings(profiles, stated)
     hints = () if extent is None else find_other_problems(*extent, profiles, assumed=assumed)
     guessed = tuple(marker.note for marker in markers if marker.guessed)
     return ProfileFile(
