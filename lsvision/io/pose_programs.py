@@ -6,13 +6,14 @@ from pathlib import Path
 from lsvision.errors import UnreadableFile
 from lsvision.io.robot_conventions import PoseConvention
 
-_NUMBER = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+NUMBER = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+"""Pattern of a number in a program."""
 # A position such as {X 100, Y 0, ...} or {E6POS: X 100, ...}, and one of joint angles, {A1 0, ...}.
 _KUKA = re.compile(
     r"\{\s*(?:(?:E6POS|POS|FRAME|E3POS)\s*)?(?::\s*)?(X\s+[-+.0-9][^{}]*)\}", re.IGNORECASE
 )
 _KUKA_AXES = re.compile(r"\{\s*(?:(?:E6AXIS|AXIS)\s*)?(?::\s*)?A1\s[^{}]*\}", re.IGNORECASE)
-_KUKA_FIELD = re.compile(rf"(?<![A-Z0-9])([A-Z][A-Z0-9]*)\s+({_NUMBER})", re.IGNORECASE)
+_KUKA_FIELD = re.compile(rf"(?<![A-Z0-9])([A-Z][A-Z0-9]*)\s+({NUMBER})", re.IGNORECASE)
 # A position such as P[1:"weld"] { X = 100 mm, ... }, its user frame and its tool, UF : 1, UT : 2.
 _FANUC = re.compile(r"\bP\[\s*([0-9]{1,9})[^\]]{0,200}\]\s*\{([^{}]*)\}", re.IGNORECASE)
 _FANUC_FIELD = re.compile(r"\b([XYZWPR])\s*=\s*([^\s,;}]+)[ \t]*([A-Z]*)", re.IGNORECASE)
@@ -21,7 +22,7 @@ _FANUC_FRAME = re.compile(r"\b(U[FT])\s*:\s*(\S{1,40}?)\s*,", re.IGNORECASE)
 
 def _numbers(count: int) -> str:
     """Return the pattern of numbers between commas."""
-    return r"\s*,\s*".join([_NUMBER] * count)
+    return r"\s*,\s*".join([NUMBER] * count)
 
 
 # A robtarget [[x, y, z], [q1, q2, q3, q4], [axis configuration], [external axes]].
@@ -50,6 +51,29 @@ _ABB_START = re.compile(r"\brobtarget\s+\w+(?:\{[0-9]+\})?\s*:=", re.IGNORECASE)
 _MITSUBISHI_SETTING = re.compile(r"[0-9\s]*P_", re.IGNORECASE)  # such as P_TOOL
 
 
+_PROGRAMS = (
+    ("kuka", _KUKA),
+    ("fanuc", _FANUC),
+    ("abb", _ABB),
+    ("mitsubishi", _MITSUBISHI),
+    ("yaskawa", _YASKAWA),
+    ("ur", _UR),
+    ("kawasaki", _KAWASAKI),
+)
+"""Name of the convention of each maker, and the pattern of its programs."""
+
+
+def find_maker(text: str) -> str:
+    """Return the convention of the robot program that a text is; empty if it is none.
+
+    Examples
+    --------
+    >>> find_maker("LIN {X 100, Y 0, Z 50, A 0, B 90, C 0}"), find_maker("x, z")
+    ('kuka', '')
+    """
+    return next((maker for maker, pattern in _PROGRAMS if pattern.search(text)), "")
+
+
 def read_program_rows(
     path: Path, text: str, pose_convention: PoseConvention
 ) -> list[list[float]] | None:
@@ -63,27 +87,28 @@ def read_program_rows(
         For joint angles, positions that are incomplete or were never taught, several bases, user
         frames, work objects, tools or motion groups, or a convention other than the maker's.
     """
-    for pattern, maker, read_rows in (
-        (_KUKA, "kuka", _kuka_rows),
-        (_FANUC, "fanuc", _fanuc_rows),
-        (_ABB, "abb", _abb_rows),
-        (_MITSUBISHI, "mitsubishi", _mitsubishi_rows),
-        (_YASKAWA, "yaskawa", _yaskawa_rows),
-        (_UR, "ur", _ur_rows),
-    ):
-        if pattern.search(text):
-            if pose_convention.name != maker:
-                raise UnreadableFile(
-                    f"{path}: expected convention {maker!r} for the {maker.upper()} program, got "
-                    f"{pose_convention.name!r}: use --convention {maker}"
-                )
-            return read_rows(path, text, pose_convention)
+    readers = {
+        "kuka": _kuka_rows,
+        "fanuc": _fanuc_rows,
+        "abb": _abb_rows,
+        "mitsubishi": _mitsubishi_rows,
+        "yaskawa": _yaskawa_rows,
+        "ur": _ur_rows,
+    }
+    maker = find_maker(text)
+    if maker in readers:
+        if pose_convention.name != maker:
+            raise UnreadableFile(
+                f"{path}: expected convention {maker!r} for the {maker.upper()} program, got "
+                f"{pose_convention.name!r}: use --convention {maker}"
+            )
+        return readers[maker](path, text, pose_convention)
     if _KUKA_AXES.search(text):
         raise UnreadableFile(
             f"{path}: joint angles (E6AXIS) instead of positions: write E6POS or FRAME of the "
             "flange"
         )
-    if _KAWASAKI.search(text):
+    if maker == "kawasaki":
         raise UnreadableFile(
             f"{path}: a Kawasaki program, which is not read: write X Y Z O A T of its positions as "
             "text, one line per pose in the order of the motion"

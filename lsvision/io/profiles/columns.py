@@ -14,10 +14,10 @@ from lsvision.io.profiles.column_roles import (
     columns_by_role,
     is_encoder,
 )
-from lsvision.io.profiles.number_table import NumberTable
-from lsvision.io.profiles.pose_tables import refuse_likely_poses, refuse_matrices
+from lsvision.io.profiles.number_table import NumberTable, holds_number
+from lsvision.io.profiles.point_order import note_order
+from lsvision.io.profiles.pose_tables import refuse_pose_names, refuse_poses
 from lsvision.io.profiles.profile_keys import (
-    MIN_POINTS_PER_PROFILE,
     find_key,
     find_profile_attributes,
     find_scan_key,
@@ -84,6 +84,8 @@ def profiles_from_table(table: NumberTable, settings: ReadSettings) -> RawProfil
         if note:
             positions, choice = None, replace(choice, notes=(*choice.notes, note))
     sections = [points] if len(rows) == 1 else [points[r] for r in rows]
+    if settings.columns is None:
+        refuse_pose_names(table, [points[r] for r in rows])
     attributes, ignored = find_profile_attributes(
         table, rows, points=choice.coordinates, key=choice.key, excluded=choice.considered
     )
@@ -93,7 +95,7 @@ def profiles_from_table(table: NumberTable, settings: ReadSettings) -> RawProfil
         away=choice.away,
         positions=positions,
         position_unit=position_unit,
-        notes=table.notes + choice.notes + _note_restarts(sections),
+        notes=table.notes + choice.notes + note_order(sections),
         lost=table.lost,
         limits=table.limits,
         attributes=attributes,
@@ -130,30 +132,7 @@ def _choose_columns(table: NumberTable, settings: ReadSettings) -> _Columns:
         return _choose_spatial_columns(table, settings)
     if settings.columns is not None:
         return _requested_columns(table, settings.columns)
-    refuse_matrices(table)
     return _choose_by_name(table) or _choose_by_position(table)
-
-
-def _note_restarts(sections: Sequence[FloatArray]) -> tuple[str, ...]:
-    """Return a note if x repeats its range: probably several profiles one after the other."""
-    if len(sections) != 1 or sections[0].shape[1] != 2:
-        return ()
-    x = sections[0][np.isfinite(sections[0][:, 0]), 0]
-    with np.errstate(over="ignore", invalid="ignore"):  # numbers near the largest float
-        steps, span = np.diff(x), np.ptp(x) if len(x) else 0.0
-    if len(steps) < 2 * MIN_POINTS_PER_PROFILE:
-        return ()
-    rising, falling = np.count_nonzero(steps > 0), np.count_nonzero(steps < 0)
-    if not (rising and falling):
-        return ()
-    jumps = steps < -0.5 * span if rising >= falling else steps > 0.5 * span
-    restarts = np.flatnonzero(jumps)
-    if len(restarts) == 0 or np.diff([-1, *restarts, len(x) - 1]).min() < MIN_POINTS_PER_PROFILE:
-        return ()
-    return (
-        f"x starts again {len(restarts)} times: if these are several profiles, add a column of "
-        "their numbers, or write one per file",
-    )
 
 
 def _choose_spatial_columns(table: NumberTable, settings: ReadSettings) -> _Columns:
@@ -297,7 +276,9 @@ def _choose_by_role(table: NumberTable) -> _Columns | None:
 
 def _choose_by_position(table: NumberTable) -> _Columns:
     """Return the columns by their order; see `profiles_from_table`."""
+    _reject_numbers_in_text(table)
     columns = _number_columns(table)
+    refuse_poses(table, columns)
     if table.names:
         numbering = [c for c in columns if numbers_points(table, c)]
         others = [c for c in columns if c not in numbering]
@@ -353,6 +334,17 @@ def _check_numbers(table: NumberTable, choice: _Columns) -> None:
             raise UnreadableFile(f"line {cell.row}: {named}{cell.text[:40]!r} {cell.reason}")
 
 
+def _reject_numbers_in_text(table: NumberTable) -> None:
+    """Raise an error for a column of text with decimal numbers, which may be coordinates."""
+    for column, cells in table.texts.items():
+        cell = next(filter(holds_number, cells), None)
+        if cell is not None:
+            raise UnreadableFile(
+                f"column {table.label(column)} holds numbers with other text ({cell[:40]!r}): "
+                "write the numbers alone, or name the columns of x and height with --columns"
+            )
+
+
 def _raise_one_column(table: NumberTable) -> NoReturn:
     """Raise the error of a table with less than two columns of numbers, with what prevents more."""
     cell = next(iter(table.invalid_cells.values()), None)
@@ -373,7 +365,7 @@ def _raise_one_column(table: NumberTable) -> NoReturn:
 
 
 def _raise_no_key(table: NumberTable, key: int) -> NoReturn:
-    refuse_likely_poses(table, _number_columns(table))
+    refuse_pose_names(table, ())
     values = len(np.unique(table.values[:, key]))
     raise UnreadableFile(
         f"column {table.label(key)} does not separate profiles ({values} values in "

@@ -36,6 +36,7 @@ from lsvision.io.profiles.opencv_storage import (
     parse_opencv_json,
     table_from_points,
 )
+from lsvision.io.profiles.pose_documents import refuse_pose_document
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.stated_units import add_units, require_known_unit
 from lsvision.io.profiles.text_encoding import decode_text
@@ -82,6 +83,7 @@ def profiles_from_document(document: Any, settings: ReadSettings, kind: str) -> 
     """
     profiles = _find_profiles(document, settings, depth=0)
     if profiles is None:
+        refuse_pose_document(document)
         raise UnreadableFile(
             f"{kind} without a list of points ({_describe_contents(document)}): {_EXPECTED_KEYS}"
         )

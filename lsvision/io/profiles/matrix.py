@@ -12,7 +12,7 @@ from lsvision.geometry import FloatArray
 from lsvision.io.images import TooManyPixels, decode_image
 from lsvision.io.profiles.column_roles import HEIGHT_ROLES, column_role
 from lsvision.io.profiles.columns import profiles_from_table
-from lsvision.io.profiles.number_table import NumberTable, floats_from
+from lsvision.io.profiles.number_table import NumberTable, floats_from, holds_number
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.stated_units import common_unit, statements_about_axis
 from lsvision.io.profiles.text_encoding import decode_text
@@ -98,7 +98,7 @@ def profiles_from_matrix(table: NumberTable, settings: ReadSettings) -> RawProfi
         both do, or a number has thousands separators.
     """
     columns = _height_columns(table)
-    _reject_thousands_separators(table, columns)
+    _reject_numbers_in_text(table, columns)
     away = _are_ranges(table, columns)
     left_out = [table.label(c) for c in range(table.values.shape[1]) if c not in columns]
     if left_out and not settings.transpose:
@@ -157,8 +157,18 @@ def _are_ranges(table: NumberTable, columns: Sequence[int]) -> bool:
     return bool(stems) and all(column_role(stem) == "range" for stem in stems)
 
 
-def _reject_thousands_separators(table: NumberTable, columns: Sequence[int]) -> None:
-    """Raise an error for a number with thousands separators; other text marks lost points."""
+def _reject_numbers_in_text(table: NumberTable, columns: Sequence[int]) -> None:
+    """Raise an error for a number with thousands separators, or with other text beside heights.
+
+    Other text marks lost points.
+    """
+    for column, cells in table.texts.items():
+        cell_text = next(filter(holds_number, cells), None)
+        if column not in columns and cell_text is not None:
+            raise UnreadableFile(
+                f"column {table.label(column)} holds numbers with other text ({cell_text[:40]!r}): "
+                "write the numbers alone"
+            )
     for column in columns:
         cell = table.invalid_cells.get(column)
         if cell is not None and cell.grouped:

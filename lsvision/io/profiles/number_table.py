@@ -46,6 +46,11 @@ THOUSANDS = re.compile(
 )
 _GROUPED = re.compile(r"[-+]?[1-9][0-9]{0,2},[0-9]{3}")
 """Ambiguous cell such as 1,234: the comma is the decimal mark or a thousands separator."""
+# A number with decimals, or behind = or in brackets; a time or a date.
+_NUMBER_IN_TEXT = re.compile(
+    r"(?<![0-9.])[0-9]+[.,][0-9]+(?![0-9.])|[=\[({]\s*[-+]?[0-9]|[0-9]\s*[\])}]"
+)
+_TIME = re.compile(r"[0-9]:[0-9]|[0-9]{4}[-/][0-9]{2}|[0-9]{2}[./][0-9]{2}[./][0-9]")
 MIN_GROUPED_CELLS = 3
 """Smallest number of cells like 1,234 that, beside whole numbers, may have thousands separators."""
 # Typographic dashes as minus signs, and typographic blanks as those in `MISSING_VALUES`.
@@ -88,6 +93,17 @@ def is_missing(cell: str) -> bool:
     """
     word = cell.strip().lower()
     return word in MISSING_VALUES or bool(_MISSING_PATTERN.fullmatch(word))
+
+
+def holds_number(cell: str) -> bool:
+    """Return whether a text holds a number beside other characters, and no time or name.
+
+    Examples
+    --------
+    >>> [holds_number(cell) for cell in ("x=-60", "[12", "12.5mm", "10:30:00.25", "p12")]
+    [True, True, True, False, False]
+    """
+    return bool(_NUMBER_IN_TEXT.search(cell)) and not _TIME.search(cell)
 
 
 def numbers_from_cells(cells: Sequence[str]) -> FloatArray:

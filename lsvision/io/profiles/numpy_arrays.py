@@ -16,11 +16,12 @@ import numpy.typing as npt
 
 from lsvision.errors import UnreadableFile
 from lsvision.files.limited_reading import current_size_limit
-from lsvision.io.profiles.column_roles import has_known_role
+from lsvision.io.profiles.column_roles import has_known_role, names_section
 from lsvision.io.profiles.columns import profiles_from_rows_of_points, profiles_from_table
 from lsvision.io.profiles.matrix import MIN_COLUMNS, are_heights, profiles_from_matrix
 from lsvision.io.profiles.named_columns import profiles_from_named
 from lsvision.io.profiles.number_table import NumberTable, floats_from
+from lsvision.io.profiles.pose_documents import refuse_pose_arrays
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.stated_units import add_units
 from lsvision.io.profiles.unit_statements import (
@@ -103,6 +104,8 @@ def _profiles_from_arrays(
     if key is not None:
         raw = profiles_from_array(arrays[key], settings, statements, key)
         return replace(raw, ignored=raw.ignored + tuple(name for name in arrays if name != key))
+    if not names_section(arrays):
+        refuse_pose_arrays(arrays)
     # Without scalars; if all are scalars, the error names them.
     rows = {name: array for name, array in arrays.items() if array.ndim} or arrays
     return profiles_from_named(
@@ -230,6 +233,7 @@ def profiles_from_array(
     if values.ndim == 1:
         values = values.reshape(1, -1)
     if values.ndim != 2 or values.size == 0:
+        refuse_pose_arrays({"": values})
         raise UnreadableFile(f"an array of shape {array.shape}: expected points of shape (n, 2)")
     is_row_per_axis = values.shape[0] in (2, 3) and values.shape[1] >= MIN_COLUMNS
     if is_row_per_axis and settings.dx is None and not settings.transpose:

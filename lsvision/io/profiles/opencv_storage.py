@@ -21,6 +21,7 @@ from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.matrix import is_monotonic
 from lsvision.io.profiles.named_columns import profiles_from_named
 from lsvision.io.profiles.number_table import NumberTable, numbers_from_cells
+from lsvision.io.profiles.pose_documents import refuse_pose_text
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.text_encoding import decode_text
 from lsvision.io.profiles.unit_statements import find_lost_values, find_unit_statements
@@ -230,6 +231,7 @@ def _first_node(text: str) -> tuple[str, FloatArray]:
         is_pairs = values.ndim == 2 and values.shape[1] == 2
         if values.size and (key in _POINT_KEYS or is_pairs or values.size >= _MIN_NUMBERS):
             return key, values
+    refuse_pose_text(text)
     raise UnreadableFile(
         f"no list of points among its keys ({', '.join(nodes)[:200] or 'none'}): "
         "expected scan_line: [x, y, z, ...]"

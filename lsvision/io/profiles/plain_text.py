@@ -16,6 +16,7 @@ from lsvision.io.profiles.matrix import (
     profiles_from_matrix,
     profiles_from_text_matrix,
 )
+from lsvision.io.profiles.pose_documents import refuse_pose_text
 from lsvision.io.profiles.settings import MM_PER_KEYENCE_STEP, RawProfiles, ReadSettings
 from lsvision.io.profiles.text_encoding import decode_text
 from lsvision.io.profiles.text_table import parse_table
@@ -42,7 +43,17 @@ def read_plain_text(content: bytes, settings: ReadSettings) -> RawProfiles:
     >>> raw.units, raw.away
     (('mm', 'mm'), True)
     """
-    table = parse_table(decode_text(content), settings.lost_words)
+    text = decode_text(content)
+    try:
+        return _profiles_from_text(text, settings)
+    except UnreadableFile:
+        refuse_pose_text(text)
+        raise
+
+
+def _profiles_from_text(text: str, settings: ReadSettings) -> RawProfiles:
+    """Return the profiles of a table of points or a matrix; see `read_plain_text`."""
+    table = parse_table(text, settings.lost_words)
     is_matrix = settings.transpose or (
         are_heights(table.values.shape[1], settings) and not names_section(table.names)
     )

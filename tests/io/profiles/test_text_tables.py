@@ -290,6 +290,14 @@ def test_profiles_one_after_the_other_are_noted(write, arc):
     assert inspect_profiles(write("\n".join(["x [mm],z [mm]", *lines_of(shuffled)]))).notes == ()
 
 
+def test_profiles_measured_back_and_forth_are_noted(write, arc):
+    rising = arc[np.argsort(arc[:, 0])]
+    for parts, is_noted in ((2, False), (3, True)):
+        lines = [line for part in range(parts) for line in lines_of(rising[:: (-1) ** part])]
+        notes = inspect_profiles(write("\n".join(lines))).notes
+        assert any("x goes back and forth, 3 times" in note for note in notes) == is_noted
+
+
 @pytest.mark.parametrize("head", [["80 2"], ["2 80", "x z"]])
 def test_the_size_of_the_table_is_no_point(write, arc, head):
     assert_reads(write, [*head, *lines_of(arc, "{x:.3f} {z:.3f}")], arc)

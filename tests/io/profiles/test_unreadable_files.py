@@ -103,7 +103,11 @@ def npy(array) -> bytes:
             "expected pairs or triples, .* got 7 numbers",
         ),
         ("%YAML:1.0\n---\nscan_line: 5\n", r"no list of points among its keys \(scan_line\)"),
-        ("%YAML:1.0\n---\npose: [ 1., 2., 3., 0., 0., 1. ]\n", r"no list of points .*\(pose\)"),
+        ("%YAML:1.0\n---\nsize: [ 1., 2., 3., 0., 0., 1. ]\n", r"no list of points .*\(size\)"),
+        (
+            "%YAML:1.0\n---\npose: [ 1., 2., 3., 0., 0., 1. ]\n",
+            "it holds robot poses and no profile",
+        ),
         ("%YAML:1.0\n---\nscan_line: [ 1, b, 3, 4 ]\n", "'b' is not a number"),
         (
             "%YAML:1.0\n---\n\t: : [",

@@ -1,0 +1,60 @@
+"""Notes on the order of the points of a table, which may be several profiles in one."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lsvision.geometry import FloatArray
+from lsvision.io.profiles.profile_keys import MIN_POINTS_PER_PROFILE
+
+_MIN_SWEEP = 0.8
+"""Smallest part of the width that a profile measured back and forth has in each direction."""
+_MIN_SWEEPS = 3
+"""Smallest number of sweeps that are noted: a closed section goes back and forth once."""
+_MAX_ORDERED_STEP = 0.05
+"""Largest median step of x, in its range, of points that are in the order of a sensor."""
+
+
+def note_order(sections: Sequence[FloatArray]) -> tuple[str, ...]:
+    """Return a note if x of the only section repeats its range: several profiles."""
+    if len(sections) != 1 or sections[0].shape[1] != 2:
+        return ()
+    x = sections[0][np.isfinite(sections[0][:, 0]), 0]
+    if len(x) <= 2 * MIN_POINTS_PER_PROFILE:
+        return ()
+    with np.errstate(over="ignore", invalid="ignore"):  # numbers near the largest float
+        steps, span = np.diff(x), np.ptp(x)
+    if not ((steps > 0).any() and (steps < 0).any()):
+        return ()
+    restarts = _count_restarts(steps, span, len(x))
+    if restarts:
+        return (
+            f"x starts again {restarts} times: if these are several profiles, add a column of "
+            "their numbers, or write one per file",
+        )
+    sweeps = _count_sweeps(x, span)
+    if sweeps < _MIN_SWEEPS or np.median(np.abs(steps)) > _MAX_ORDERED_STEP * span:
+        return ()
+    return (
+        f"x goes back and forth, {sweeps} times over its range: if these are several profiles, "
+        "add a column of their numbers, or write one per file",
+    )
+
+
+def _count_restarts(steps: FloatArray, span: float, count: int) -> int:
+    """Return how often x jumps back by half its range, at least some points apart; else 0."""
+    rising, falling = np.count_nonzero(steps > 0), np.count_nonzero(steps < 0)
+    jumps = steps < -0.5 * span if rising >= falling else steps > 0.5 * span
+    restarts = np.flatnonzero(jumps)
+    if len(restarts) == 0 or np.diff([-1, *restarts, count - 1]).min() < MIN_POINTS_PER_PROFILE:
+        return 0
+    return len(restarts)
+
+
+def _count_sweeps(x: FloatArray, span: float) -> int:
+    """Return how often x goes from one end of its range to the other."""
+    low = np.flatnonzero(x < x.min() + (1 - _MIN_SWEEP) * span / 2)
+    high = np.flatnonzero(x > x.max() - (1 - _MIN_SWEEP) * span / 2)
+    ends = np.concatenate([np.zeros(len(low)), np.ones(len(high))])
+    in_order = ends[np.argsort(np.concatenate([low, high]), kind="stable")]
+    return int(np.count_nonzero(np.diff(in_order)))
