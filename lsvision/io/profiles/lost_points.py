@@ -1,24 +1,19 @@
 """Points that a file marks as lost by a value: stated by the user or the file, or guessed."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import BoolArray, FloatArray
+from lsvision.io.profiles.interrupting_markers import find_interrupting_values, find_repeated_value
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.statistics.lost_markers import find_lost_markers
 
 KEYENCE_LOST = (-99999.9999, -99999.999, -99999.99, -99999.9)
 """Markers of Keyence controllers with different numbers of digits; never a height."""
-MIN_INTERRUPTIONS = 3
-"""Smallest number of places at which a height of 0 interrupts a surface that goes on behind it,
-from which on 0 marks lost points: hardly an object has so many slots with a floor at 0."""
-MAX_INTERRUPTION = 3
-"""Largest number of points of such a place: between two pipes, more points lie on a floor."""
-MAX_STEP_RATIO = 0.25
-"""Largest step of the surface across such a place, relative to its distance from 0."""
 MIN_ZEROS = 3
 """Smallest number of heights of 0 that are noted when they are read as points."""
 MIN_ZERO_DISTANCE = 0.1
@@ -37,18 +32,21 @@ class AllPointsLost(UnreadableFile):
 class LostMarker:
     """A value that marks lost points, in the units of the file; ``"0, 0"`` if both are 0.
 
-    It marks `count` points, and is `guessed` if neither the file nor the user states it.
+    It marks `count` points, and is `guessed` if neither the file nor the user states it; such a one
+    is far from all other values, or `interrupts` a surface that goes on behind it.
     """
 
     text: str
     count: int
     guessed: bool
+    interrupts: bool = False
 
     @property
     def note(self) -> str:
         """Note on a guessed marker."""
+        where = "interrupts the surface" if self.interrupts else "far from the rest"
         return (
-            f"{self.text} occurs in {self.count} points, far from the rest: read as lost points "
+            f"{self.text} occurs in {self.count} points, {where}: read as lost points "
             "(use --lost none if it is a measured value)"
         )
 
@@ -76,9 +74,7 @@ def remove_lost(
         if not points.all():  # there is a 0
             zero_rows = np.concatenate([_repeated_zeros(section) for section in sections])
             marked.add(", ".join(["0"] * points.shape[1]), zero_rows, guessed=False)
-        if not points[:, -1].all():
-            interrupting = np.concatenate([_interrupting_zeros(section) for section in sections])
-            marked.add("0", interrupting, guessed=True)
+        _add_interrupting(marked, sections)
         _add_guesses(marked, raw, is_range=raw.away and settings.flip is not False)
     if not marked.lost.any():
         return sections, ()
@@ -101,11 +97,11 @@ class _MarkedPoints:
             return self.points
         return np.where(self.lost[:, np.newaxis], np.nan, self.points)
 
-    def add(self, text: str, rows: BoolArray, *, guessed: bool) -> None:
+    def add(self, text: str, rows: BoolArray, *, guessed: bool, interrupts: bool = False) -> None:
         """Mark some rows, and add the marker if they were not all marked before."""
         unmarked = rows & ~self.lost
         if unmarked.any():
-            self.markers.append(LostMarker(text, int(unmarked.sum()), guessed))
+            self.markers.append(LostMarker(text, int(unmarked.sum()), guessed, interrupts))
             self.lost |= unmarked
 
     def add_values(self, values: Iterable[float]) -> None:
@@ -135,42 +131,41 @@ def _add_guesses(marked: _MarkedPoints, raw: RawProfiles, *, is_range: bool) -> 
             marked.add(f"{value:.10g}", np.equal(remaining[:, axis], value), guessed=True)
 
 
+def _add_interrupting(marked: _MarkedPoints, sections: Sequence[FloatArray]) -> None:
+    """Mark the heights that interrupt the surface of a profile, in that profile."""
+    by_section = [find_interrupting_values(section[:, -1]) for section in sections]
+    for value in sorted(set(chain(*by_section))):
+        rows = [
+            np.equal(section[:, -1], value) & (value in found)
+            for section, found in zip(sections, by_section, strict=True)
+        ]
+        marked.add(f"{value:.10g}", np.concatenate(rows), guessed=True, interrupts=True)
+
+
 def _repeated_zeros(section: FloatArray) -> BoolArray:
     """Return the rows of 0, 0 (lost points of Leuze sensors), (n,); a single one may be a point."""
     zero_rows: BoolArray = np.all(np.equal(section, 0), axis=1)
     return zero_rows if zero_rows.sum() > 1 else np.zeros(len(zero_rows), dtype=bool)
 
 
-def _interrupting_zeros(section: FloatArray) -> BoolArray:
-    """Return the points of height 0 if these interrupt the surface in several places, else none.
+def note_repeated(sections: list[FloatArray]) -> tuple[str, ...]:
+    """Return a note on a height read as points that may mark lost ones.
 
-    Surfaces go on behind them at a similar height, far from 0; (n,).
+    It occurs much more often than others; or it is 0, several times, and apart from all others.
     """
-    heights = section[:, -1]
-    zero: BoolArray = np.equal(heights, 0)
-    others_at = np.flatnonzero(~zero)
-    gaps = np.diff(others_at)
-    ends = np.flatnonzero((gaps > 1) & (gaps <= MAX_INTERRUPTION + 1))
-    before, after = heights[others_at[ends]], heights[others_at[ends + 1]]
-    distance = np.minimum(np.abs(before), np.abs(after))
-    with np.errstate(invalid="ignore", over="ignore"):
-        goes_on = np.abs(after - before) < MAX_STEP_RATIO * distance
-    others = np.abs(heights[others_at][np.isfinite(heights[others_at])])
-    apart = len(others) > 0 and others.min() > MAX_STEP_RATIO * np.median(others)
-    return zero if apart and goes_on.sum() >= MIN_INTERRUPTIONS else np.zeros_like(zero)
-
-
-def note_zeros(sections: list[FloatArray]) -> tuple[str, ...]:
-    """Return a note if many heights are 0, apart from all others: read as points, perhaps lost."""
     heights = np.concatenate([section[:, -1] for section in sections] or [np.empty(0)])
     heights = heights[np.isfinite(heights)]
     others = np.abs(heights[heights != 0])
     count = len(heights) - len(others)
-    if count < MIN_ZEROS or not len(others):
+    apart = ""
+    if count >= MIN_ZEROS and len(others):
+        is_apart = others.min() > MIN_ZERO_DISTANCE * (others.max() - others.min())
+        apart = ", apart from all others" if is_apart else ""
+    repeated = (0.0, count) if apart else find_repeated_value(heights)
+    if repeated is None:
         return ()
-    if not others.min() > MIN_ZERO_DISTANCE * (others.max() - others.min()):
-        return ()
+    value, count = repeated
     return (
-        f"the height is 0 in {count} points, apart from all others: read as points (use --lost 0 "
-        "if it marks lost points)",
+        f"the height is {value:.10g} in {count} points{apart or ', and none else so often'}: read "
+        f"as points (use --lost {value:.10g} if it marks lost points)",
     )

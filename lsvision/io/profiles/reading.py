@@ -20,7 +20,7 @@ from lsvision.io.profiles.laser_scan import read_laser_scan
 from lsvision.io.profiles.lost_points import (
     AllPointsLost,
     LostMarker,
-    note_zeros,
+    note_repeated,
     remove_lost,
 )
 from lsvision.io.profiles.matrix import read_height_map, read_matrix
@@ -286,7 +286,7 @@ def convert_to_section_frame(
     away = raw.away if settings.flip is None else settings.flip
     x_scale, height_scale = mm_per_unit(x_unit), mm_per_unit(height_unit)
     sections, markers = remove_lost(raw, settings)
-    zeros = note_zeros(sections) if settings.lost_values is None else ()
+    zeros = note_repeated(sections) if settings.lost_values is None else ()
     fitted = None
     if settings.plane is not None:  # x, y and z have one unit
         fitted = fit_section_plane(_scale(sections, (x_scale, x_scale, x_scale)), flip=away)

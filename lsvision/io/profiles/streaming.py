@@ -107,7 +107,9 @@ def iterate_profiles(
             yield ProfilePart(first, part, columns)
             first += len(part.profiles)
             if settings.lost is None:  # markers of a pair of coordinates, "0, 0", are found again
-                part_values = [float(m.text) for m in part.markers if "," not in m.text]
+                part_values = [
+                    float(m.text) for m in part.markers if not (m.interrupts or "," in m.text)
+                ]
                 marker_values = tuple(dict.fromkeys((*marker_values, *part_values)))[:MAX_MARKERS]
         if valid_points == 0:
             raise UnreadableFile(f"all points of its {first} profiles are lost: check exposure")

@@ -1,0 +1,123 @@
+"""Markers of lost points among the heights: one value that interrupts the surface again and again.
+
+A marker far from all heights is found by its distance (`lsvision.statistics.lost_markers`); one
+within their range, such as 0 in heights relative to the middle of the sensor's range, is not. There
+it is recognised by the surface, which goes on behind it as if it were not there.
+"""
+
+import numpy as np
+
+from lsvision.geometry import FloatArray
+
+MIN_INTERRUPTIONS = 3
+"""Smallest number of places at which a value interrupts a surface that goes on behind it, from
+which on it marks lost points: hardly an object has so many slots with a floor at one height."""
+MAX_INTERRUPTION = 3
+"""Largest number of points of such a place: between two pipes, more points lie on a floor."""
+MAX_STEP_RATIO = 0.25
+"""Largest step of the surface across such a place, relative to its distance from the value."""
+MIN_DISTANCE_RATIO = 10.0
+"""Smallest distance of the surface from the value, in steps between neighbouring points."""
+MIN_SPIKE_RATIO = 5.0
+"""Smallest step before and behind a spike, in small steps."""
+MAX_CANDIDATES = 3
+"""Largest number of values of a profile that are examined."""
+MIN_SHARE = 0.9
+"""Smallest share of the value in all interruptions near it: the floors of slots scatter."""
+MIN_REPEATS, MIN_REPEATS_RATIO = 10, 4.0
+"""Smallest number of repetitions of a value that is noted, also relative to the next most frequent
+one: the heights of a plane scatter."""
+
+
+def find_interrupting_values(heights: FloatArray) -> tuple[float, ...]:
+    """Return the values that interrupt the surface of a profile in several places.
+
+    Parameters
+    ----------
+    heights : (n,) ndarray
+        In the order of the sensor, in any unit; NaN is left out.
+
+    Returns
+    -------
+    tuple of float
+        Values that mark lost points.
+
+    Examples
+    --------
+    >>> heights = 5 * np.sin(np.arange(60) / 20)
+    >>> heights[[12, 20, 33, 34, 50]] = -1.0
+    >>> find_interrupting_values(heights)
+    (-1.0,)
+    """
+    finite = heights[np.isfinite(heights)]
+    candidates = _find_candidates(finite)
+    return tuple(value for value in candidates if _interrupts(finite, value))
+
+
+def _find_candidates(heights: FloatArray) -> list[float]:
+    """Return the most frequent heights of spikes: points, or runs of equal points, between steps.
+
+    The steps before and behind a spike have opposite signs, and are large: of all steps between
+    different heights at least a fifth is small, as half of the points may be lost.
+    """
+    starts = np.flatnonzero(np.diff(heights, prepend=np.nan) != 0)
+    values, lengths = heights[starts], np.diff(starts, append=len(heights))
+    if len(values) < 2 * MIN_INTERRUPTIONS:
+        return []
+    with np.errstate(over="ignore", invalid="ignore"):
+        steps = np.diff(values)
+    sizes, rises = np.abs(steps), steps > 0
+    small = np.partition(sizes, len(sizes) // 5)[len(sizes) // 5]
+    is_large = sizes > MIN_SPIKE_RATIO * small
+    is_spike = (rises[:-1] != rises[1:]) & is_large[:-1] & is_large[1:]
+    is_spike &= lengths[1:-1] <= MAX_INTERRUPTION
+    spikes, counts = np.unique(values[1:-1][is_spike], return_counts=True)
+    most = np.argsort(-counts, kind="stable")[:MAX_CANDIDATES]
+    return [float(spikes[k]) for k in most if counts[k] >= MIN_INTERRUPTIONS]
+
+
+def _interrupts(heights: FloatArray, value: float) -> bool:
+    """Return whether the surface goes on behind a value in several places, and is far from it."""
+    others_at = np.flatnonzero(heights != value)
+    others = heights[others_at]
+    step = _typical_step(others)
+    gaps = np.diff(others_at)
+    ends = np.flatnonzero((gaps > 1) & (gaps <= MAX_INTERRUPTION + 1))
+    before, after = others[ends], others[ends + 1]
+    with np.errstate(over="ignore", invalid="ignore"):
+        distance = np.minimum(np.abs(before - value), np.abs(after - value))
+        goes_on = np.abs(after - before) < MAX_STEP_RATIO * distance
+        far = distance > MIN_DISTANCE_RATIO * step
+    count = np.count_nonzero(goes_on & far)
+    similar = _count_excursions(others, value, MIN_DISTANCE_RATIO * step)
+    return bool(count >= max(MIN_INTERRUPTIONS, MIN_SHARE * (count + similar)))
+
+
+def _typical_step(heights: FloatArray) -> float:
+    """Return the median step between neighbours, at least the smallest step; inf without any."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        steps = np.abs(np.diff(heights))
+    moving = steps[steps > 0]
+    return float(max(np.median(steps), moving.min())) if len(moving) else np.inf
+
+
+def _count_excursions(heights: FloatArray, value: float, distance: float) -> int:
+    """Return how often a few points lie near a value between points that are far from it."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        far_at = np.flatnonzero(np.abs(heights - value) > distance)
+    gaps = np.diff(far_at)
+    return int(np.count_nonzero((gaps > 1) & (gaps <= MAX_INTERRUPTION + 1)))
+
+
+def find_repeated_value(heights: FloatArray) -> tuple[float, int] | None:
+    """Return a height that occurs much more often than all others, and how often; else None.
+
+    Noise makes the points of a plane differ: such a value may mark lost points.
+    """
+    values, counts = np.unique(heights[np.isfinite(heights)], return_counts=True)
+    if len(values) < MIN_REPEATS:
+        return None
+    next_most, most = np.argsort(counts, kind="stable")[-2:]
+    if counts[most] < max(MIN_REPEATS, MIN_REPEATS_RATIO * counts[next_most]):
+        return None
+    return float(values[most]), int(counts[most])
