@@ -29,6 +29,7 @@ from lsvision.io.profiles.profile_keys import (
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.stated_units import common_unit, resolve_units, statements_about_axis
 from lsvision.io.profiles.units import split_label
+from lsvision.io.profiles.validity import lose_invalid_points
 
 _MAX_CONSTANT_RATIO = 1e-6  # extent of a column that does not vary, relative to the largest extent
 
@@ -74,6 +75,7 @@ def profiles_from_table(table: NumberTable, settings: ReadSettings) -> RawProfil
     points = table.values
     if choice.coordinates != tuple(range(points.shape[1])):  # a copy takes time for 10^6 points
         points = points[:, choice.coordinates]
+    points, validity_notes = lose_invalid_points(table, points)
     rows, positions, position_unit = [np.arange(len(points))], None, None
     if choice.key is not None:
         rows, positions = separate_profiles(
@@ -85,7 +87,7 @@ def profiles_from_table(table: NumberTable, settings: ReadSettings) -> RawProfil
             positions, choice = None, replace(choice, notes=(*choice.notes, note))
     sections = [points] if len(rows) == 1 else [points[r] for r in rows]
     if settings.columns is None:
-        refuse_pose_names(table, [points[r] for r in rows])
+        refuse_pose_names(table, sections, rows)
     attributes, ignored = find_profile_attributes(
         table, rows, points=choice.coordinates, key=choice.key, excluded=choice.considered
     )
@@ -95,7 +97,7 @@ def profiles_from_table(table: NumberTable, settings: ReadSettings) -> RawProfil
         away=choice.away,
         positions=positions,
         position_unit=position_unit,
-        notes=table.notes + choice.notes + note_order(sections),
+        notes=table.notes + choice.notes + validity_notes + note_order(sections),
         lost=table.lost,
         limits=table.limits,
         attributes=attributes,
@@ -365,7 +367,7 @@ def _raise_one_column(table: NumberTable) -> NoReturn:
 
 
 def _raise_no_key(table: NumberTable, key: int) -> NoReturn:
-    refuse_pose_names(table, ())
+    refuse_pose_names(table, (), ())
     values = len(np.unique(table.values[:, key]))
     raise UnreadableFile(
         f"column {table.label(key)} does not separate profiles ({values} values in "

@@ -1,7 +1,7 @@
 """Points in JSON: lists under names, pairs, objects, matrices of OpenCV, ROS LaserScan."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import chain
@@ -181,16 +181,22 @@ def _from_columns(
     known = {key: values for key, values in columns.items() if is_coordinate(split_label(key)[0])}
     lengths = set(map(len, known.values()))
     arrays = {k: to_arrays(v) for k, v in columns.items() if k in known or len(v) in lengths}
+    arrays |= {k: to_floats(v) for k, v in document.items() if _is_list_of(bool, v, lengths)}
     texts = {
         key: value
         for key, value in document.items()
-        if key not in columns and _is_list_of_texts(value) and len(value) in lengths
+        if key not in columns and _is_list_of(str, value, lengths)
     }
     return profiles_from_named(arrays, settings, statements, texts)
 
 
-def _is_list_of_texts(value: Any) -> bool:
-    return isinstance(value, list) and all(isinstance(item, str) for item in value)
+def _is_list_of(kind: type, value: Any, lengths: Container[int]) -> bool:
+    """Return whether a value is a list of texts, or of booleans, with one of the lengths."""
+    return (
+        isinstance(value, list)
+        and len(value) in lengths
+        and all(isinstance(item, kind) for item in value)
+    )
 
 
 def _from_named_list(

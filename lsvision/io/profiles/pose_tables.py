@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from lsvision.errors import UnreadableFile
-from lsvision.geometry import BoolArray, FloatArray
+from lsvision.geometry import BoolArray, FloatArray, IntArray
 from lsvision.io.profiles.number_table import NumberTable
 from lsvision.io.robot_conventions import CONVENTIONS, MAX_ORTHONORMALITY_ERROR
 
@@ -32,23 +32,21 @@ POSES_REMEDY = (
 _REMEDY = f"{POSES_REMEDY}; if it is a profile, name the columns of x and height with --columns"
 
 
-def refuse_pose_names(table: NumberTable, sections: Sequence[FloatArray]) -> None:
+def refuse_pose_names(
+    table: NumberTable, sections: Sequence[FloatArray], rows: Sequence[IntArray]
+) -> None:
     """Raise UnreadableFile if the columns are named as a position and a rotation, of a robot.
 
     Not if the rotation is the attitude of the sensor: constant in each profile, of which one at
-    least is no straight line. `sections` are the points of the profiles, in the rows' order.
+    least is no straight line. `sections` are the points of the profiles, `rows` those in the table.
     """
     rotation = _rotation_columns(table.names)
     if rotation is None:
         return
-    values = table.values[:, rotation]
-    if len(values) == sum(map(len, sections)) and len(sections) > 0:
-        parts = np.split(values, np.cumsum([len(section) for section in sections])[:-1])
-        is_attitude = all(
-            np.ptp(part, axis=0).max(initial=0) < _MAX_SAME_ROTATION for part in parts
-        )
-        if is_attitude and not all(map(_is_straight, sections)):
-            return
+    parts = [table.values[profile][:, rotation] for profile in rows]
+    is_attitude = all(np.ptp(part, axis=0).max() < _MAX_SAME_ROTATION for part in parts)
+    if parts and is_attitude and not all(map(_is_straight, sections)):
+        return
     rest = ", ".join(name for name in table.names if name)
     raise UnreadableFile(f"its columns {rest} are those of robot poses: {_REMEDY}")
 
