@@ -35,6 +35,7 @@ def resolve_units(
         return None, None
     for column in (x, height):
         _reject_in_beside_out(table, column)
+        _reject_power_of_ten(table, column)
     units = _stated_unit(table, x, "x"), _stated_unit(table, height, "height")
     require_known_unit(units, table.mentions, settings)
     return units
@@ -51,6 +52,18 @@ def _reject_in_beside_out(table: NumberTable, column: int) -> None:
         raise UnreadableFile(
             f"{name}_in beside {pair[0]}: this may be a direction or inches: state the unit, as "
             "--units mm or --units in"
+        )
+
+
+def _reject_power_of_ten(table: NumberTable, column: int) -> None:
+    """Raise UnreadableFile if a name such as ``z_10_um`` may state a unit of 10 um."""
+    stated = table.units[column] if table.units else None
+    number = re.fullmatch(r"\D+?[ _-]?(10+)", table.names[column]) if table.names else None
+    if number is not None and stated is not None:
+        raise UnreadableFile(
+            f"{table.names[column]} in {stated.text}: this may be a unit of {number[1]} "
+            f"{stated.text}, or the number of a column: state the unit, as --units "
+            f"{number[1]}{stated.text} or --units {stated.text}"
         )
 
 

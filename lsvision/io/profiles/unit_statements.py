@@ -77,6 +77,8 @@ _UNIT_GROUP = r"([0-9./^*+e-]*\s?[^\W\d_]+)"
 _AXIS_UNIT = re.compile(
     rf"\b{_AXIS_GROUP}(?:[ _]?units?)?\b\s*(?:[:=]|\bin\b)?\s*[\[(]?\s*{_UNIT_GROUP}\s*[\])]?"
 )
+# "z: um" or "z = um", without a number.
+_AXIS_EQUALS = re.compile(r"\b(x|y|z|height|range|distance|depth)\s*[:=]\s*([^\W\d_]+)")
 # "um (z)".
 _UNIT_AXIS = re.compile(rf"{_UNIT_GROUP}\s*[\[(]\s*{_AXIS_GROUP}\b[^\])]*[\])]")
 # "heights are stated in um".
@@ -212,12 +214,22 @@ def _parse_statements(line: str) -> Iterator[UnitStatement]:
         unit = parse_unit(key_value[2].strip("[](){} "))
         per_count = _PER_COUNT.search(key_value[2]) or _ONE_COUNT.fullmatch(key_value[1])
         if unit is not None and (words <= set(_AXES) or (per_count and not words & _OTHER_KEYS)):
-            yield UnitStatement(StatedUnit(text, unit), _axis(words))
+            is_number = _NUMBER.fullmatch(key_value[1])  # "10 = 1 mm"
+            yield UnitStatement(StatedUnit(text, None if is_number else unit), _axis(words))
             return
+    yield from _parse_axes(text.lower())
     if line.lstrip().startswith(("#", "%", "//", "!", "*")) or key_value or " in " in text:
         for subject, unit in _PHRASE.findall(text.lower()):
             if parse_unit(unit) is not None or unit.strip() in NOT_LENGTHS:
                 yield UnitStatement(state_unit(unit), _axis(set(re.findall(r"\w+", subject))))
+
+
+def _parse_axes(text: str) -> Iterator[UnitStatement]:
+    """Yield the units of several axes, such as ``x: mm, z: um``, if the text has no other words."""
+    pairs = _AXIS_EQUALS.findall(text)
+    others = set(re.findall(r"\w+", _AXIS_EQUALS.sub("", text)))
+    if len(pairs) > 1 and others <= _FILLERS and all(parse_unit(unit) for _, unit in pairs):
+        yield from (UnitStatement(state_unit(unit), _AXES[name]) for name, unit in pairs)
 
 
 def _split_key(key: str) -> set[str]:

@@ -91,9 +91,12 @@ _REMARKS = frozenset(
 # Labels such as "x [mm]"; "x_mm", "x in mm" or "x/mm"; "xmm".
 _BRACKETED = re.compile(r"^(.*?)\s*([\[({<])\s*([^\])}>]*?)\s*[\])}>]\s*(.*)$")
 _SUFFIXED = re.compile(r"^(.+?)(\s+in\s+|,?[\s_/:-]+)([^\s_/:]+)$")
-# Labels such as "z_0.1_mm" or "z in 1/10 mm"; the 2 of "z_2_mm" is rather a number of the column.
+# Labels such as "z_0.1_mm", "z in 1/10 mm", "z_1e-5_m" or "z_tenth_mm"; the 2 of "z_2_mm" is
+# rather a number of the column.
 _SCALED_SUFFIX = re.compile(
-    r"^([^\W\d_]+)(?:\s+in\s+|[\s_:/-]+)([0-9]*[./,^][0-9.,^-]*[\s_]*[^\W\d_]+)$"
+    r"^([^\W\d_]+)(?:\s+in\s+|[\s_:/-]+)"
+    r"((?:[0-9]*[./,^][0-9.,^-]*|[0-9.]+e[-+]?[0-9]+"
+    rf"|{'|'.join(sorted(FRACTION_WORDS, key=len, reverse=True))})[\s_]*[^\W\d_]+)$"
 )
 _SHORT = re.compile(r"^([xyzhrd])(mm|um|µm|μm|nm|cm)$")
 

@@ -178,3 +178,35 @@ def test_width_and_depth_are_x_and_range(write):
     swapped = "".join(f"{-z:.4f},{x:.4f}\n" for x, z in PIPE)
     points = read_profile(write(f"depth,width\n{swapped}")).points
     npt.assert_allclose(points, PIPE, atol=ROUNDING_MM)
+
+
+@pytest.mark.parametrize(
+    ("x_label", "z_label"),
+    [("x_1e-4_m", "z_1e-4_m"), ("x_tenth_mm", "z_tenth_mm"), ("x in 1e-1 mm", "z_1e2_um")],
+)
+def test_scales_behind_names_are_read(tmp_path, x_label, z_label):
+    path = tmp_path / "profile.csv"
+    path.write_text(f"{x_label},{z_label}\n-50.5,-2000.5\n0.5,-1900.5\n50.5,-2000.5\n")
+    np.testing.assert_allclose(read_profile(path).points[0], [-5.05, -200.05])
+
+
+def test_a_power_of_ten_behind_a_name_is_rejected(tmp_path):
+    path = tmp_path / "profile.csv"
+    path.write_text("x_10_um,z_10_um\n-500.5,-20000.5\n0.5,-19000.5\n500.5,-20000.5\n")
+    with pytest.raises(UnreadableFile, match=r"x_10 in um: this may be a unit of 10 um.* --units"):
+        read_profile(path)
+    np.testing.assert_allclose(read_profile(path, units="10um").points[0], [-5.005, -200.005])
+
+
+@pytest.mark.parametrize("line", ["# 10 = 1 mm", "# 1:10 mm"])
+def test_a_number_that_is_a_length_is_no_unit(tmp_path, line):
+    path = tmp_path / "profile.csv"
+    path.write_text(f"{line}\n-50,-2000\n0,-1900\n50,-2000\n")
+    with pytest.raises(UnreadableFile, match="stated in it and not understood"):
+        read_profile(path)
+
+
+def test_units_of_both_axes_in_one_comment_are_read(tmp_path):
+    path = tmp_path / "profile.csv"
+    path.write_text("# x: mm, z: um\n-5,-200000\n0,-190000\n5,-200000\n")
+    np.testing.assert_allclose(read_profile(path).points[0], [-5, -200])
