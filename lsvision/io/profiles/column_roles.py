@@ -4,6 +4,7 @@ import re
 from collections.abc import Container, Iterable, Sequence
 
 from lsvision.io.profiles.column_words import (
+    ANGLE_WORDS,
     AXIS_WORDS,
     HEIGHT_WORDS,
     RANGE_WORDS,
@@ -17,7 +18,7 @@ _ROLES = {
     **dict.fromkeys(["y", "ys", "py", "travel"], "y"),
     **dict.fromkeys(["z", "zs", "pz", *HEIGHT_WORDS], "height"),
     **dict.fromkeys(RANGE_WORDS, "range"),
-    **dict.fromkeys(["angle", "angles", "azimuth", "alpha", "theta", "phi"], "angle"),
+    **dict.fromkeys(ANGLE_WORDS, "angle"),
 }
 HEIGHT_ROLES = ("height", "range", "y")
 """Roles of a height; y is one if there is no other."""

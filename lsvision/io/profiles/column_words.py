@@ -19,6 +19,10 @@ _RANGE = """
     vzdialenosť расстояние дистанция дальность глубина távolság mélység mesafe uzaklık derinlik
     距离 距離 深度 深さ 거리 깊이
 """
+_ANGLE = """
+    angle angles azimuth bearing alpha theta phi winkel winkelposition angolo ángulo ângulo hoek
+    vinkel kulma kąt úhel uhol угол szög açı 角度 角 각도
+"""
 _AXIS = """
     pos position coord coordinate koordinate value wert axis achse coordonnée coordonnee valeur axe
     posición coordenada valor eje posizione coordinata valore asse posição eixo positie coördinaat
@@ -53,11 +57,13 @@ HEIGHT_WORDS = _fold_words(_HEIGHT)
 """Words that name heights towards the sensor."""
 RANGE_WORDS = _fold_words(_RANGE)
 """Words that name distances from the sensor."""
+ANGLE_WORDS = _fold_words(_ANGLE)
+"""Words that name an angle."""
 AXIS_WORDS = _fold_words(_AXIS)
 """Words that may stand beside x, y or z in the name of a coordinate, such as "x axis"."""
 _NON_ASCII_WORDS = frozenset(
     fold_accents(word)
-    for word in f"{_WIDTH} {_HEIGHT} {_RANGE} {_AXIS}".split()
+    for word in f"{_WIDTH} {_HEIGHT} {_RANGE} {_ANGLE} {_AXIS}".split()
     if not word.isascii() and len(word) > 1
 )
 _LETTERS = re.compile(r"[^\W\d_]+")

@@ -117,6 +117,7 @@ def profiles_from_matrix(table: NumberTable, settings: ReadSettings) -> RawProfi
         raise UnreadableFile("the first row is evenly spaced, as x: leave --dx out, or this row")
     if has_x:
         x, rows = heights[0], heights[1:]
+        _reject_repeated_x(heights)
         notes: tuple[str, ...] = ("the first row is evenly spaced: read as x",)
     elif settings.dx is None and len(heights) == 2 and is_monotonic(heights[0]):
         x, rows = heights[0], heights[1:]
@@ -136,6 +137,15 @@ def profiles_from_matrix(table: NumberTable, settings: ReadSettings) -> RawProfi
         limits=table.limits,
         x_in_mm=x_in_mm,
     )
+
+
+def _reject_repeated_x(heights: FloatArray) -> None:
+    """Raise an error if another row equals the first one, which is x: rows x, z, x, z, ..."""
+    again = [row for row in range(1, len(heights)) if np.array_equal(heights[row], heights[0])]
+    if again:
+        raise UnreadableFile(
+            f"row {again[0]} is evenly spaced as row 0, which is x: write x once, above the heights"
+        )
 
 
 def _height_columns(table: NumberTable) -> list[int]:
@@ -279,8 +289,13 @@ def read_height_map(content: bytes, settings: ReadSettings) -> RawProfiles:
 def only_height(table: NumberTable) -> NumberTable | None:
     """Return the column of a table that is named as heights, ranges or y, if none is named x.
 
-    None for another table, and if several columns are named as heights.
+    Also the second of two columns without names, if the first numbers the points. None for another
+    table, and if several columns are named as heights.
     """
+    if not table.names and table.values.shape[1] == 2 and not table.invalid_cells:
+        first = table.values[:, 0]
+        if first[0] in (0, 1) and np.array_equal(first, first[0] + np.arange(len(first))):
+            return replace(table, values=table.values[:, 1:])
     roles = list(map(column_role, table.names))
     named = [c for c, role in enumerate(roles) if role in HEIGHT_ROLES]
     if len(named) != 1 or "x" in roles or named[0] in table.texts:

@@ -1,7 +1,10 @@
 """Notes on profiles that look wrong: another unit, exchanged columns, no points."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
 from lsvision.io.profiles.units import mm_per_unit
 from lsvision.profile import Profile
@@ -12,6 +15,8 @@ _FINER_UNITS = ("um", "10nm")  # the first with which coordinates are below _USU
 _MIN_ORDERED_POINTS = 20  # smallest number of points whose order distinguishes x from height
 _STEADY_FRACTIONS = (0.1, 0.9)  # of rising steps; outside, most steps have the same direction
 _MIN_WHOLE_POINTS, _MIN_WHOLE_HEIGHTS = 20, 10  # of a profile, and of its different heights
+_WRAPPED_BITS = (16, 32)  # of integers without a sign
+_MIN_WRAPPED_RATIO = 4.0  # of the span of wrapped heights to that of the right ones
 _MIN_WIDTH_MM = 1.0  # narrower than the field of any profile sensor
 _MAX_LIDAR_EXTENT = 10.0  # coordinates up to this may be metres of a lidar, or mm of a sensor
 
@@ -28,6 +33,30 @@ def find_extent(profiles: tuple[Profile, ...]) -> tuple[FloatArray, FloatArray] 
     low = [min(float(column[axis].min()) for column in columns) for axis in (0, 1)]
     high = [max(float(column[axis].max()) for column in columns) for axis in (0, 1)]
     return np.array(low), np.array(high)
+
+
+def refuse_wrapped_numbers(sections: Sequence[FloatArray]) -> None:
+    """Raise UnreadableFile if negative heights were written as integers without a sign.
+
+    They are then 2^16 or 2^32 too large, and far above the others. The sections, (n, 2) or (n, 3),
+    are in the units of the file.
+    """
+    heights = np.concatenate([section[:, -1] for section in sections] or [np.empty(0)])
+    heights = heights[np.isfinite(heights)]
+    if not len(heights) or heights.min() < 0 or heights.max() < 2 ** (_WRAPPED_BITS[0] - 1):
+        return
+    for bits in _WRAPPED_BITS:
+        is_high = heights >= 2 ** (bits - 1)
+        if heights.max() >= 2**bits or is_high.all() or not is_high.any():
+            continue
+        high, low = heights[is_high], heights[~is_high]
+        span = low.max() - (high.min() - 2**bits)
+        if high.min() < high.max() and _MIN_WRAPPED_RATIO * span < np.ptp(heights):
+            raise UnreadableFile(
+                f"heights of {low.min():g} to {low.max():g} and of {high.min():g} to "
+                f"{high.max():g}: negative numbers were written as {bits}-bit integers without a "
+                f"sign: subtract {2**bits} from these"
+            )
 
 
 def find_unit_warnings(profiles: tuple[Profile, ...], stated: str) -> tuple[str, ...]:
@@ -75,13 +104,17 @@ def _find_count_warnings(profiles: tuple[Profile, ...]) -> tuple[str, ...]:
 
 
 def find_other_problems(
-    low: FloatArray, high: FloatArray, profiles: tuple[Profile, ...], *, assumed: bool
+    profiles: tuple[Profile, ...], *, assumed: bool, has_x: bool
 ) -> tuple[str, ...]:
-    """Return notes on points of a lidar, exchanged columns and empty profiles.
+    """Return notes on points of a lidar, exchanged columns, numbers as x and empty profiles.
 
-    Profiles are in the section frame; `low` and `high` are as for `find_unit_warnings`. If the
-    units are not `assumed`, the file probably names its columns, and only empty profiles are noted.
+    Profiles are in the section frame. If the units are not `assumed`, the file probably names its
+    columns, and only empty profiles are noted. `has_x` is false if the user stated x.
     """
+    extent = find_extent(profiles)
+    if extent is None:
+        return ()
+    low, high = extent
     size = f"{high[0] - low[0]:.3g} x {high[1] - low[1]:.3g}"
     notes = []
     wide_enough = high[0] - low[0] >= _MIN_WIDTH_MM
@@ -91,6 +124,11 @@ def find_other_problems(
         notes.append(
             "the heights rise or fall steadily and x does not: if the columns are exchanged, use "
             "--columns 1,0"
+        )
+    if assumed and has_x and all(map(_is_numbered, profiles)):
+        notes.append(
+            "x is a whole number that rises by 1: if it numbers the points, write their x, or "
+            "state it with --x0 and --dx"
         )
     empty = sum(profile.lost == len(profile) for profile in profiles)
     if empty:
@@ -106,3 +144,13 @@ def _seems_exchanged(profile: Profile) -> bool:
     rising_fraction = np.mean(steps > 0) if len(steps) else 0.0
     low, high = _STEADY_FRACTIONS
     return len(x) >= _MIN_ORDERED_POINTS and is_monotonic and low < rising_fraction < high
+
+
+def _is_numbered(profile: Profile) -> bool:
+    """Return whether x is 0, 1, 2, ... or 1, 2, 3, ... and the heights are no whole numbers."""
+    x, height = profile.points.T
+    known = np.isfinite(x)
+    expected = np.arange(len(x))[known]
+    is_numbered = any(np.array_equal(x[known], expected + start) for start in (0, 1))
+    has_decimals = not np.array_equal(height[known], np.round(height[known]))
+    return len(expected) >= _MIN_ORDERED_POINTS and is_numbered and has_decimals

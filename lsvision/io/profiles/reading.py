@@ -29,9 +29,9 @@ from lsvision.io.profiles.opencv_storage import read_opencv_storage
 from lsvision.io.profiles.parquet import read_parquet
 from lsvision.io.profiles.plain_text import read_keyence, read_keyence_raw, read_plain_text
 from lsvision.io.profiles.plausibility import (
-    find_extent,
     find_other_problems,
     find_unit_warnings,
+    refuse_wrapped_numbers,
 )
 from lsvision.io.profiles.point_clouds import read_pcd, read_ply
 from lsvision.io.profiles.ros_bags import read_ros_bag
@@ -287,6 +287,7 @@ def convert_to_section_frame(
     x_scale, height_scale = mm_per_unit(x_unit), mm_per_unit(height_unit)
     sections, markers = remove_lost(raw, settings)
     zeros = note_repeated(sections) if settings.lost_values is None else ()
+    refuse_wrapped_numbers(sections)
     fitted = None
     if settings.plane is not None:  # x, y and z have one unit
         fitted = fit_section_plane(_scale(sections, (x_scale, x_scale, x_scale)), flip=away)
@@ -295,11 +296,10 @@ def convert_to_section_frame(
         sections = _scale(sections, (x_scale, -height_scale if away else height_scale))
     profiles = tuple(Profile(section, lost=()) for section in sections)  # markers are removed
     unit_names = tuple(dict.fromkeys((x_unit, height_unit)))
-    extent = find_extent(profiles)
     # A unit other than mm is stated, at least for one axis.
     stated = "" if assumed and unit_names == ("mm",) else ", ".join(unit_names)
     unit_warnings = find_unit_warnings(profiles, stated)
-    hints = () if extent is None else find_other_problems(*extent, profiles, assumed=assumed)
+    hints = find_other_problems(profiles, assumed=assumed, has_x=not raw.x_in_mm)
     guessed = tuple(marker.note for marker in markers if marker.guessed)
     return ProfileFile(
         path=path,
