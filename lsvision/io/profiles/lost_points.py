@@ -9,6 +9,7 @@ import numpy as np
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import BoolArray, FloatArray
 from lsvision.io.profiles.interrupting_markers import find_interrupting_values, find_repeated_value
+from lsvision.io.profiles.rounding import find_rounding
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.statistics.lost_markers import find_lost_markers
 
@@ -151,9 +152,11 @@ def _repeated_zeros(section: FloatArray) -> BoolArray:
 def note_repeated(sections: list[FloatArray]) -> tuple[str, ...]:
     """Return a note on a height read as points that may mark lost ones.
 
-    It occurs much more often than others; or it is 0, several times, and apart from all others.
+    It occurs much more often than others, which are not rounded; or it is 0, several times, and
+    apart from all others.
     """
-    heights = np.concatenate([section[:, -1] for section in sections] or [np.empty(0)])
+    columns = [section[:, -1] for section in sections]
+    heights = np.concatenate([*columns, np.empty(0)])
     heights = heights[np.isfinite(heights)]
     others = np.abs(heights[heights != 0])
     count = len(heights) - len(others)
@@ -162,7 +165,7 @@ def note_repeated(sections: list[FloatArray]) -> tuple[str, ...]:
         is_apart = others.min() > MIN_ZERO_DISTANCE * (others.max() - others.min())
         apart = ", apart from all others" if is_apart else ""
     repeated = (0.0, count) if apart else find_repeated_value(heights)
-    if repeated is None:
+    if repeated is None or not (apart or find_rounding(columns) is None):
         return ()
     value, count = repeated
     return (

@@ -6,6 +6,7 @@ import numpy as np
 
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
+from lsvision.io.profiles.rounding import find_rounding
 from lsvision.io.profiles.units import mm_per_unit
 from lsvision.profile import Profile
 
@@ -106,10 +107,10 @@ def _find_count_warnings(profiles: tuple[Profile, ...]) -> tuple[str, ...]:
 def find_other_problems(
     profiles: tuple[Profile, ...], *, assumed: bool, has_x: bool
 ) -> tuple[str, ...]:
-    """Return notes on points of a lidar, exchanged columns, numbers as x and empty profiles.
+    """Return notes on rounding, points of a lidar, exchanged columns, numbers as x, empty profiles.
 
     Profiles are in the section frame. If the units are not `assumed`, the file probably names its
-    columns, and only empty profiles are noted. `has_x` is false if the user stated x.
+    columns, and only rounding and empty profiles are noted. `has_x` is false if the user stated x.
     """
     extent = find_extent(profiles)
     if extent is None:
@@ -117,6 +118,12 @@ def find_other_problems(
     low, high = extent
     size = f"{high[0] - low[0]:.3g} x {high[1] - low[1]:.3g}"
     notes = []
+    step = find_rounding([profile.points[:, 1] for profile in profiles])
+    if step is not None:
+        notes.append(
+            f"the heights are rounded to {step:.3g} mm, more than their noise: export more "
+            f"decimals, or state --range-std {step / np.sqrt(12):.2g}"
+        )
     wide_enough = high[0] - low[0] >= _MIN_WIDTH_MM
     if assumed and wide_enough and float(np.abs([low, high]).max()) <= _MAX_LIDAR_EXTENT:
         notes.append(f"the points span {size} mm: if these are metres of a lidar, use --units m")

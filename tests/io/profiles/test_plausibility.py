@@ -55,3 +55,20 @@ def test_rows_of_x_among_rows_of_heights_are_rejected(tmp_path):
     lines = [",".join(f"{number:.3f}" for number in row) for row in rows]
     with pytest.raises(UnreadableFile, match="row 2 is evenly spaced as row 0, which is x"):
         read(tmp_path, lines)
+
+
+@pytest.mark.parametrize(("step", "std"), [(1.0, "0.29"), (0.1, "0.029")])
+def test_heights_rounded_to_coarse_steps_are_noted(tmp_path, step, std):
+    x = np.linspace(-20, 20, 401)
+    z = np.round((np.sqrt(25.0**2 - x**2) - 300) / step) * step
+    lines = ["x [mm],z [mm]", *(f"{a:.3f},{b:.3f}" for a, b in zip(x, z, strict=True))]
+    (note,) = read(tmp_path, lines).notes
+    assert f"rounded to {step:g} mm" in note
+    assert note.endswith(f"--range-std {std}")
+
+
+def test_rounding_below_the_noise_is_not_noted(tmp_path):
+    noise = np.random.default_rng(8).normal(0, 0.1, len(X))
+    z = np.round(Z + noise, 1)
+    lines = ["x [mm],z [mm]", *(f"{a:.3f},{b:.1f}" for a, b in zip(X, z, strict=True))]
+    assert read(tmp_path, lines).notes == ()
