@@ -91,11 +91,19 @@ def refuse_poses(table: NumberTable, columns: list[int]) -> None:
     if table.names or not len(values):
         return
     found = _find_poses(values)
-    if not found and values.shape[1] in (7, 8) and (np.diff(values[:, 0]) > 0).all():
+    if not found and _numbers_rows(values):
         found = _find_poses(values[:, 1:])
     if found:
         count = values.shape[1]
         raise UnreadableFile(f"its rows of {count} look like robot poses ({found}): {_REMEDY}")
+
+
+def _numbers_rows(values: FloatArray) -> bool:
+    """Return whether the first of 7 columns numbers the rows, or that of 8 is a time."""
+    steps = np.diff(values[:, 0])
+    return bool(values.shape[1] == 8 and (steps > 0).all()) or bool(
+        values.shape[1] == 7 and values[0, 0] in (0, 1) and (steps == 1).all()
+    )
 
 
 def _find_poses(values: FloatArray) -> str:

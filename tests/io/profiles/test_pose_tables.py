@@ -73,6 +73,15 @@ def test_profiles_with_the_attitude_of_the_sensor_are_read(tmp_path):
     assert len(read_profiles(path)) == 3
 
 
+def test_a_cloud_with_intensity_and_colour_is_read(tmp_path):
+    x = np.linspace(-15, 15, 60)
+    colour = RNG.integers(0, 256, (60, 3))
+    rows = np.column_stack([x, 0 * x, np.sqrt(400 - x**2) - 300, np.full(60, -1200), colour])
+    path = tmp_path / "cloud.pts"
+    np.savetxt(path, rows, fmt="%.4f %.4f %.4f %d %d %d %d", header="60", comments="")
+    assert len(read_profiles(path)[0]) == 60
+
+
 def paths():
     """Poses of a robot that moves in a plane, or along a line with constant rotation."""
     along = np.linspace(-0.8, 0.8, 12)
