@@ -14,6 +14,7 @@ from lsvision.io.profiles.column_roles import (
     columns_by_role,
     is_encoder,
 )
+from lsvision.io.profiles.direction_statements import states_away
 from lsvision.io.profiles.number_table import NumberTable, holds_number
 from lsvision.io.profiles.point_order import note_order
 from lsvision.io.profiles.pose_tables import refuse_pose_names, refuse_poses
@@ -94,7 +95,7 @@ def profiles_from_table(table: NumberTable, settings: ReadSettings) -> RawProfil
     return RawProfiles(
         sections=sections,
         units=_resolve_all_units(table, choice, settings),
-        away=choice.away,
+        away=choice.away or (settings.flip is None and states_away(table.mentions)),
         positions=positions,
         position_unit=position_unit,
         notes=table.notes + choice.notes + validity_notes + note_order(sections),

@@ -68,7 +68,7 @@ _BAGS = (b"\x89MCAP", b"#ROSBAG")
 _BAG_TABLE = re.compile(rb"CREATE TABLE [\"'`\[]?topics", re.IGNORECASE)
 _SCHEMA_BYTES = 100_000  # of a database, whose tables are described in its first page
 _HEAD_BYTES = 16_000  # at least 4000 characters in any encoding
-_MARKUP = re.compile(r"\s*(<!doctype html|<html|<\?xml)", re.IGNORECASE)
+_MARKUP = re.compile(r"\s*<(?:!doctype\b|\?xml|html|table|svg|kml|gpx)", re.IGNORECASE)
 _OFFICE_PARTS = {
     "xl/": _SPREADSHEET,
     "word/": "a text document: save its table as CSV and read that",

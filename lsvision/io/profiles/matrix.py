@@ -12,6 +12,7 @@ from lsvision.geometry import FloatArray
 from lsvision.io.images import TooManyPixels, decode_image
 from lsvision.io.profiles.column_roles import HEIGHT_ROLES, column_role
 from lsvision.io.profiles.columns import profiles_from_table
+from lsvision.io.profiles.direction_statements import states_away
 from lsvision.io.profiles.number_table import NumberTable, floats_from, holds_number
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.stated_units import common_unit, statements_about_axis
@@ -99,7 +100,7 @@ def profiles_from_matrix(table: NumberTable, settings: ReadSettings) -> RawProfi
     """
     columns = _height_columns(table)
     _reject_numbers_in_text(table, columns)
-    away = _are_ranges(table, columns)
+    away = _grow_away(table, columns, settings)
     left_out = [table.label(c) for c in range(table.values.shape[1]) if c not in columns]
     if left_out and not settings.transpose:
         note = f"no heights in column {', '.join(left_out)}: left out"
@@ -161,10 +162,11 @@ def _height_columns(table: NumberTable) -> list[int]:
     return [c for c in columns if not re.search("[0-9]", "".join(table.texts.get(c, ())))]
 
 
-def _are_ranges(table: NumberTable, columns: Sequence[int]) -> bool:
-    """Return whether columns, at least one, are all named as ranges."""
+def _grow_away(table: NumberTable, columns: Sequence[int], settings: ReadSettings) -> bool:
+    """Return whether columns, at least one, are all named as ranges, or a line states it."""
     stems = [_stem(table.names[c]).rstrip(" _-[(") for c in columns if table.names]
-    return bool(stems) and all(column_role(stem) == "range" for stem in stems)
+    are_ranges = bool(stems) and all(column_role(stem) == "range" for stem in stems)
+    return are_ranges or (settings.flip is None and states_away(table.mentions))
 
 
 def _reject_numbers_in_text(table: NumberTable, columns: Sequence[int]) -> None:

@@ -121,8 +121,8 @@ def find_other_problems(
     step = find_rounding([profile.points[:, 1] for profile in profiles])
     if step is not None:
         notes.append(
-            f"the heights are rounded to {step:.3g} mm, more than their noise: export more "
-            f"decimals, or state --range-std {step / np.sqrt(12):.2g}"
+            f"the heights are rounded to {step:.3g} mm, more than their noise: intervals may be "
+            f"too narrow; export more decimals, or state --range-std {step / np.sqrt(12):.2g}"
         )
     wide_enough = high[0] - low[0] >= _MIN_WIDTH_MM
     if assumed and wide_enough and float(np.abs([low, high]).max()) <= _MAX_LIDAR_EXTENT:

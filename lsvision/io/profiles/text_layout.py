@@ -298,7 +298,9 @@ def _no_table_error(lines: Sequence[str], rows: Sequence[int]) -> UnreadableFile
         lost += len(cells) > 1 and all(map(is_missing, cells))
     if 2 * lost > len(rows):
         return AllPointsLost(f"all {lost} points are lost: check exposure and range, or --columns")
-    return UnreadableFile(_NO_NUMBERS)
+    with_digits = [lines[k].strip() for k in rows if re.search(r"[0-9]", lines[k])]
+    typical = f" (as {with_digits[len(with_digits) // 2][:40]!r})" if with_digits else ""
+    return UnreadableFile(_NO_NUMBERS + typical)
 
 
 def _is_numeric(cells: Iterable[str]) -> bool:

@@ -48,6 +48,8 @@ _SPLIT_NUMBERS = (
 _HEAD_LENGTH = 4000
 """Characters in which the factor is searched that MATLAB displays above numbers, 1.0e+03 *."""
 _MATLAB_FACTOR = re.compile(r"^[ \t]*(1\.0e[-+][0-9]+)[ \t]*\*[ \t]*\r?$", re.MULTILINE)
+# A comment behind the numbers of a line.
+_BEHIND_NUMBERS = re.compile(r"^([-+0-9.,;|eE \t]*[0-9])[ \t]+#.*$", re.MULTILINE)
 _SAMPLE_ROWS = 5000
 """Number of rows that are searched for numbers split at their commas."""
 _MIN_TEXT_FRACTION = 0.5
@@ -75,7 +77,9 @@ def parse_table(text: str, lost_words: frozenset[str] = frozenset()) -> NumberTa
             f"its numbers are displayed by MATLAB over a factor of {factor[1]}: write them with "
             "writematrix"
         )
-    body = _regular_body(text) or _irregular_body(text.splitlines(), lost_words)
+    body = _regular_body(text) or _irregular_body(
+        _BEHIND_NUMBERS.sub(r"\1", text).splitlines(), lost_words
+    )
     table, layout = body.table, body.layout
     width = table.values.shape[1]
     while width > 2 and _is_empty(table, width - 1):
