@@ -27,6 +27,10 @@ MIN_COLUMNS = 21
 MAX_HINTED_COLUMNS = 200
 """Largest number of columns for the hint that profiles may lie in columns: rows of profiles usually
 have more points."""
+MIN_ROWS = 3
+"""Smallest number of rows whose first numbers are compared with the heights beside them."""
+MAX_NUMBER_UNEVENNESS = 1e-6
+"""Largest difference of the steps of numbers of rows, relative to their mean."""
 MAX_UNEVENNESS = 0.05
 """Largest deviation of the steps of x, relative to their mean, in a row of evenly spaced x: they
 are rounded to a few digits."""
@@ -53,13 +57,14 @@ def profiles_from_text_matrix(table: NumberTable, settings: ReadSettings) -> Raw
     labels = table.texts.get(0, ())
     if not table.names and labels and column_role(split_label(labels[0])[0]) == "x":
         return profiles_from_table(_turn_labelled_rows(table), settings)
+    if not table.names and not settings.transpose:
+        table = _without_row_numbers(table)
     values = table.values
     beside_rows = int(np.isnan(values[0, 0]))
     first = values[0, beside_rows:]
-    start = first[0] if len(first) else np.nan
-    is_numbered = start in (0, 1) and np.array_equal(first, start + np.arange(len(first)))
-    if table.names or min(len(values) - 1, len(first)) < 2 or not is_numbered:
+    if table.names or min(len(values) - 1, len(first)) < 2 or not _are_numbers(first):
         return profiles_from_matrix(table, settings)
+    start = first[0]
     row = f"the first row, {start:g}, {start + 1:g}, ..., {first[-1]:g},"
     if settings.dx is None and not (beside_rows or settings.transpose):
         raise UnreadableFile(
@@ -70,6 +75,52 @@ def profiles_from_text_matrix(table: NumberTable, settings: ReadSettings) -> Raw
     return profiles_from_matrix(
         replace(table, values=values[1:, beside_rows:], notes=notes), settings
     )
+
+
+def _without_row_numbers(table: NumberTable) -> NumberTable:
+    """Return a matrix without the columns before the heights: numbers, times or places of rows.
+
+    Their numbers rise in equal steps, or far from the heights, or each is the number of heights.
+    They may also be beside a row of x, under an empty cell or 0.
+    """
+    values, start = table.values, 0
+    has_corner = not np.nan_to_num(values[0, 0]) and not _are_numbers(values[0, 1:])
+    if len(values) > 2 and has_corner and _is_x_row(values[:, 1:]) and not _is_x_row(values):
+        start = 1
+    while len(values) >= MIN_ROWS and values.shape[1] - start > 2:
+        if not _are_row_numbers(values[:, start], values[:, start + 1 :]):
+            break
+        start += 1
+    if start == 0:
+        return table
+    first = ", ".join(f"{number:.10g}" for number in values[:3, 0])
+    columns = "column 0" if start == 1 else f"columns 0 to {start - 1}"
+    note = f"{columns} ({first}, ...) beside the heights left out"
+    return replace(table, values=values[:, start:], notes=(*table.notes, note))
+
+
+def _are_numbers(row: FloatArray) -> bool:
+    """Return whether a row is 0, 1, 2, ... or 1, 2, 3, ..., as the numbers of columns are."""
+    return (
+        len(row) > 0
+        and row[0] in (0, 1)
+        and bool(np.array_equal(row, row[0] + np.arange(len(row))))
+    )
+
+
+def _are_row_numbers(column: FloatArray, heights: FloatArray) -> bool:
+    """Return whether a column before heights, (k, n), numbers the rows or counts the heights."""
+    if (column == heights.shape[1]).all():
+        return True
+    with np.errstate(over="ignore", invalid="ignore"):
+        steps, last_steps = np.diff(column), np.diff(heights[:, -1])
+        if not (steps > 0).all():
+            return False
+        is_even = np.ptp(steps) < MAX_NUMBER_UNEVENNESS * steps.mean()
+        last_is_even = np.ptp(last_steps) <= MAX_NUMBER_UNEVENNESS * np.abs(last_steps).mean()
+        low, high = np.nanmin(heights), np.nanmax(heights)
+        is_far = column.min() > high + (high - low) or column.max() < low - (high - low)
+    return bool((is_even and not last_is_even) or is_far)
 
 
 def _turn_labelled_rows(table: NumberTable) -> NumberTable:

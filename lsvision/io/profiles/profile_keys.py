@@ -15,6 +15,8 @@ from lsvision.io.profiles.column_roles import (
 )
 from lsvision.io.profiles.number_table import NumberTable
 
+_TIME_NAMES = frozenset(["t", "time", "timestamp", "zeit", "temps", "tiempo", "tempo", "время"])
+"""Names of columns of times, which are no x."""
 MIN_POINTS_PER_PROFILE = 5
 """Smallest mean number of points of the profiles of a key: fewer do not determine an ellipse."""
 
@@ -187,6 +189,8 @@ def require_x(table: NumberTable, columns: Sequence[int], numbering: Sequence[in
         problem = f"column {label} numbers the points"
     elif len(columns) == 2 and roles[0] == "height" and not has_known_role(roles[1]):
         problem = f"columns {' and '.join(table.names[c] for c in columns)}, and no x"
+    elif len(columns) == 2 and any(table.names[c] in _TIME_NAMES for c in columns):
+        problem = f"columns {' and '.join(table.names[c] for c in columns)}: a time and no x"
     else:
         return
     raise UnreadableFile(

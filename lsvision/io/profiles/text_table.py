@@ -48,6 +48,7 @@ _SPLIT_NUMBERS = (
 _HEAD_LENGTH = 4000
 """Characters in which the factor is searched that MATLAB displays above numbers, 1.0e+03 *."""
 _MATLAB_FACTOR = re.compile(r"^[ \t]*(1\.0e[-+][0-9]+)[ \t]*\*[ \t]*\r?$", re.MULTILINE)
+_DASH = re.compile(r"(?<![^\s,;|\"])\u2013(?=[0-9.])")  # of a negative number
 # A comment behind the numbers of a line.
 _BEHIND_NUMBERS = re.compile(r"^([-+0-9.,;|eE \t]*[0-9])[ \t]+#.*$", re.MULTILINE)
 _SAMPLE_ROWS = 5000
@@ -70,7 +71,7 @@ def parse_table(text: str, lost_words: frozenset[str] = frozenset()) -> NumberTa
     >>> parse_table("x [mm];z [mm]\n1,5;-2\n2,0;").values.tolist()
     [[1.5, -2.0], [2.0, nan]]
     """
-    text = text.replace("\u2212", "-")  # typographic minus sign
+    text = _DASH.sub("-", text.replace("\u2212", "-"))  # typographic minus signs
     factor = _MATLAB_FACTOR.search(text[:_HEAD_LENGTH])
     if factor:
         raise UnreadableFile(

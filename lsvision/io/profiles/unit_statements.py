@@ -113,6 +113,7 @@ _FRACTION = re.compile(
 _CONVERSION = re.compile(
     rf"\b(?:multiply|multiplied|divide\w*)\b.*?[0-9]|\bto\s+(?:mm|m|um)\b"
     rf"|{COUNT_WORD}\s*(?:/|per|pro)\s*[^\W\d_]+|\bmm\s*=.*{COUNT_WORD}|\bmm\s*(?:/|per)\s*(?:px|pixel)"
+    r"|\b(?:pixel|image)\s+coordinates\b|\bin\s+pixels?\b|\buncalibrated\b"
     r"|\b(?:scale|scaling|multiplier)(?:\s+factor)?\s+(?!1(?:\.0*)?$)[0-9.]"
 )
 

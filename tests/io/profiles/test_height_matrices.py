@@ -272,3 +272,49 @@ def test_one_column_of_heights_in_parquet_needs_its_spacing(write, columns):
         read_profiles(path)
     (profile,) = read_profiles(path, x0=-15, dx=0.2)
     npt.assert_allclose(profile.points[1], (-14.8, -RANGES[0, 1]))
+
+
+def rows_of_heights():
+    x = np.linspace(-10, 10, 41)
+    noise = np.random.default_rng(3).normal(0, 0.02, (4, 41))
+    return x, np.sqrt(400 - x**2) - 220 + noise
+
+
+@pytest.mark.parametrize(
+    "first",
+    [
+        [["1"], ["2"], ["3"], ["4"]],
+        [["0", "12.5"], ["1", "15"], ["2", "17.5"], ["3", "20"]],
+        [["1700000000.5"], ["1700000001.25"], ["1700000002.5"], ["1700000003.5"]],
+        [["41"]] * 4,
+    ],
+    ids=["numbers", "numbers and places", "times", "counts"],
+)
+def test_numbers_of_rows_are_no_heights(tmp_path, first):
+    x, heights = rows_of_heights()
+    path = tmp_path / "matrix.csv"
+    lines = [",".join([*a, *(f"{z:.4f}" for z in b)]) for a, b in zip(first, heights, strict=True)]
+    path.write_text("\n".join(lines))
+    file = inspect_profiles(path, x0=-10.0, dx=0.5)
+    np.testing.assert_allclose(file.profiles[2].points, np.column_stack([x, heights[2]]), atol=1e-4)
+    assert any("beside the heights left out" in note for note in file.notes)
+
+
+@pytest.mark.parametrize("corner", ["", "0"])
+def test_places_of_rows_beside_a_row_of_x_are_left_out(tmp_path, corner):
+    x, heights = rows_of_heights()
+    path = tmp_path / "matrix.csv"
+    rows = [[f"{2 * k + 1}", *(f"{z:.4f}" for z in row)] for k, row in enumerate(heights)]
+    path.write_text("\n".join(map(",".join, [[corner, *(f"{a:.3f}" for a in x)], *rows])))
+    points = inspect_profiles(path).profiles[3].points
+    np.testing.assert_allclose(points, np.column_stack([x, heights[3]]), atol=1e-4)
+
+
+def test_a_row_of_x_from_0_and_lost_edges_are_kept(tmp_path):
+    x, heights = rows_of_heights()
+    heights[:, 0] = -999
+    path = tmp_path / "matrix.csv"
+    np.savetxt(path, np.vstack([x + 10, heights]), fmt="%.4f", delimiter=",")
+    file = inspect_profiles(path)
+    assert [len(profile) for profile in file.profiles] == [41] * 4
+    assert file.lost == 4

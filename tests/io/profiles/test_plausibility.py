@@ -72,3 +72,15 @@ def test_rounding_below_the_noise_is_not_noted(tmp_path):
     z = np.round(Z + noise, 1)
     lines = ["x [mm],z [mm]", *(f"{a:.3f},{b:.1f}" for a, b in zip(X, z, strict=True))]
     assert read(tmp_path, lines).notes == ()
+
+
+@pytest.mark.parametrize("header", ["t,z", "time,height", "Zeit,Höhe"])
+def test_times_are_no_x(tmp_path, header):
+    lines = [header, *(f"{x:.3f},{z:.3f}" for x, z in zip(X, Z, strict=True))]
+    with pytest.raises(UnreadableFile, match="a time and no x"):
+        read(tmp_path, lines)
+
+
+def test_typographic_dashes_as_signs_are_read(tmp_path):
+    lines = [f"{x:.3f},{z - 99:.3f}".replace("-", "–") for x, z in zip(X, Z, strict=True)]
+    np.testing.assert_allclose(read(tmp_path, lines).profiles[0].points[0], [-20, -103.639])
