@@ -7,7 +7,7 @@ it is recognised by the surface, which goes on behind it as if it were not there
 
 import numpy as np
 
-from lsvision.geometry import FloatArray
+from lsvision.geometry import FloatArray, IntArray
 
 MIN_INTERRUPTIONS = 3
 """Smallest number of places at which a value interrupts a surface that goes on behind it, from
@@ -112,12 +112,22 @@ def _count_excursions(heights: FloatArray, value: float, distance: float) -> int
 def find_repeated_value(heights: FloatArray) -> tuple[float, int] | None:
     """Return a height that occurs much more often than all others, and how often; else None.
 
-    Noise makes the points of a plane differ: such a value may mark lost points.
+    In total, or one after the other. Noise makes the points of a plane differ: such a value may
+    mark lost points.
     """
-    values, counts = np.unique(heights[np.isfinite(heights)], return_counts=True)
+    finite = heights[np.isfinite(heights)]
+    values, counts = np.unique(finite, return_counts=True)
+    starts = np.flatnonzero(np.diff(finite, prepend=np.nan) != 0)
+    runs = np.diff(starts, append=len(finite))
+    value = _outstanding(values, counts)
+    value = _outstanding(finite[starts], runs) if value is None else value
+    return None if value is None else (value, int(np.count_nonzero(finite == value)))
+
+
+def _outstanding(values: FloatArray, counts: IntArray) -> float | None:
+    """Return the value whose count is much larger than that of all others, or None."""
     if len(values) < MIN_REPEATS:
         return None
     next_most, most = np.argsort(counts, kind="stable")[-2:]
-    if counts[most] < max(MIN_REPEATS, MIN_REPEATS_RATIO * counts[next_most]):
-        return None
-    return float(values[most]), int(counts[most])
+    enough = max(MIN_REPEATS, MIN_REPEATS_RATIO * counts[next_most])
+    return float(values[most]) if counts[most] >= enough else None

@@ -45,6 +45,11 @@ _POSE_KEY = re.compile(
 _BRACKETED_ROW = re.compile(
     rf"[\[({{]\s*{NUMBER}(?:\s*,\s*{NUMBER}){{5,7}}\s*[\])}}]", re.IGNORECASE
 )
+_NESTED_POSE = re.compile(
+    rf"[\[(]\s*[\[(]\s*{NUMBER}(?:\s*,\s*{NUMBER}){{2}}\s*[\])]\s*,"
+    rf"\s*[\[(]\s*{NUMBER}(?:\s*,\s*{NUMBER}){{2,3}}\s*[\])]"
+)
+"""Position and rotation in brackets of their own, as Python prints them."""
 _MAX_LENGTH = 200_000  # of a text that is searched
 _MIN_BRACKETED_ROWS = 3
 """Smallest number of rows of six to eight numbers in brackets that are poses."""
@@ -58,7 +63,8 @@ def refuse_pose_text(text: str) -> None:
         remedy = POSES_REMEDY.replace("NAME", maker)
         raise UnreadableFile(f"a robot program ({maker}) with poses, no profile: {remedy}")
     rows = list(islice(_BRACKETED_ROW.finditer(text), _MIN_BRACKETED_ROWS))
-    if len(rows) == _MIN_BRACKETED_ROWS or _POSE_KEY.search(text):
+    has_rows = len(rows) == _MIN_BRACKETED_ROWS
+    if has_rows or _POSE_KEY.search(text) or _NESTED_POSE.search(text):
         _refuse()
 
 

@@ -83,6 +83,13 @@ def test_a_height_that_none_else_has_so_often_is_noted(tmp_path, at, marker, low
     assert read(tmp_path, z, lost=marker).lost == 40
 
 
+@pytest.mark.parametrize("decimals", [3, 2])
+def test_a_run_of_equal_heights_is_noted(tmp_path, decimals):
+    z = np.round(heights(7, low=-0.02), decimals)
+    z[20:50] = 0.0
+    assert any("the height is 0 in" in note for note in read(tmp_path, z).notes)
+
+
 @pytest.mark.parametrize("decimals", [4, 2, 1])
 @pytest.mark.parametrize("shape", ["thread", "slots", "wires", "rough"])
 def test_regular_objects_have_no_markers(tmp_path, shape, decimals):

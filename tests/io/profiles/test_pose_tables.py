@@ -139,8 +139,9 @@ def test_robot_programs_are_named(tmp_path, maker):
         "%YAML:1.0\n---\nbase2gripper: !!opencv-matrix\n   rows: 4\n   cols: 4\n   dt: d\n"
         f"   data: [{', '.join(map(str, np.eye(4).ravel()))}]\n",
         f"p[{SIX}]\n" * 5,
+        "((1.25, 0.5, -0.75), (0.5, 0.5, -0.5, 0.5))\n",
     ],
-    ids=["rows", "mappings", "ROS", "OpenCV", "brackets"],
+    ids=["rows", "mappings", "ROS", "OpenCV", "brackets", "Python"],
 )
 def test_poses_in_texts_are_named(tmp_path, text):
     path = tmp_path / "poses.yaml"
