@@ -5,6 +5,8 @@ within their range, such as 0 in heights relative to the middle of the sensor's 
 it is recognised by the surface, which goes on behind it as if it were not there.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from lsvision.geometry import FloatArray, IntArray
@@ -21,7 +23,7 @@ MIN_DISTANCE_RATIO = 10.0
 MIN_SPIKE_RATIO = 5.0
 """Smallest step before and behind a spike, in small steps."""
 MAX_CANDIDATES = 3
-"""Largest number of values of a profile that are examined."""
+"""Largest number of values of a file that are examined."""
 MIN_SHARE = 0.9
 """Smallest share of the value in all interruptions near it: the floors of slots scatter."""
 MIN_REPEATS, MIN_REPEATS_RATIO = 10, 4.0
@@ -29,29 +31,32 @@ MIN_REPEATS, MIN_REPEATS_RATIO = 10, 4.0
 one: the heights of a plane scatter."""
 
 
-def find_interrupting_values(heights: FloatArray) -> tuple[float, ...]:
+def find_interrupting_values(profiles: Sequence[FloatArray]) -> dict[float, list[bool]]:
     """Return the values that interrupt the surface of a profile in several places.
 
     Parameters
     ----------
-    heights : (n,) ndarray
-        In the order of the sensor, in any unit; NaN is left out.
+    profiles : sequence of (n,) ndarray
+        Heights of each profile in the order of the sensor, in any unit; NaN is left out.
 
     Returns
     -------
-    tuple of float
-        Values that mark lost points.
+    dict of float to list of bool
+        For each value that marks lost points, whether it does so in each profile.
 
     Examples
     --------
     >>> heights = 5 * np.sin(np.arange(60) / 20)
     >>> heights[[12, 20, 33, 34, 50]] = -1.0
-    >>> find_interrupting_values(heights)
-    (-1.0,)
+    >>> find_interrupting_values([heights, heights[:10]])
+    {-1.0: [True, False]}
     """
-    finite = heights[np.isfinite(heights)]
-    candidates = _find_candidates(finite)
-    return tuple(value for value in candidates if _interrupts(finite, value))
+    heights = [profile[np.isfinite(profile)] for profile in profiles]
+    found = {
+        value: [_interrupts(profile, value) for profile in heights]
+        for value in _find_candidates(np.concatenate([*heights, np.empty(0)]))
+    }
+    return {value: is_marker for value, is_marker in found.items() if any(is_marker)}
 
 
 def _find_candidates(heights: FloatArray) -> list[float]:
@@ -79,6 +84,8 @@ def _find_candidates(heights: FloatArray) -> list[float]:
 def _interrupts(heights: FloatArray, value: float) -> bool:
     """Return whether the surface goes on behind a value in several places, and is far from it."""
     others_at = np.flatnonzero(heights != value)
+    if len(others_at) > len(heights) - MIN_INTERRUPTIONS:
+        return False
     others = heights[others_at]
     step = _typical_step(others)
     gaps = np.diff(others_at)
@@ -109,8 +116,8 @@ def _count_excursions(heights: FloatArray, value: float, distance: float) -> int
     return int(np.count_nonzero((gaps > 1) & (gaps <= MAX_INTERRUPTION + 1)))
 
 
-def find_repeated_value(heights: FloatArray) -> tuple[float, int] | None:
-    """Return a height that occurs much more often than all others, and how often; else None.
+def find_repeated_value(heights: FloatArray) -> float | None:
+    """Return a height that occurs much more often than all others; None without one.
 
     In total, or one after the other. Noise makes the points of a plane differ: such a value may
     mark lost points.
@@ -120,8 +127,7 @@ def find_repeated_value(heights: FloatArray) -> tuple[float, int] | None:
     starts = np.flatnonzero(np.diff(finite, prepend=np.nan) != 0)
     runs = np.diff(starts, append=len(finite))
     value = _outstanding(values, counts)
-    value = _outstanding(finite[starts], runs) if value is None else value
-    return None if value is None else (value, int(np.count_nonzero(finite == value)))
+    return _outstanding(finite[starts], runs) if value is None else value
 
 
 def _outstanding(values: FloatArray, counts: IntArray) -> float | None:

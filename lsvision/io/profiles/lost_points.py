@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import chain
 
 import numpy as np
 
@@ -19,6 +18,8 @@ MIN_ZEROS = 3
 """Smallest number of heights of 0 that are noted when they are read as points."""
 MIN_ZERO_DISTANCE = 0.1
 """Smallest distance of all other heights from 0, in spans of these, from which zeros are noted."""
+SAMPLE_PROFILES = 20
+"""Number of profiles of a file in which repeated heights are searched."""
 _TOLERANCE = 1e-7  # of a marker, relative: a little more than single precision rounds, 6e-8
 
 
@@ -134,12 +135,9 @@ def _add_guesses(marked: _MarkedPoints, raw: RawProfiles, *, is_range: bool) -> 
 
 def _add_interrupting(marked: _MarkedPoints, sections: Sequence[FloatArray]) -> None:
     """Mark the heights that interrupt the surface of a profile, in that profile."""
-    by_section = [find_interrupting_values(section[:, -1]) for section in sections]
-    for value in sorted(set(chain(*by_section))):
-        rows = [
-            np.equal(section[:, -1], value) & (value in found)
-            for section, found in zip(sections, by_section, strict=True)
-        ]
+    heights = [section[:, -1] for section in sections]
+    for value, is_marker in sorted(find_interrupting_values(heights).items()):
+        rows = [np.equal(z, value) & found for z, found in zip(heights, is_marker, strict=True)]
         marked.add(f"{value:.10g}", np.concatenate(rows), guessed=True, interrupts=True)
 
 
@@ -164,10 +162,14 @@ def note_repeated(sections: list[FloatArray]) -> tuple[str, ...]:
     if count >= MIN_ZEROS and len(others):
         is_apart = others.min() > MIN_ZERO_DISTANCE * (others.max() - others.min())
         apart = ", apart from all others" if is_apart else ""
-    repeated = (0.0, count) if apart else find_repeated_value(heights)
-    if repeated is None or not (apart or find_rounding(columns) is None):
+    value = (
+        0.0
+        if apart
+        else find_repeated_value(np.concatenate([*columns[:SAMPLE_PROFILES], np.empty(0)]))
+    )
+    if value is None or not (apart or find_rounding(columns) is None):
         return ()
-    value, count = repeated
+    count = int(np.count_nonzero(heights == value))
     return (
         f"the height is {value:.10g} in {count} points{apart or ', and none else so often'}: read "
         f"as points (use --lost {value:.10g} if it marks lost points)",

@@ -22,7 +22,10 @@ _MIN_WIDTH_MM = 1.0  # narrower than the field of any profile sensor
 _MAX_LIDAR_EXTENT = 10.0  # coordinates up to this may be metres of a lidar, or mm of a sensor
 
 
-def find_extent(profiles: tuple[Profile, ...]) -> tuple[FloatArray, FloatArray] | None:
+_Extent = tuple[FloatArray, FloatArray] | None
+
+
+def find_extent(profiles: tuple[Profile, ...]) -> _Extent:
     """Return the smallest and the largest (x, height); None if all points are lost. Units: mm."""
     valid_points = [
         profile.points[~np.isnan(profile.points[:, 0])] if profile.lost else profile.points
@@ -60,13 +63,15 @@ def refuse_wrapped_numbers(sections: Sequence[FloatArray]) -> None:
             )
 
 
-def find_unit_warnings(profiles: tuple[Profile, ...], stated: str) -> tuple[str, ...]:
+def find_unit_warnings(
+    profiles: tuple[Profile, ...], extent: _Extent, stated: str
+) -> tuple[str, ...]:
     """Return a note if coordinates exceed the range of any sensor, or the width is below its field.
 
-    Without a stated unit also if all heights are whole numbers. `stated` is the unit that the file
-    or the caller states, which the note then suggests to check; if it is empty, another unit.
+    Without a stated unit also if all heights are whole numbers. `extent` is that of `find_extent`,
+    `stated` the unit that the file or the caller states, which the note then suggests to check; if
+    it is empty, another unit.
     """
-    extent = find_extent(profiles)
     if extent is None:
         return ()
     low, high = extent
@@ -105,14 +110,13 @@ def _find_count_warnings(profiles: tuple[Profile, ...]) -> tuple[str, ...]:
 
 
 def find_other_problems(
-    profiles: tuple[Profile, ...], *, assumed: bool, has_x: bool
+    profiles: tuple[Profile, ...], extent: _Extent, *, assumed: bool, has_x: bool
 ) -> tuple[str, ...]:
     """Return notes on rounding, points of a lidar, exchanged columns, numbers as x, empty profiles.
 
     Profiles are in the section frame. If the units are not `assumed`, the file probably names its
     columns, and only rounding and empty profiles are noted. `has_x` is false if the user stated x.
     """
-    extent = find_extent(profiles)
     if extent is None:
         return ()
     low, high = extent

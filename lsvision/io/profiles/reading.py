@@ -29,6 +29,7 @@ from lsvision.io.profiles.opencv_storage import read_opencv_storage
 from lsvision.io.profiles.parquet import read_parquet
 from lsvision.io.profiles.plain_text import read_keyence, read_keyence_raw, read_plain_text
 from lsvision.io.profiles.plausibility import (
+    find_extent,
     find_other_problems,
     find_unit_warnings,
     refuse_wrapped_numbers,
@@ -298,8 +299,8 @@ def convert_to_section_frame(
     unit_names = tuple(dict.fromkeys((x_unit, height_unit)))
     # A unit other than mm is stated, at least for one axis.
     stated = "" if assumed and unit_names == ("mm",) else ", ".join(unit_names)
-    unit_warnings = find_unit_warnings(profiles, stated)
-    hints = find_other_problems(profiles, assumed=assumed, has_x=not raw.x_in_mm)
+    extent = find_extent(profiles)
+    unit_warnings = find_unit_warnings(profiles, extent, stated)
     guessed = tuple(marker.note for marker in markers if marker.guessed)
     return ProfileFile(
         path=path,
@@ -314,7 +315,7 @@ def convert_to_section_frame(
         + zeros
         + ((fitted.note,) if fitted else ())
         + unit_warnings
-        + hints,
+        + find_other_problems(profiles, extent, assumed=assumed, has_x=not raw.x_in_mm),
         unit_warnings=unit_warnings,
         markers=markers,
         attributes=raw.attributes,

@@ -71,16 +71,18 @@ def parse_table(text: str, lost_words: frozenset[str] = frozenset()) -> NumberTa
     >>> parse_table("x [mm];z [mm]\n1,5;-2\n2,0;").values.tolist()
     [[1.5, -2.0], [2.0, nan]]
     """
-    text = _DASH.sub("-", text.replace("\u2212", "-"))  # typographic minus signs
+    text = text.replace("\u2212", "-")  # typographic minus sign
+    text = _DASH.sub("-", text) if "\u2013" in text else text
     factor = _MATLAB_FACTOR.search(text[:_HEAD_LENGTH])
     if factor:
         raise UnreadableFile(
             f"its numbers are displayed by MATLAB over a factor of {factor[1]}: write them with "
             "writematrix"
         )
-    body = _regular_body(text) or _irregular_body(
-        _BEHIND_NUMBERS.sub(r"\1", text).splitlines(), lost_words
-    )
+    body = _regular_body(text)
+    if body is None:
+        text = _BEHIND_NUMBERS.sub(r"\1", text) if "#" in text else text
+        body = _irregular_body(text.splitlines(), lost_words)
     table, layout = body.table, body.layout
     width = table.values.shape[1]
     while width > 2 and _is_empty(table, width - 1):
