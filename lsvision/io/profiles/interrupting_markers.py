@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lsvision.geometry import FloatArray, IntArray
+from lsvision.geometry import BoolArray, FloatArray, IntArray
 
 MIN_INTERRUPTIONS = 3
 """Smallest number of places at which a value interrupts a surface that goes on behind it, from
@@ -65,20 +65,26 @@ def _find_candidates(heights: FloatArray) -> list[float]:
     The steps before and behind a spike have opposite signs, and are large: of all steps between
     different heights at least a fifth is small, as half of the points may be lost.
     """
-    starts = np.flatnonzero(np.diff(heights, prepend=np.nan) != 0)
+    starts = _run_starts(heights)
     values, lengths = heights[starts], np.diff(starts, append=len(heights))
     if len(values) < 2 * MIN_INTERRUPTIONS:
         return []
     with np.errstate(over="ignore", invalid="ignore"):
         steps = np.diff(values)
-    sizes, rises = np.abs(steps), steps > 0
-    small = np.partition(sizes, len(sizes) // 5)[len(sizes) // 5]
-    is_large = sizes > MIN_SPIKE_RATIO * small
+        sizes, rises = np.abs(steps), steps > 0
+        small = np.partition(sizes, len(sizes) // 5)[len(sizes) // 5]
+        is_large = sizes > MIN_SPIKE_RATIO * small
     is_spike = (rises[:-1] != rises[1:]) & is_large[:-1] & is_large[1:]
     is_spike &= lengths[1:-1] <= MAX_INTERRUPTION
     spikes, counts = np.unique(values[1:-1][is_spike], return_counts=True)
     most = np.argsort(-counts, kind="stable")[:MAX_CANDIDATES]
     return [float(spikes[k]) for k in most if counts[k] >= MIN_INTERRUPTIONS]
+
+
+def _run_starts(heights: FloatArray) -> IntArray:
+    """Return the indices at which runs of equal heights begin."""
+    differs: BoolArray = heights[1:] != heights[:-1]
+    return np.flatnonzero(np.concatenate([np.ones(min(len(heights), 1), dtype=bool), differs]))
 
 
 def _interrupts(heights: FloatArray, value: float) -> bool:
@@ -104,8 +110,8 @@ def _typical_step(heights: FloatArray) -> float:
     """Return the median step between neighbours, at least the smallest step; inf without any."""
     with np.errstate(over="ignore", invalid="ignore"):
         steps = np.abs(np.diff(heights))
-    moving = steps[steps > 0]
-    return float(max(np.median(steps), moving.min())) if len(moving) else np.inf
+        moving = steps[steps > 0]
+        return float(max(np.median(steps), moving.min())) if len(moving) else np.inf
 
 
 def _count_excursions(heights: FloatArray, value: float, distance: float) -> int:
@@ -124,7 +130,7 @@ def find_repeated_value(heights: FloatArray) -> float | None:
     """
     finite = heights[np.isfinite(heights)]
     values, counts = np.unique(finite, return_counts=True)
-    starts = np.flatnonzero(np.diff(finite, prepend=np.nan) != 0)
+    starts = _run_starts(finite)
     runs = np.diff(starts, append=len(finite))
     value = _outstanding(values, counts)
     return _outstanding(finite[starts], runs) if value is None else value

@@ -290,7 +290,7 @@ def _is_x_row(heights: FloatArray) -> bool:
     """Return whether the first row changes in equal steps, and most others are not monotonic."""
     with np.errstate(over="ignore", invalid="ignore"):
         steps = np.diff(heights[0])
-    is_even = bool(np.all(np.abs(steps - steps.mean()) < MAX_UNEVENNESS * abs(steps.mean())))
+        is_even = bool(np.all(np.abs(steps - steps.mean()) < MAX_UNEVENNESS * abs(steps.mean())))
     return is_even and 2 * sum(map(is_monotonic, heights[1:])) < len(heights) - 1
 
 

@@ -24,6 +24,7 @@ def note_order(sections: Sequence[FloatArray]) -> tuple[str, ...]:
         return ()
     with np.errstate(over="ignore", invalid="ignore"):  # numbers near the largest float
         steps, span = np.diff(x), np.ptp(x)
+        typical = np.median(np.abs(steps))
     if not ((steps > 0).any() and (steps < 0).any()):
         return ()
     restarts = _count_restarts(steps, span, len(x))
@@ -33,7 +34,7 @@ def note_order(sections: Sequence[FloatArray]) -> tuple[str, ...]:
             "their numbers, or write one per file",
         )
     sweeps = _count_sweeps(x, span)
-    if sweeps < _MIN_SWEEPS or np.median(np.abs(steps)) > _MAX_ORDERED_STEP * span:
+    if sweeps < _MIN_SWEEPS or typical > _MAX_ORDERED_STEP * span:
         return ()
     return (
         f"x goes back and forth, {sweeps} times over its range: if these are several profiles, "

@@ -44,7 +44,8 @@ def refuse_pose_names(
     if rotation is None:
         return
     parts = [table.values[profile][:, rotation] for profile in rows]
-    is_attitude = all(np.ptp(part, axis=0).max() < _MAX_SAME_ROTATION for part in parts)
+    with np.errstate(over="ignore"):
+        is_attitude = all(np.ptp(part, axis=0).max() < _MAX_SAME_ROTATION for part in parts)
     if parts and is_attitude and not all(map(_is_straight, sections)):
         return
     rest = ", ".join(name for name in table.names if name)
@@ -100,7 +101,8 @@ def refuse_poses(table: NumberTable, columns: list[int]) -> None:
 
 def _numbers_rows(values: FloatArray) -> bool:
     """Return whether the first of 7 columns numbers the rows, or that of 8 is a time."""
-    steps = np.diff(values[:, 0])
+    with np.errstate(over="ignore"):
+        steps = np.diff(values[:, 0])
     return bool(values.shape[1] == 8 and (steps > 0).all()) or bool(
         values.shape[1] == 7 and values[0, 0] in (0, 1) and (steps == 1).all()
     )

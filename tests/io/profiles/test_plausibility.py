@@ -1,5 +1,7 @@
 """Numbers that are no heights in mm as they stand: wrapped, numbers of points, angles, x again."""
 
+import contextlib
+
 import numpy as np
 import pytest
 
@@ -84,3 +86,14 @@ def test_times_are_no_x(tmp_path, header):
 def test_typographic_dashes_as_signs_are_read(tmp_path):
     lines = [f"{x:.3f},{z - 99:.3f}".replace("-", "–") for x, z in zip(X, Z, strict=True)]
     np.testing.assert_allclose(read(tmp_path, lines).profiles[0].points[0], [-20, -103.639])
+
+
+@pytest.mark.parametrize("columns", [2, 3, 6, 24])
+@pytest.mark.parametrize("header", ["", "x,y,z,a,b,c", "x,z,valid"])
+def test_numbers_near_the_largest_float_are_no_warning(tmp_path, columns, header):
+    random = np.random.default_rng(columns)
+    for _ in range(20):
+        numbers = random.choice([0.0, 1e308, -1.7e308, 5.0, 300.25], size=(30, columns))
+        lines = [header] * bool(header) + [",".join(map(repr, row.tolist())) for row in numbers]
+        with contextlib.suppress(UnreadableFile):
+            read(tmp_path, lines, x0=0.0, dx=0.5)
