@@ -85,7 +85,7 @@ def _without_row_numbers(table: NumberTable) -> NumberTable:
     """
     values, start = table.values, 0
     has_corner = not np.nan_to_num(values[0, 0]) and not _are_numbers(values[0, 1:])
-    if len(values) > 2 and has_corner and _is_x_row(values[:, 1:]) and not _is_x_row(values):
+    if min(values.shape) > 2 and has_corner and _is_x_row(values[:, 1:]) and not _is_x_row(values):
         start = 1
     while len(values) >= MIN_ROWS and values.shape[1] - start > 2:
         if not _are_row_numbers(values[:, start], values[:, start + 1 :]):
