@@ -1,5 +1,6 @@
 """The command ``lsvision``: one module per command, heavy imports inside the commands."""
 
+import gc
 import sys
 
 
@@ -11,4 +12,8 @@ def main() -> None:
     prepare_process(sys.argv[1:])
     from lsvision.cli.app import main as run
 
-    run()
+    try:
+        run()
+    finally:
+        # Python would search all objects for unreachable ones as it exits, which takes 50 ms.
+        gc.freeze()
