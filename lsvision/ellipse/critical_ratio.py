@@ -1,13 +1,17 @@
-"""Critical likelihood ratios c: the largest F - min F of values within an interval.
+"""Critical values c of the likelihood ratio F - min F, up to which values are in an interval.
 
-F is the cost of `lsvision.ellipse.cost_expansion`; m, p, q and d are those of
-`lsvision.ellipse.parameters`.
+F is the cost of `lsvision.ellipse.cost_expansion`, -2 log likelihood up to a constant; m, h and
+d = (p, q) are those of `lsvision.ellipse.parameters`.
 
-The vector d = (p, q) is taken to be normally distributed. Its length determines phi, its direction
-theta: all d of one phi form a ring about the circle d = 0, all d of one theta a half line from it.
-The ratio of a phi or theta is the squared distance, in sigmas, of the estimate from ring or half
-line. Its quantile is the squared half width of the tube about them that contains the estimate with
-a given probability: near the circle that of chi^2 with two degrees of freedom, else with one.
+The estimate of d is taken to be normally distributed about the true d. All d of one phi form a ring
+|d| = h about the circle d = 0, all d of one theta a half line from it. In whitened coordinates,
+which are standard deviations along the principal axes of the covariance of d, the ring is an
+ellipse, and F - min F of a phi or theta is the squared distance of the estimate from ring or half
+line. That is below c if the estimate lies in a tube of half width sqrt(c) about them. So c is the
+squared half width of the tube that has the probability `level` (Neyman's construction; see
+`lsvision.ellipse.intervals.intervals` for a reference). Wilks' theorem has a straight line instead:
+c is then the quantile of chi^2 with one degree of freedom. At the circle, where the ring is a
+point, it is that with two; near it c lies between them.
 """
 
 import math
@@ -24,18 +28,21 @@ from lsvision.geometry.arrays import TINY
 from lsvision.geometry.noisy_points import ComplexArray
 from lsvision.statistics.quantiles import normal_probability, squared_quantile
 
-MAX_SIGMAS, MAX_CURVATURE_RADIUS = 20.0, 1.2
-"""Distance of the true d from the circle and smallest radius of curvature of the ring, in sigmas,
-beyond which c is that of a straight line, within 1 %."""
+MAX_RING_SIGMAS, MAX_CURVATURE_RADIUS = 20.0, 1.2
+"""Distance of the true d from the circle, and smallest radius of curvature of the ring, in sigmas,
+beyond which the ring counts as a straight line. A curved tube gains as much probability on its
+inner side as it loses on its outer one, to first order in the curvature. So c, which is never below
+that of a straight line, is then at most 1 % above it."""
 MIN_RING_POINTS, MAX_RING_POINTS, RING_POINTS_PER_SIGMA, RING_POINTS_PER_RATIO = 32, 512, 6, 8
 """Number of points of the integral along the ring: smallest and largest number, number per sigma of
-the larger semi-axis, and number per unit of the ring's axis ratio. c is exact to 3e-4 up to an axis
-ratio of 8."""
+the larger semi-axis, and number per unit of the ring's axis ratio. With them, c has a relative
+error of 3e-4 up to an axis ratio of 8."""
 END_SIGMAS = np.linspace(0.0, 6.0, 61)
 """Distances of the true d from the end of the half line for which c is tabulated, in sigmas; at the
 last it is that of a straight line."""
 ARC_ANGLES, ARC_WEIGHTS = (math.pi / 2 * rule for rule in np.polynomial.legendre.leggauss(16))
-"""Gauss-Legendre rule over the half circle that ends the tube about a half line. Units: rad."""
+"""Gauss-Legendre rule over the half circle that ends the tube about a half line: angles from the
+direction of the half line, from -pi/2 to pi/2, and their weights. Units: rad."""
 CACHED_LEVELS = 16
 """Number of levels whose quantiles and table for theta are cached."""
 
@@ -53,16 +60,17 @@ class CriticalRatios:
         distribution where the noise was estimated.
     m : (s,) ndarray
         m of the estimates. Units: mm.
-    lengths : (s,) ndarray
+    estimated_h : (s,) ndarray
         |d| of the estimates. Units: mm.
-    directions : (s,) complex ndarray
-        Unit vectors of these d, in sigmas per mm along the axes of the ring.
+    whitened_directions : (s,) complex ndarray
+        Unit vectors d / |d| of the estimates in whitened coordinates. Units: 1/mm.
+    principal_axes : (s,) complex ndarray
+        Unit vectors in the (p, q) plane along which the variance of d is smallest.
     semi_axes : (2, s) ndarray
-        Semi-axes in sigmas of the ring |d| = 1 mm, the larger first.
-    axes : (s,) complex ndarray
-        Directions of the larger semi-axis.
-    straight_radii : (s,) ndarray
-        Radius of the ring from which on it is treated as a straight line. Units: mm.
+        Semi-axes of the ring |d| = 1 mm in whitened coordinates, the larger first: 1 over the
+        standard deviations of d along its principal axes. Units: 1/mm.
+    min_straight_h : (s,) ndarray
+        |d| from which on the ring counts as a straight line. Units: mm.
     prior_fractions, prior_ratios : (s,) ndarray
         Fraction of the information on d that comes from a prior on phi that includes a circle, and
         c of this prior alone.
@@ -74,11 +82,11 @@ class CriticalRatios:
     one_dof: FloatArray
     two_dof: FloatArray
     m: FloatArray
-    lengths: FloatArray
-    directions: ComplexArray
+    estimated_h: FloatArray
+    whitened_directions: ComplexArray
+    principal_axes: ComplexArray
     semi_axes: FloatArray
-    axes: ComplexArray
-    straight_radii: FloatArray
+    min_straight_h: FloatArray
     prior_fractions: FloatArray
     prior_ratios: FloatArray
     may_be_circle: BoolArray
@@ -87,71 +95,66 @@ class CriticalRatios:
     def of(cls, stack: FitStack, level: float) -> Self:
         """Return the critical ratios of fits at a level between 0 and 1."""
         one, two = (squared_quantile(k, stack.degrees_of_freedom, level) for k in (1, 2))
-        variances, vectors = np.linalg.eigh(stack.covariances[:, 3:, 3:])
-        axes = vectors[:, 0, 0] + 1j * vectors[:, 1, 0]
+        variances, vectors = np.linalg.eigh(stack.covariances[:, 3:, 3:])  # ascending variances
+        principal_axes = vectors[:, 0, 0] + 1j * vectors[:, 1, 0]
         a, b = semi_axes = 1 / np.sqrt(np.maximum(variances.T, TINY))
         m, deviators = stack.parameters[:, 2], deviators_from_parameters(stack.parameters)
-        directions = _in_sigmas(deviators, semi_axes, axes)
-        straight_radii = np.minimum(
-            MAX_CURVATURE_RADIUS * a / b**2, MAX_SIGMAS / np.abs(directions)
+        whitened = _whiten_directions(deviators, semi_axes, principal_axes)
+        # The smallest radius of curvature of an ellipse with semi-axes a h and b h is h b^2 / a.
+        min_straight_h = np.minimum(
+            MAX_CURVATURE_RADIUS * a / b**2, MAX_RING_SIGMAS / np.abs(whitened)
         )
-        fractions, prior_ratios = np.zeros((2, len(m)))
-        for k in np.flatnonzero(stack.has_prior & stack.may_be_circle):
-            known = stack.fits[k].problem.known_phi
-            if known is not None:
-                fraction = variances[k].sum() / (2 * (known.deviator_std * m[k]) ** 2)
-                fractions[k] = min(fraction, 1.0)
-                prior_ratios[k] = known.max_likelihood_ratio(level)
+        fractions, prior_ratios = _phi_priors_about_circles(stack, variances, level)
         return cls(
-            level, one, two, m, np.abs(deviators), directions, semi_axes, axes, straight_radii,
-            fractions, prior_ratios, stack.may_be_circle,
+            level, one, two, m, np.abs(deviators), whitened, principal_axes, semi_axes,
+            min_straight_h, fractions, prior_ratios, stack.may_be_circle,
         )  # fmt: skip
 
     @property
-    def ratios_for_circle(self) -> FloatArray:
+    def for_circle(self) -> FloatArray:
         """Critical ratios of phi = 0, (s,)."""
-        return self.two_dof + self.prior_fractions * np.maximum(
-            self.prior_ratios - self.two_dof, 0.0
-        )
+        return self._raise_to_priors(self.two_dof, slice(None))
 
     def allows_any_theta(self, circle_ratios: FloatArray) -> BoolArray:
-        """Return whether circles with these ratios (s,) are possible: then any theta is, too."""
+        """Return whether circles are possible: then any theta is, too.
+
+        `circle_ratios` (s,) are F of the best circle less min F.
+        """
         return self.may_be_circle & (circle_ratios <= self.two_dof)
 
-    def ratios_for_flattening(self, owners: IntArray, kappas: FloatArray) -> FloatArray:
+    def for_flattening(self, fit_indices: IntArray, flattenings: FloatArray) -> FloatArray:
         """Return c of phi for values of h / m and a true d in the direction of the estimate.
 
         Parameters
         ----------
-        owners : (k,) int ndarray
-            Number of the fit of each value.
-        kappas : (k,) ndarray
+        fit_indices : (k,) int ndarray
+            Index of the fit of each value.
+        flattenings : (k,) ndarray
             Values of h / m.
 
         Returns
         -------
         (k,) ndarray
         """
-        h, ratios = self.m[owners] * kappas, self.one_dof[owners]
-        near = h < self.straight_radii[owners]
-        if near.any():
-            counts = np.where(near, self._ring_points(owners, h), 0)
-            for count in np.unique(counts[near]).tolist():
+        h, ratios = self.m[fit_indices] * flattenings, self.one_dof[fit_indices]
+        is_curved = h < self.min_straight_h[fit_indices]
+        if is_curved.any():
+            counts = np.where(is_curved, self._ring_point_counts(fit_indices, h), 0)
+            for count in np.unique(counts[is_curved]).tolist():
                 i = counts == count
-                tubes = self._ring_tubes(owners[i], h[i], count)
+                probabilities = self._ring_tube_probabilities(fit_indices[i], h[i], count)
                 ratios[i] = self._interpolate(
-                    owners[i], _interpolation_fractions(self.level, tubes)
+                    fit_indices[i], _interpolation_fractions(self.level, probabilities)
                 )
-        more = np.maximum(self.prior_ratios[owners] - ratios, 0.0)
-        return ratios + self.prior_fractions[owners] * more
+        return self._raise_to_priors(ratios, fit_indices)
 
-    def ratios_for_direction(self, owners: IntArray, deviators: ComplexArray) -> FloatArray:
+    def for_direction(self, fit_indices: IntArray, deviators: ComplexArray) -> FloatArray:
         """Return c of theta for a true d of the estimate's length in a direction.
 
         Parameters
         ----------
-        owners : (k,) int ndarray
-            Number of the fit of each direction.
+        fit_indices : (k,) int ndarray
+            Index of the fit of each direction.
         deviators : (k,) complex ndarray
             Vectors p + iq, of which only the direction counts.
 
@@ -159,50 +162,132 @@ class CriticalRatios:
         -------
         (k,) ndarray
         """
-        in_sigmas = _in_sigmas(deviators, self.semi_axes[:, owners], self.axes[owners])
-        distances = self.lengths[owners] * np.abs(in_sigmas)
-        fractions = np.interp(distances, END_SIGMAS, _half_line_fractions(self.level))
-        return self._interpolate(owners, fractions)
+        semi_axes, principal_axes = self.semi_axes[:, fit_indices], self.principal_axes[fit_indices]
+        whitened = _whiten_directions(deviators, semi_axes, principal_axes)
+        sigmas_from_circle = self.estimated_h[fit_indices] * np.abs(whitened)
+        fractions = np.interp(sigmas_from_circle, END_SIGMAS, _half_line_fractions(self.level))
+        return self._interpolate(fit_indices, fractions)
 
-    def _interpolate(self, owners: IntArray, fractions: FloatArray) -> FloatArray:
-        """Return c between `one_dof` (fraction 0) and `two_dof` (fraction 1), (k,)."""
-        return (1 - fractions) * self.one_dof[owners] + fractions * self.two_dof[owners]
+    def _raise_to_priors(self, ratios: FloatArray, fit_indices: IntArray | slice) -> FloatArray:
+        """Return c of phi (k,), nearer to c of the prior the more of the information is from it.
 
-    def _ring_points(self, owners: IntArray, h: FloatArray) -> IntArray:
-        """Return the number of points of the integral along each ring: powers of two."""
-        a, b = self.semi_axes[:, owners]
+        The prior is normal in phi, but d, on which `ratios` are based, is quadratic in phi: with
+        the prior alone F - min F has larger quantiles than chi^2.
+        """
+        increase = np.maximum(self.prior_ratios[fit_indices] - ratios, 0.0)
+        return ratios + self.prior_fractions[fit_indices] * increase
+
+    def _interpolate(self, fit_indices: IntArray, fractions: FloatArray) -> FloatArray:
+        """Return c between `one_dof` (fraction 0) and `two_dof` (fraction 1), (k,).
+
+        The fractions are computed for known noise; with estimated noise, c of phi and theta is
+        taken to lie at the same fraction between the quantiles of the F distribution.
+        """
+        return (1 - fractions) * self.one_dof[fit_indices] + fractions * self.two_dof[fit_indices]
+
+    def _ring_point_counts(self, fit_indices: IntArray, h: FloatArray) -> IntArray:
+        """Return the number of points of the integral along each ring |d| = h: powers of two.
+
+        Rings with the same number are integrated together; powers of two are few different numbers.
+        """
+        a, b = self.semi_axes[:, fit_indices]
         count = np.maximum(RING_POINTS_PER_SIGMA * a * h, RING_POINTS_PER_RATIO * a / b)
         count = np.clip(count, MIN_RING_POINTS, MAX_RING_POINTS)
         points: IntArray = np.exp2(np.ceil(np.log2(count))).astype(int)
         return points
 
-    def _ring_tubes(self, owners: IntArray, h: FloatArray, count: int) -> FloatArray:
-        """Return probabilities of tubes of half width sqrt(chi2) about rings of radius h, (k, 3).
+    def _ring_tube_probabilities(
+        self, fit_indices: IntArray, h: FloatArray, count: int
+    ) -> FloatArray:
+        """Return the probabilities (k, 3) of tubes about rings |d| = h, (k,).
 
-        By Green's theorem the probability of a region is the integral of 1 - exp(-r^2 / 2) over the
-        polar angle of its boundary about the true d, with r the distance. The boundaries are
-        parallel curves of the ring, an ellipse. Where the inner one crosses the major axis the tube
-        has no hole; the boundary is then put on the axis, where both sides cancel.
+        The squared half widths of the tubes are `_chi2_quantiles`; the true d lies on the ring, in
+        the direction of the estimate. In polar coordinates (r, v) about the true d, the density of
+        the estimate is exp(-r^2 / 2) / 2 pi, and its integral over r is in closed form. What
+        remains is an integral along the boundary of the tube. The estimate lies outside of a
+        closed curve about the true d with the probability
+
+            1 / 2 pi  integral exp(-r^2 / 2) dv,
+
+        and within a curve that does not enclose the true d with minus this integral. The tube is
+        the region within its outer boundary without that within its inner one.
         """
-        a, b = self.semi_axes[:, owners, None]
-        directions = self.directions[owners]
+        a, b = self.semi_axes[:, fit_indices, None]
         widths = np.sqrt(_chi2_quantiles(self.level))
-        t = np.arange(count) * (2 * np.pi / count)
-        b_cos, a_sin = b * np.cos(t), a * np.sin(t)
-        size = np.hypot(b_cos, a_sin)
-        s, h = np.concatenate([widths, -widths])[:, None], h[:, None, None]
-        height = h * b[:, None] + s * (a / size)[:, None]
-        is_beside_axis = height > 0
-        x = np.cos(t) * (h * a[:, None] + s * (b / size)[:, None])
-        x -= h * directions.real[:, None, None]
-        y = np.sin(t) * height * is_beside_axis - h * directions.imag[:, None, None]
-        speed = h + s * (a * b / size**3)[:, None]
+        both_sides = np.concatenate([widths, -widths])[:, None]
+        x, y, speed, normal_x, normal_y = _parallel_curves(
+            a, b, h[:, None, None], both_sides, count
+        )
+        true_d = h[:, None, None] * self.whitened_directions[fit_indices, None, None]
+        x -= true_d.real
+        y -= true_d.imag
         squared = x * x + y * y
-        turn = speed * (b_cos[:, None] * is_beside_axis * x + a_sin[:, None] * y) / squared
-        outside = (turn * np.exp(-squared / 2)).sum(axis=2) / count
-        # The true d is within the outer boundary (first three widths), not within the inner one.
-        tubes: FloatArray = 1 - outside[:, :3] + outside[:, 3:]
-        return tubes
+        # (x y' - y x') / r^2, with the derivative speed (-normal_y, normal_x) of (x, y).
+        dv = speed * (normal_x * x + normal_y * y) / squared
+        integrals = (dv * np.exp(-squared / 2)).sum(axis=2) / count
+        outer, inner = integrals[:, :3], integrals[:, 3:]
+        probabilities: FloatArray = 1 - outer + inner
+        return probabilities
+
+
+def _phi_priors_about_circles(
+    stack: FitStack, variances: FloatArray, level: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return `prior_fractions` and `prior_ratios` of `CriticalRatios`, (s,) each.
+
+    `variances` (s, 2) are those of d along its principal axes; 0 for fits without such a prior.
+    """
+    fractions, ratios = np.zeros((2, len(stack.fits)))
+    for k in np.flatnonzero(stack.has_prior & stack.may_be_circle):
+        known = stack.fits[k].problem.known_phi
+        if known is not None:
+            # Information is 1 over variance: the mean variance of d over that of the prior.
+            prior_std = known.deviator_std * stack.parameters[k, 2]
+            fractions[k] = min(variances[k].sum() / (2 * prior_std**2), 1.0)
+            ratios[k] = known.max_likelihood_ratio(level)
+    return fractions, ratios
+
+
+def _parallel_curves(
+    a: FloatArray, b: FloatArray, h: FloatArray, distances: FloatArray, count: int
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return points of curves parallel to ellipses with semi-axes a h and b h, b <= a.
+
+    A point is h (a cos t, b sin t) + s N / |N|, with the signed distance s and the outward normal
+    N = (b cos t, a sin t). The curvature of the ellipse is a b / (h |N|^3), so that the derivative
+    of the point by t is (h + s a b / |N|^3) (-a sin t, b cos t).
+
+    An inner curve beyond the centre of curvature crosses the major axis. Its points on the wrong
+    side are put on the axis, where those of both halves of the ellipse cancel in an integral along
+    the curve: what is left encloses the points that are further than s from the ellipse.
+
+    Parameters
+    ----------
+    a, b : (k, 1) ndarray
+        Semi-axes of the ellipses for h = 1.
+    h : (k, 1, 1) ndarray
+        Factors of the semi-axes.
+    distances : (j, 1) ndarray
+        Distances s from the ellipses, negative inside.
+    count : int
+        Number of points of each curve, at equal steps of t.
+
+    Returns
+    -------
+    x, y : (k, j, count) ndarray
+        Points.
+    speed, normal_x, normal_y : (k, j, count) or (k, 1, count) ndarray
+        Factor of their derivatives by t, speed (-normal_y, normal_x); normal_x is 0 on the axis.
+    """
+    t = np.arange(count) * (2 * np.pi / count)
+    b_cos, a_sin = b * np.cos(t), a * np.sin(t)
+    size = np.hypot(b_cos, a_sin)
+    x = np.cos(t) * (h * a[:, None] + distances * (b / size)[:, None])
+    height = h * b[:, None] + distances * (a / size)[:, None]
+    is_beside_axis = height > 0
+    y = np.sin(t) * height * is_beside_axis
+    speed = h + distances * (a * b / size**3)[:, None]
+    return x, y, speed, b_cos[:, None] * is_beside_axis, a_sin[:, None]
 
 
 @lru_cache(maxsize=CACHED_LEVELS)
@@ -214,40 +299,47 @@ def _chi2_quantiles(level: float) -> FloatArray:
 
 @lru_cache(maxsize=CACHED_LEVELS)
 def _half_line_fractions(level: float) -> FloatArray:
-    """Return the fractions (61,) for a half line with a true d at `END_SIGMAS` from its end."""
-    # The tube is integrated across the half line; along it the normal integral is known.
+    """Return the fractions (61,) for a half line with a true d at `END_SIGMAS` from its end.
+
+    The tube of half width s is the strip |y| <= s, with the half line along x and the true d at the
+    origin; it ends in a half circle, at x = -END_SIGMAS - sqrt(s^2 - y^2). Its probability is the
+    integral over y of the normal density times the normal probability of x beyond this end. With
+    y = s sin(v), the root is s cos(v) and dy = s cos(v) dv.
+    """
     s = np.sqrt(_chi2_quantiles(level))[:, None]
-    across, along = s * np.sin(ARC_ANGLES), s * np.cos(ARC_ANGLES)
-    density = np.exp(-across * across / 2) / math.sqrt(2 * math.pi)
-    tubes = (density * normal_probability(END_SIGMAS[:, None, None] + along) * along) @ ARC_WEIGHTS
-    return _interpolation_fractions(level, tubes)
+    y, s_cos = s * np.sin(ARC_ANGLES), s * np.cos(ARC_ANGLES)
+    density = np.exp(-y * y / 2) / math.sqrt(2 * math.pi)
+    beyond_end = normal_probability(END_SIGMAS[:, None, None] + s_cos)
+    return _interpolation_fractions(level, (density * beyond_end * s_cos) @ ARC_WEIGHTS)
 
 
-def _interpolation_fractions(level: float, tubes: FloatArray) -> FloatArray:
+def _interpolation_fractions(level: float, probabilities: FloatArray) -> FloatArray:
     """Return where c lies between `one_dof` (0) and `two_dof` (1), (k,).
 
-    It is interpolated between the probabilities (k, 3) of tubes whose squared half widths are
-    `_chi2_quantiles`: log(1 - probability) is linear in the squared width at a circle and nearly so
-    elsewhere.
+    `probabilities` (k, 3) are those of tubes whose squared half widths are `_chi2_quantiles`; at c
+    it is `level`. The squared width is interpolated over log(1 - probability), in which it is
+    linear at a circle (there 1 - probability = exp(-squared width / 2)) and nearly so elsewhere.
     """
-    tails, target = np.log1p(-np.minimum(tubes, 1 - 1e-15)).T, math.log1p(-level)
-    positions = np.zeros(len(tubes))
+    logs, target = np.log1p(-np.minimum(probabilities, 1 - 1e-15)).T, math.log1p(-level)
+    positions = np.zeros(len(probabilities))
     # Lagrange's formula for the positions -1, 0 and 1, the second of which has no term.
     for i, j, k, position in ((0, 1, 2, -1.0), (2, 0, 1, 1.0)):
-        weights = (target - tails[j]) * (target - tails[k])
-        products = (tails[i] - tails[j]) * (tails[i] - tails[k])
-        positions += position * weights / np.where(products == 0, TINY, products)
+        numerators = (target - logs[j]) * (target - logs[k])
+        denominators = (logs[i] - logs[j]) * (logs[i] - logs[k])
+        positions += position * numerators / np.where(denominators == 0, TINY, denominators)
     return np.minimum(np.maximum((positions + 1) / 2, 0.0), 1.0)
 
 
-def _in_sigmas(deviators: ComplexArray, semi_axes: FloatArray, axes: ComplexArray) -> ComplexArray:
-    """Return the unit vectors of directions in sigmas per mm, along the axes of the rings.
+def _whiten_directions(
+    deviators: ComplexArray, semi_axes: FloatArray, principal_axes: ComplexArray
+) -> ComplexArray:
+    """Return unit vectors d / |d| in whitened coordinates, (k,); those of d = 0 are principal axes.
 
-    The zero vector gives the first axis.
+    Their lengths are 1 over the standard deviation of d along them. Units: 1/mm.
     """
     lengths = np.abs(deviators)
-    units = deviators / np.maximum(lengths, TINY) * axes.conj()
+    units = deviators / np.maximum(lengths, TINY) * principal_axes.conj()
     units[lengths == 0] = 1.0
     a, b = semi_axes
-    in_sigmas: ComplexArray = a * units.real + 1j * (b * units.imag)
-    return in_sigmas
+    whitened: ComplexArray = a * units.real + 1j * (b * units.imag)
+    return whitened

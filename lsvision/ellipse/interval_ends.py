@@ -3,9 +3,13 @@
 Each end of each fit is a row of parameters (centre_x, centre_y, m, p, q); F, c and d = (p, q) are
 those of `lsvision.ellipse.critical_ratio`. An iteration expands F to second order at every row, so
 that the region is an ellipsoid, and moves the row to the extremum of its quantity over that
-ellipsoid (`lsvision.ellipse.region_extrema`). Convergence is quadratic. One more row of a fit is
-its best circle, the minimum of F on d = 0. The rows of all fits are moved at once: for the few
-numbers of one fit, the calls of numpy would take most of the time.
+ellipsoid (`lsvision.ellipse.region_extrema`). This is sequential quadratic programming with the
+second derivatives of the constraint: convergence is quadratic. (Venzon and Moolgavkar, A method for
+computing profile-likelihood-based confidence intervals, Applied Statistics 37, 1988, apply Newton's
+method to the same conditions; it cycles for phi within two standard deviations of a circle.)
+
+One more row of a fit is its best circle, the minimum of F on d = 0. The rows of all fits are moved
+at once: for the few numbers of one fit, the calls of numpy would take most of the time.
 """
 
 import math
@@ -14,14 +18,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lsvision.ellipse.arc_steps import move_along_arcs
 from lsvision.ellipse.cost_expansion import Expansion, expand_cost, multiply_vectors
 from lsvision.ellipse.critical_ratio import CriticalRatios
 from lsvision.ellipse.fit_stack import FitStack
 from lsvision.ellipse.parameters import deviators_from_parameters
 from lsvision.ellipse.region_extrema import (
     CIRCLE,
-    DIRECTED,
-    ENDS,
+    DIRECTED_END_COUNT,
+    END_COUNT,
     IS_PHI,
     PHI_LOW,
     SECOND_ENDS,
@@ -33,7 +38,6 @@ from lsvision.ellipse.region_extrema import (
 )
 from lsvision.geometry import BoolArray, FloatArray, IntArray
 from lsvision.geometry.arrays import TINY, select_rows
-from lsvision.geometry.noisy_points import ComplexArray, as_vectors
 
 SAME_DIRECTION = 0.99
 """Cosine of the angle between two directions above which both lead to the same extremum."""
@@ -48,25 +52,25 @@ at these limits it is 1 % of the width."""
 MAX_STEP = 2.5
 """Longest step, in radii of the region."""
 CROSSING_FRACTION, MIN_CROSSING_FRACTION = 0.7, 0.3
-"""With a known radius: length of d in a step across the circle over |d|, and smallest fraction of
-such a step. Without these limits one fit in ten of untilted pipes has intervals without ends."""
+"""With a known radius: largest change of d in a step across the circle, over |d|, and smallest
+fraction of such a step that is taken. Without these limits one fit in ten of untilted pipes has
+intervals without ends."""
 MAX_RATIO = 6.0
-"""Largest F - min F over c after a step, without the priors or with them; a step beyond it is
-rejected."""
+"""Largest F - min F after a step, in units of c; a step beyond it is rejected."""
 STEP_REDUCTION, STEP_GROWTH = 0.35, 1.5
-"""Factors on the fraction of a step: after a rejected step (which includes one that leads to no
-ellipse), and after an accepted step."""
+"""Factors on the fraction of a step that is taken: after a rejected step (which includes one that
+leads to no ellipse), and after an accepted step."""
 FIRST, SECOND = list(SECOND_ENDS), list(SECOND_ENDS.values())
 """Columns of the ends that may have two local extrema, and columns of their second extrema."""
 MAX_FLATTENING = 0.998
 """Largest h / m of a step: an axis ratio of 1 to 1000."""
-FAR_CIRCLE, CIRCLE_PRECISION = 2.0, 20.0
-"""The search for the best circle ends, and a circle is excluded, if the predicted ratio is above
-the first factor times the critical one, and the present ratio below the second factor times the
-predicted one."""
+EXCLUDED_CIRCLE_FACTOR, MAX_PREDICTION_ERROR = 2.0, 20.0
+"""The search for the best circle ends early, since a circle is clearly excluded, if its predicted
+ratio F - min F exceeds the first factor times the critical one. The prediction is that of the
+present expansion, at which the ratio must be below the second factor times the predicted one."""
 CRITICAL_SLACK, SURPASSING_FRACTION = 1.001, 0.02
-"""Tolerance for rounding in the comparison of two c, and distance by which an end must be further
-out than another one to replace it, as a fraction of half the width."""
+"""Factor on c that allows for rounding when two c are compared, and distance by which a point must
+be further out than an end to replace it, as a fraction of half the width of the interval."""
 
 
 class IntervalEnds(NamedTuple):
@@ -91,14 +95,16 @@ class IntervalEnds(NamedTuple):
     reliable: BoolArray
 
 
-def find_interval_ends(stack: FitStack, ratios: CriticalRatios, wanted: BoolArray) -> IntervalEnds:
+def find_interval_ends(
+    stack: FitStack, critical_ratios: CriticalRatios, wanted: BoolArray
+) -> IntervalEnds:
     """Find the extrema of radius, centre, phi and theta over {F <= min F + c}, and best circles.
 
     Parameters
     ----------
     stack : FitStack
         The fits.
-    ratios : CriticalRatios
+    critical_ratios : CriticalRatios
         Critical ratios c of the quantities.
     wanted : (s, 13) bool ndarray
         Ends to find.
@@ -110,16 +116,17 @@ def find_interval_ends(stack: FitStack, ratios: CriticalRatios, wanted: BoolArra
     all_fits = np.arange(len(stack.fits))
     with np.errstate(all="ignore"):  # steps to parameters without finite cost are rejected
         best = expand_cost(stack, all_fits, stack.parameters)
-        search = _Search.start(Regions(stack, ratios, best), wanted)
+        search = _Search.start(Regions(stack, critical_ratios, best), wanted)
         for limit in MAX_EVALUATIONS:
             for _ in range(limit):
                 if not search.rows.ends.size:
                     break
                 search.advance()
-            not_converged = search.rows.owners
+            not_converged = search.rows.fit_indices  # all ends of these fits are unreliable
             search.restart_surpassed()
             if not search.rows.ends.size:
                 break
+    # Rows that would be restarted again are surpassed by other ends, or have not converged.
     reliable = np.ones(wanted.shape, dtype=bool)
     reliable[search.rows] = reliable[not_converged] = False
     return IntervalEnds(search.ends, search.wanted, search.targets.circle_ratios, reliable)
@@ -141,14 +148,12 @@ class _Search:
         Whether an end is needed.
     rows : Rows
         The k ends that have not converged.
-    parameters : (k, 5) ndarray
-        Their present parameters. Units: mm.
     expansion, targets : Expansion, Targets
-        F about these parameters, and the extrema to which the next step leads.
+        F about the present parameters of these ends, and the extrema to which the next step leads.
     lengths : (k,) ndarray
-        Length of the next step, in radii of the region.
+        Length of the step to the target, in radii of the region.
     reduction : (k,) ndarray
-        Factor on the next step: below 1 after rejected steps.
+        Fraction of this step that is taken: below 1 after rejected steps.
     """
 
     regions: Regions
@@ -156,7 +161,6 @@ class _Search:
     critical: FloatArray
     wanted: BoolArray
     rows: Rows
-    parameters: FloatArray
     expansion: Expansion
     targets: Targets
     lengths: FloatArray
@@ -166,18 +170,20 @@ class _Search:
     def start(cls, regions: Regions, wanted: BoolArray) -> "_Search":
         """Start all rows at the estimates, with targets from their expansion."""
         wanted = wanted.copy()
-        wanted[:, CIRCLE] &= regions.ratios.may_be_circle
+        wanted[:, CIRCLE] &= regions.critical_ratios.may_be_circle
         rows = Rows(*np.nonzero(wanted))
-        ends = np.repeat(regions.stack.parameters[:, None], ENDS, axis=1)
-        critical = np.repeat(regions.ratios.one_dof[:, None], ENDS, axis=1)
-        angles, kappas = np.zeros((2, len(ends), ENDS))
-        if wanted[:, :DIRECTED].any():
-            angles[:, :DIRECTED], kappas[:, :DIRECTED] = regions.search_directions()
+        ends = np.repeat(regions.stack.parameters[:, None], END_COUNT, axis=1)
+        critical = np.repeat(regions.critical_ratios.one_dof[:, None], END_COUNT, axis=1)
+        angles, m_factors = np.zeros((2, len(ends), END_COUNT))
+        if wanted[:, :DIRECTED_END_COUNT].any():
+            angles[:, :DIRECTED_END_COUNT], m_factors[:, :DIRECTED_END_COUNT] = (
+                regions.search_directions()
+            )
         circle_ratios = np.full(len(ends), math.inf)
-        last = Targets(ends[rows], angles[rows], kappas[rows], critical[rows], circle_ratios)
+        last = Targets(ends[rows], angles[rows], m_factors[rows], critical[rows], circle_ratios)
         search = cls(
-            regions, ends, critical, wanted, rows, ends[rows],
-            select_rows(regions.best, rows.owners), last, critical[rows], np.ones(rows.ends.size),
+            regions, ends, critical, wanted, rows, select_rows(regions.best, rows.fit_indices),
+            last, critical[rows], np.ones(rows.ends.size),
         )  # fmt: skip
         search._find_targets()
         search._drop_second_ends()
@@ -198,7 +204,7 @@ class _Search:
             rows = select_rows(self.rows, done)
             self.ends[rows] = self._move(np.ones(done.size))[done]
             self.critical[rows] = self.targets.critical[done]
-            self._decide_by_circles(rows.owners[rows.ends == CIRCLE])
+            self._decide_by_circles(rows.fit_indices[rows.ends == CIRCLE])
             self._select_rows(~done & self.wanted[self.rows])
 
     def _limit_crossing_steps(self, fractions: FloatArray) -> None:
@@ -207,9 +213,9 @@ class _Search:
         Ellipses with the same b form a cone m = b + |d|, whose tangent plane leads away from it on
         the other side of the circle: full steps would alternate between both sides.
         """
-        known = np.flatnonzero(self.regions.stack.known_radius[self.rows.owners])
+        known = np.flatnonzero(self.regions.stack.known_radius[self.rows.fit_indices])
         if known.size:
-            d = deviators_from_parameters(self.parameters[known])
+            d = deviators_from_parameters(self.expansion.parameters[known])
             steps = deviators_from_parameters(self.targets.parameters[known]) - d
             limits = CROSSING_FRACTION * np.abs(d) / np.maximum(np.abs(steps), TINY)
             crosses = ((steps + d) * d.conj()).real < 0
@@ -222,174 +228,142 @@ class _Search:
         again, starts = self._find_surpassed()
         if again.any():
             self.rows = Rows(*np.nonzero(again))
-            self.parameters = starts[self.rows]
-            self.expansion = expand_cost(self.regions.stack, self.rows.owners, self.parameters)
+            parameters = starts[self.rows]
+            self.expansion = expand_cost(self.regions.stack, self.rows.fit_indices, parameters)
             self.reduction = np.ones(self.rows.ends.size)
-            d, m = deviators_from_parameters(self.parameters), self.parameters[:, 2]
-            kappas = np.where(IS_PHI[self.rows.ends], np.abs(d) / m, 1.0)
+            d, m = deviators_from_parameters(parameters), parameters[:, 2]
+            m_factors = np.where(IS_PHI[self.rows.ends], np.abs(d) / m, 1.0)
             self.targets = self.targets._replace(
-                angles=np.angle(d), kappas=kappas, critical=self.critical[self.rows]
+                angles=np.angle(d), m_factors=m_factors, critical=self.critical[self.rows]
             )
             self._find_targets()
 
     def _find_surpassed(self) -> tuple[BoolArray, FloatArray]:
         """Return which ends are restarted (s, 13), and the parameters (s, 13, 5) where they start.
 
-        Every end of a fit, and its estimate, lies in the regions of all ends whose c is not
-        smaller: an end starts from the most extreme of these points.
+        All ends have the same F and differ in c only: an end of smaller c lies in the region of one
+        of larger c, whose quantity cannot be more extreme there than at its own end. If it is, that
+        end is a local extremum only, and starts again from the most extreme of these points, among
+        which is the estimate. An end that has not converged starts there in any case.
         """
         estimates = self.regions.stack.parameters[:, None]
         active = np.zeros(self.wanted.shape, dtype=bool)
         active[self.rows] = True
-        candidates = np.concatenate([self.ends, estimates], axis=1)
-        # The estimate, in the last column, lies in all regions: its c is 0.
+        # The points are the ends and, last, the estimate, which lies in all regions: its c is 0.
+        points = np.concatenate([self.ends, estimates], axis=1)
         critical = np.pad(self.critical, ((0, 0), (0, 1)))
-        sources = np.pad(self.wanted & ~active, ((0, 0), (0, 1)), constant_values=True)
-        sources[:, CIRCLE] = False
-        inside = sources[:, :, None] & (
+        is_found = np.pad(self.wanted & ~active, ((0, 0), (0, 1)), constant_values=True)
+        is_found[:, CIRCLE] = False
+        in_region = is_found[:, :, None] & (
             critical[:, :, None] < CRITICAL_SLACK * self.critical[:, None]
         )
-        heights = _maximised_quantities(candidates, estimates)
-        reached = np.where(inside, heights, -np.inf)
-        ends = np.diagonal(heights, axis1=1, axis2=2).copy()
-        both = np.maximum(ends[:, FIRST], ends[:, SECOND])
-        for column in (FIRST, SECOND):
-            ends[:, column] = np.where(sources[:, SECOND], both, ends[:, column])
-        slack = SURPASSING_FRACTION * np.abs(ends - heights[:, ENDS])
-        again = self.wanted & (active | (reached.max(axis=1) > ends + slack))
+        values = _maximised_quantities(points, estimates)
+        values_in_region = np.where(in_region, values, -np.inf)
+        values_at_ends = np.diagonal(values, axis1=1, axis2=2).copy()
+        # Of two local extrema of one quantity, the more extreme one counts.
+        both = np.maximum(values_at_ends[:, FIRST], values_at_ends[:, SECOND])
+        for columns in (FIRST, SECOND):
+            single = values_at_ends[:, columns]
+            values_at_ends[:, columns] = np.where(is_found[:, SECOND], both, single)
+        slack = SURPASSING_FRACTION * np.abs(values_at_ends - values[:, END_COUNT])
+        is_surpassed = values_in_region.max(axis=1) > values_at_ends + slack
+        again = self.wanted & (active | is_surpassed)
         again[:, CIRCLE] = active[:, CIRCLE]
-        furthest = reached.argmax(axis=1)
-        return again, candidates[np.arange(len(candidates))[:, None], furthest]
+        starts = points[np.arange(len(points))[:, None], values_in_region.argmax(axis=1)]
+        return again, starts
 
     def _find_targets(self) -> None:
         """Find the targets of the active rows and the lengths of the steps to them."""
-        self.targets = self.regions.find_targets(
-            self.rows, self.parameters, self.expansion, self.targets
-        )
-        steps = self.targets.parameters - self.parameters
+        self.targets = self.regions.find_targets(self.rows, self.expansion, self.targets)
+        steps = self.targets.parameters - self.expansion.parameters
         squares = (multiply_vectors(self.expansion.information, steps) * steps).sum(axis=1)
         self.lengths = np.sqrt(np.maximum(squares, 0.0) / self.targets.critical)
 
     def _drop_second_ends(self) -> None:
-        """Drop second ends that start in the first's direction, or with d opposite to theirs."""
+        """Drop second ends that are no extrema: u as of the first, or d opposite to their u."""
         angles, deviators = np.zeros(self.wanted.shape), np.zeros(self.wanted.shape, dtype=complex)
         angles[self.rows] = self.targets.angles
         deviators[self.rows] = deviators_from_parameters(self.targets.parameters)
         second_angles, d = angles[:, SECOND], deviators[:, SECOND]
         self.wanted[:, SECOND] &= np.cos(second_angles - angles[:, FIRST]) <= SAME_DIRECTION
-        outward = np.cos(second_angles) * d.real + np.sin(second_angles) * d.imag
-        self.wanted[:, SECOND] &= outward > 0
+        d_along_u = np.cos(second_angles) * d.real + np.sin(second_angles) * d.imag
+        self.wanted[:, SECOND] &= d_along_u > 0
         self._select_rows(self.wanted[self.rows])
 
     def _move(self, fractions: FloatArray) -> FloatArray:
-        """Return the rows moved by fractions of the steps to their targets."""
-        owners, targets = self.rows.owners, self.targets.parameters
-        return _move_rows(self.regions.stack, owners, self.parameters, targets, fractions)
+        """Return the parameters (k, 5) after fractions (k,) of the steps to the targets."""
+        parameters, targets = self.expansion.parameters, self.targets.parameters
+        return move_along_arcs(
+            self.regions.stack, self.rows.fit_indices, parameters, targets, fractions
+        )
 
     def _accept(self, trial: FloatArray) -> BoolArray:
         """Move to trial parameters (k, 5) where F is not too large; return which rows moved."""
         moved = np.hypot(trial[:, 3], trial[:, 4]) < MAX_FLATTENING * trial[:, 2]
         if moved.any():
-            owners, ends = select_rows(self.rows, moved)
-            new = expand_cost(self.regions.stack, owners, trial[moved])
+            fit_indices, ends = select_rows(self.rows, moved)
+            new = expand_cost(self.regions.stack, fit_indices, trial[moved])
             best = self.regions.best
-            # The smaller increase counts: F with the priors is large off the curved surface of a
-            # known radius, and F without them where a prior contradicts the points.
+            # Of F with and without the priors the smaller increase counts: with them F is large off
+            # the curved surface of a known radius, without them where priors contradict the points.
             ratio = np.minimum(
-                new.cost - best.cost[owners], new.cost_of_points - best.cost_of_points[owners]
+                new.cost - best.cost[fit_indices],
+                new.cost_of_points - best.cost_of_points[fit_indices],
             )
             near = ratio < MAX_RATIO * self.targets.critical[moved]
             near |= ends == CIRCLE
             moved[moved] = near
             if moved.all():
-                self.parameters, self.expansion = trial, new
+                self.expansion = new
                 return moved
-            self.parameters[moved] = trial[moved]
             for field, values in zip(self.expansion, new, strict=True):
                 field[moved] = values[near]
         return moved
 
     def _is_last_step(self, previous: FloatArray) -> BoolArray:
         """Return whether the next step of each row is its last; `previous` is c one step ago."""
-        owners, critical = self.rows.owners, self.targets.critical
-        ratio = self.expansion.cost - self.regions.best.cost[owners]
-        circle = self.rows.ends == CIRCLE
+        fit_indices, critical = self.rows.fit_indices, self.targets.critical
+        ratio = self.expansion.cost - self.regions.best.cost[fit_indices]
+        is_circle = self.rows.ends == CIRCLE
         last: BoolArray = self.lengths < STEP_TOLERANCE
         last &= np.abs(critical - previous) < CRITICAL_TOLERANCE * critical
-        last &= circle | (np.abs(ratio - critical) < RATIO_TOLERANCE * critical)
-        circle_ratios = self.targets.circle_ratios
-        far = circle_ratios > FAR_CIRCLE * self.regions.ratios.ratios_for_circle
-        last |= circle & far[owners] & (ratio < CIRCLE_PRECISION * circle_ratios[owners])
+        last &= is_circle | (np.abs(ratio - critical) < RATIO_TOLERANCE * critical)
+        predicted = self.targets.circle_ratios
+        excluded = predicted > EXCLUDED_CIRCLE_FACTOR * self.regions.critical_ratios.for_circle
+        is_predicted = ratio < MAX_PREDICTION_ERROR * predicted[fit_indices]
+        last |= is_circle & excluded[fit_indices] & is_predicted
         return last
 
-    def _decide_by_circles(self, owners: IntArray) -> None:
+    def _decide_by_circles(self, fit_indices: IntArray) -> None:
         """Drop the ends of fits whose interval is decided by the ratio of the best circle."""
-        ratios, circle_ratios = self.regions.ratios, self.targets.circle_ratios
-        self.wanted[owners, PHI_LOW] &= (circle_ratios > ratios.ratios_for_circle)[owners]
-        determined = ~ratios.allows_any_theta(circle_ratios)[owners]
-        self.wanted[owners, THETA_LOW] &= determined
-        self.wanted[owners, THETA_HIGH] &= determined
+        critical_ratios, circle_ratios = self.regions.critical_ratios, self.targets.circle_ratios
+        is_tilted = circle_ratios > critical_ratios.for_circle
+        self.wanted[fit_indices, PHI_LOW] &= is_tilted[fit_indices]
+        determined = ~critical_ratios.allows_any_theta(circle_ratios)[fit_indices]
+        self.wanted[fit_indices, THETA_LOW] &= determined
+        self.wanted[fit_indices, THETA_HIGH] &= determined
 
     def _select_rows(self, chosen: BoolArray) -> None:
         """Drop the active rows that are not chosen."""
         if not chosen.all():
-            self.rows, self.parameters = select_rows(self.rows, chosen), self.parameters[chosen]
+            self.rows = select_rows(self.rows, chosen)
             self.expansion = select_rows(self.expansion, chosen)
             self.targets = self.targets.select(chosen)
             self.lengths, self.reduction = self.lengths[chosen], self.reduction[chosen]
 
 
-def _move_rows(
-    stack: FitStack,
-    owners: IntArray,
-    parameters: FloatArray,
-    targets: FloatArray,
-    fractions: FloatArray,
-) -> FloatArray:
-    """Return the rows moved by a fraction of the step to the targets, in coordinates of an arc.
-
-    The coordinates are the middle point of the arc, log m and d / m, in which the region of a short
-    arc is more nearly an ellipsoid. A known radius or phi is a coordinate, too: steps preserve it.
-    """
-    steps = fractions[:, None] * (targets - parameters)
-    m, d = parameters[:, 2], deviators_from_parameters(parameters)
-    dm, dd = steps[:, 2], deviators_from_parameters(steps)
-    new_delta = d / m + (dd - d * dm / m) / m
-    phi_known = ~stack.may_be_circle[owners]
-    if phi_known.any():
-        delta = d[phi_known] / m[phi_known]
-        new_delta[phi_known] = _step_along_phi(delta, new_delta[phi_known])
-    new_delta[~targets[:, 3:].any(axis=1) & (fractions == 1)] = 0.0  # a full step to a circle
-    new_m = m * np.exp(dm / m)
-    # With a known radius b = m - |d| changes linearly, and m follows from b and d / m.
-    u = np.where(d == 0, 1.0, d / np.abs(d))
-    m_of_known_radius = (m - np.abs(d) + dm - (dd * u.conj()).real) / (1 - np.abs(new_delta))
-    new_m = np.where(stack.known_radius[owners], m_of_known_radius, new_m)
-    new_d = new_m * new_delta
-    # The centre moves so that the middle point c + m w + d conj(w) of the arc moves linearly.
-    w = stack.arc_middles[owners]
-    moved = parameters + steps
-    moved[:, :2] += as_vectors((m + dm - new_m) * w + (d + dd - new_d) * w.conj())
-    moved[:, 2], moved[:, 3:] = new_m, as_vectors(new_d)
-    return moved
-
-
-def _step_along_phi(delta: ComplexArray, new_delta: ComplexArray) -> ComplexArray:
-    """Return d / m (k,) after a step from `delta` towards `new_delta` that is linear in phi."""
-    kappa = np.abs(delta)
-    root = np.sqrt(kappa)
-    step = ((new_delta - delta) * delta.conj()).real / (kappa * root * (1 + kappa))
-    phi = np.clip(2 * np.arctan(root) + step, 0.0, np.pi / 2)
-    moved: ComplexArray = np.tan(phi / 2) ** 2 * new_delta / np.abs(new_delta)
-    return moved
-
-
 def _maximised_quantities(parameters: FloatArray, estimates: FloatArray) -> FloatArray:
-    """Return the quantity that each end maximises, (s, k, 13), for parameters (s, k, 5)."""
+    """Return the quantity that each end maximises, (s, k, 13), for parameters (s, k, 5).
+
+    `estimates` (s, 1, 5) are the parameters from whose theta the rotation of d is counted.
+    """
     x, y, m, p, q = np.moveaxis(parameters, 2, 0)
-    d, of_estimates = p + 1j * q, estimates[..., 3] + 1j * estimates[..., 4]
+    d, d_of_estimates = p + 1j * q, estimates[..., 3] + 1j * estimates[..., 4]
     h = np.abs(d)
-    turn = np.angle(d * of_estimates.conj())
-    b, kappa = m - h, h / m
-    heights = (-b, b, -kappa, kappa, -b, kappa, -x, x, -y, y, -turn, turn, 0 * m)
-    return np.moveaxis(np.array(heights), 0, 2)
+    rotation = np.angle(d * d_of_estimates.conj())
+    b, flattening = m - h, h / m
+    # In the order of the ends, from RADIUS_LOW to CIRCLE, which maximises nothing.
+    quantities = (
+        -b, b, -flattening, flattening, -b, flattening, -x, x, -y, y, -rotation, rotation, 0 * m
+    )  # fmt: skip
+    return np.moveaxis(np.array(quantities), 0, 2)

@@ -1,12 +1,15 @@
 """Profile-likelihood intervals, valid also where the linear approximation is not.
 
-With F the weighted sum of squares over the variance factor, the interval of a quantity g contains
-the values v with min {F : g = v} - min F <= c. Its ends are the extrema of g over {F <= min F + c};
-those of all quantities are computed together (`lsvision.ellipse.interval_ends`).
+With F the sum of the squared residuals over their standard deviations and over the variance factor
+(-2 log likelihood), the interval of a quantity g contains the values v with min {F : g = v} - min F
+<= c. Its ends are the extrema of g over {F <= min F + c}; those of all quantities are computed
+together (`lsvision.ellipse.interval_ends`).
 
-For radius and centre, c is the quantile of chi^2 with one degree of freedom. Phi and theta are
-polar coordinates of d = (p, q), with the circle as origin. Within a few sigmas of it their ratio is
-not chi^2 distributed; its quantile is computed from the normal approximation of d.
+For radius and centre, c is the quantile of chi^2 with one degree of freedom (Wilks' theorem), or of
+F where the noise is estimated. Phi and theta are functions of h / m and the direction of d = (p, q)
+(`lsvision.ellipse.parameters`): nearly polar coordinates with the circle as origin. Within a few
+standard deviations of it their likelihood ratio is not chi^2 distributed; its quantile is computed
+from the normal approximation of d (`lsvision.ellipse.critical_ratio`).
 """
 
 import math
@@ -25,7 +28,7 @@ from lsvision.ellipse.parameters import semi_minor_gradient
 from lsvision.ellipse.phi_prior import EXACT_STD
 from lsvision.ellipse.region_extrema import (
     CIRCLE,
-    ENDS,
+    END_COUNT,
     PHI_HIGH,
     PHI_HIGH_2,
     PHI_LOW,
@@ -67,9 +70,10 @@ ENDS_OF = {
 """Ends of the search from which the low and the high end of each interval are computed."""
 ENDS_OF_THETA = THETA_LOW, THETA_HIGH, CIRCLE
 """The same for both ends of theta."""
-PRIOR_FRACTION = 0.995
-"""Ratio of a known quantity's std to its prior's, above which its interval is that of the prior."""
-MIN_NOISE = 1e-9
+MAX_PRIOR_STD_RATIO = 0.995
+"""Largest ratio of a known quantity's std to its prior's with which the points contribute. Above it
+the interval is that of the prior."""
+MIN_NOISE_RATIO = 1e-9
 """Smallest ratio of the points' noise to the mean semi-axis m: below it F consists of rounding
 errors."""
 
@@ -143,7 +147,7 @@ def intervals(fit: EllipseFit, level: float = 0.95) -> Intervals:
     References
     ----------
     Chuang and Lai, Hybrid resampling methods for confidence intervals, Statistica Sinica 10,
-    2000 (the idea of the computed quantile).
+    2000 (the critical value of a likelihood ratio is computed for each value of the quantity).
     """
     return intervals_of_fits([fit], level)[0]
 
@@ -190,12 +194,12 @@ def are_thetas_determined(fits: Sequence[EllipseFit]) -> list[bool]:
 def _determine_thetas(fits: Sequence[EllipseFit]) -> list[bool]:
     """Decide in the linear approximation; search the ends where that is not clear."""
     fits = [_with_min_noise(fit) for fit in fits]
-    decided, clear = _decide_linearly(fits)
+    determined, clear = _decide_linearly(fits)
     unclear = np.flatnonzero(~clear)
     if unclear.size:
-        decided[unclear] = _decide_by_search(FitStack.of([fits[k] for k in unclear]))
-    determined: list[bool] = decided.tolist()
-    return determined
+        determined[unclear] = _decide_by_search(FitStack.of([fits[k] for k in unclear]))
+    as_list: list[bool] = determined.tolist()
+    return as_list
 
 
 def _decide_linearly(fits: Sequence[EllipseFit]) -> tuple[BoolArray, BoolArray]:
@@ -205,23 +209,26 @@ def _decide_linearly(fits: Sequence[EllipseFit]) -> tuple[BoolArray, BoolArray]:
     theta_quantile = squared_quantile(1, degrees_of_freedom, THETA_LEVEL)
     (pp, pq), (_, qq) = np.array([fit.parameter_covariance[3:, 3:] for fit in fits]).T
     p, q = np.array([fit.parameters[3:] for fit in fits]).T
-    # The variance of d across its direction, times h^2: the std of theta is sqrt(across) / 2 h^2.
+    # The variance of d across its direction, times h^2. As theta = arg(d) / 2, the std of theta is
+    # sqrt(across) / 2 h^2.
     across = qq * p * p - 2 * pq * p * q + pp * q * q
     # F - min F of the circle, d = 0: d' C^-1 d with the covariance C of d.
-    ratio = across / np.maximum(pp * qq - pq * pq, TINY)
-    largest = THETA_MAX_ERROR * 2 * (p * p + q * q)
-    determined = ratio > CLEAR_RATIO * circle_quantile
-    determined &= CLEAR_RATIO * theta_quantile * across < largest**2
-    clear = determined | (ratio < circle_quantile / CLEAR_RATIO)
-    tilt_known = np.array([fit.problem.known_phi is not None for fit in fits])  # not linear in d
-    return determined, clear & ~tilt_known
+    circle_ratio = across / np.maximum(pp * qq - pq * pq, TINY)
+    max_sqrt_across = THETA_MAX_ERROR * 2 * (p * p + q * q)
+    determined = circle_ratio > CLEAR_RATIO * circle_quantile
+    determined &= CLEAR_RATIO * theta_quantile * across < max_sqrt_across**2
+    clear = determined | (circle_ratio < circle_quantile / CLEAR_RATIO)
+    phi_known = np.array([fit.problem.known_phi is not None for fit in fits])  # not linear in d
+    return determined, clear & ~phi_known
 
 
 def _decide_by_search(stack: FitStack) -> BoolArray:
     """Return whether a circle is excluded, and the interval of theta is short enough."""
-    ratios = CriticalRatios.of(stack, THETA_LEVEL)
+    critical_ratios = CriticalRatios.of(stack, THETA_LEVEL)
     circle_quantile = squared_quantile(2, stack.degrees_of_freedom, CIRCLE_LEVEL)
-    ends = find_interval_ends(stack, ratios, _mask_of_ends(stack, CIRCLE, THETA_LOW, THETA_HIGH))
+    ends = find_interval_ends(
+        stack, critical_ratios, _mask_of_ends(stack, CIRCLE, THETA_LOW, THETA_HIGH)
+    )
     excluded = ~stack.may_be_circle | (ends.circle_ratios > circle_quantile)
     errors = []
     for fit, parameters in zip(stack.fits, ends.parameters, strict=True):
@@ -238,16 +245,16 @@ def _compute_intervals(fits: Sequence[EllipseFit], level: float) -> list[Interva
     if not fits:
         return []
     stack = FitStack.of([_with_min_noise(fit) for fit in fits])
-    ratios = CriticalRatios.of(stack, level)
-    known = list(map(_known_quantities, stack.fits, np.sqrt(ratios.one_dof).tolist()))
-    wanted = _mask_of_ends(stack, *range(ENDS))
+    critical_ratios = CriticalRatios.of(stack, level)
+    known = list(map(_known_quantities, stack.fits, np.sqrt(critical_ratios.one_dof).tolist()))
+    wanted = _mask_of_ends(stack, *range(END_COUNT))
     for row, quantities in zip(wanted, known, strict=True):
         if "radius" in quantities:
             row[[RADIUS_LOW, RADIUS_HIGH, RADIUS_LOW_2]] = False
         if "phi" in quantities:
             row[[PHI_LOW, PHI_HIGH, PHI_HIGH_2]] = False
-    ends = find_interval_ends(stack, ratios, wanted)
-    computed = map(_intervals_between, stack.fits, _split_by_fit(ratios, ends))
+    ends = find_interval_ends(stack, critical_ratios, wanted)
+    computed = map(_intervals_between, stack.fits, _split_by_fit(critical_ratios, ends))
     return [
         intervals_of_fit._replace(**quantities)
         for intervals_of_fit, quantities in zip(computed, known, strict=True)
@@ -256,30 +263,33 @@ def _compute_intervals(fits: Sequence[EllipseFit], level: float) -> list[Interva
 
 def _mask_of_ends(stack: FitStack, *ends: int) -> BoolArray:
     """Return the mask (s, 13) of some of the 13 ends, the same for all s fits."""
-    mask = np.zeros((len(stack.fits), ENDS), dtype=bool)
+    mask = np.zeros((len(stack.fits), END_COUNT), dtype=bool)
     mask[:, ends] = True
     return mask
 
 
 def _with_min_noise(fit: EllipseFit) -> EllipseFit:
     """Return the fit with at least the noise that F can resolve numerically."""
-    min_factor = (MIN_NOISE * float(fit.parameters[2]) / float(fit.problem.stds.min())) ** 2
+    min_factor = (MIN_NOISE_RATIO * float(fit.parameters[2]) / float(fit.problem.stds.min())) ** 2
     return fit if fit.variance_factor >= min_factor else replace(fit, variance_factor=min_factor)
 
 
 def _known_quantities(fit: EllipseFit, sigmas: float) -> dict[str, Interval]:
-    """Return the intervals of quantities that only their priors determine, not the points."""
+    """Return the intervals of quantities that only their priors determine, not the points.
+
+    They extend `sigmas` standard deviations to either side of the estimate.
+    """
     covariance, ellipse, problem = fit.parameter_covariance, fit.ellipse, fit.problem
     known = {}
     if problem.known_radius is not None:
         gradient = semi_minor_gradient(fit.parameters)
         std = math.sqrt(max(float(gradient @ covariance @ gradient), 0.0))
-        if std > PRIOR_FRACTION * problem.known_radius.effective_std:
+        if std > MAX_PRIOR_STD_RATIO * problem.known_radius.effective_std:
             known["radius"] = ellipse.radius - sigmas * std, ellipse.radius + sigmas * std
     if problem.known_phi is not None and not problem.known_phi.includes_circle:
         _, (gradient,) = problem.known_phi.residuals_and_jacobian(fit.parameters)
         std_ratio = math.sqrt(max(float(gradient @ covariance @ gradient), 0.0))
-        if std_ratio > PRIOR_FRACTION:
+        if std_ratio > MAX_PRIOR_STD_RATIO:
             std = std_ratio * max(problem.known_phi.std, EXACT_STD)
             known["phi"] = ellipse.phi - sigmas * std, ellipse.phi + sigmas * std
     return known
@@ -291,27 +301,28 @@ class _EndsOfFit(NamedTuple):
     Parameters
     ----------
     parameters : (13, 5) ndarray
-        Parameters at each end.
+        Parameters (centre_x, centre_y, m, p, q) at each end. Units: mm.
     wanted : sequence of bool
         Which of the 13 ends of `lsvision.ellipse.region_extrema` were searched.
     reliable : sequence of bool
         Which of them were found; limits are reported for the others.
-    may_be_circle, theta_open : bool
-        Whether a circle is possible, for the interval of phi and for that of theta.
+    may_be_circle, any_theta : bool
+        Whether a circle is possible at the level: by the critical ratio of phi, which then may be
+        0, and by that of d, with which theta may have any value.
     """
 
     parameters: FloatArray
     wanted: Sequence[bool]
     reliable: Sequence[bool]
     may_be_circle: bool
-    theta_open: bool
+    any_theta: bool
 
 
-def _split_by_fit(ratios: CriticalRatios, ends: IntervalEnds) -> Iterator[_EndsOfFit]:
+def _split_by_fit(critical_ratios: CriticalRatios, ends: IntervalEnds) -> Iterator[_EndsOfFit]:
     """Return the result of the search for each fit."""
-    circles = ends.circle_ratios <= ratios.ratios_for_circle
-    theta_open = ratios.allows_any_theta(ends.circle_ratios)
-    flags = [ends.wanted, ends.reliable, circles, theta_open]
+    may_be_circle = ends.circle_ratios <= critical_ratios.for_circle
+    any_theta = critical_ratios.allows_any_theta(ends.circle_ratios)
+    flags = [ends.wanted, ends.reliable, may_be_circle, any_theta]
     return map(_EndsOfFit, ends.parameters, *(flag.tolist() for flag in flags))
 
 
@@ -320,16 +331,17 @@ def _intervals_between(fit: EllipseFit, ends: _EndsOfFit) -> Intervals:
     limits = _limits(fit)
     x, y, m, p, q = ends.parameters.T.tolist()
     h = list(map(math.hypot, p, q))
-    low, high = (
+    # Both local extrema, if both were searched; the first, with the estimate in it, if none was.
+    radius_low_ends, phi_high_ends = (
         [end for end in pair if ends.wanted[end]] or [pair[0]] for pair in SECOND_ENDS.items()
     )
     phi_low, *phi_highs = (
-        2 * math.atan(math.sqrt(min(h[end] / m[end], 1.0))) for end in (PHI_LOW, *high)
+        2 * math.atan(math.sqrt(min(h[end] / m[end], 1.0))) for end in (PHI_LOW, *phi_high_ends)
     )
-    theta_open = ends.theta_open or not all(ends.reliable[end] for end in ENDS_OF_THETA)
+    any_theta = ends.any_theta or not all(ends.reliable[end] for end in ENDS_OF_THETA)
     between = Intervals(
-        radius=(min(m[end] - h[end] for end in low), m[RADIUS_HIGH] - h[RADIUS_HIGH]),
-        theta=limits.theta if theta_open else _theta_interval(fit, ends.parameters),
+        radius=(min(m[end] - h[end] for end in radius_low_ends), m[RADIUS_HIGH] - h[RADIUS_HIGH]),
+        theta=limits.theta if any_theta else _theta_interval(fit, ends.parameters),
         phi=(0.0 if ends.may_be_circle else phi_low, max(phi_highs)),
         centre_x=(x[X_LOW], x[X_HIGH]),
         centre_y=(y[Y_LOW], y[Y_HIGH]),

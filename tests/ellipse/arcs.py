@@ -70,4 +70,4 @@ def ratios_of(fit, level):
 
 def ratios_of_flattening(ratios, kappas):
     """Critical ratios of phi of one fit, for values of h / m."""
-    return ratios.ratios_for_flattening(np.zeros(len(kappas), dtype=int), np.array(kappas))
+    return ratios.for_flattening(np.zeros(len(kappas), dtype=int), np.array(kappas))

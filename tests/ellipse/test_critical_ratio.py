@@ -47,7 +47,7 @@ def test_at_the_circle_it_is_of_two_degrees_of_freedom_and_far_away_of_one(level
     assert ratios.two_dof == pytest.approx(chi2.ppf(level, 2))
     at_circle, far = ratios_of_flattening(ratios, [0.0, 0.9])
     assert at_circle == pytest.approx(ratios.two_dof, rel=1e-6)
-    assert ratios.ratios_for_circle == ratios.two_dof
+    assert ratios.for_circle == ratios.two_dof
     assert far == ratios.one_dof
 
 
@@ -82,7 +82,7 @@ def test_that_of_theta_holds_the_estimate_as_often_as_it_says(h, degrees, rng):
     sigmas, level = np.array([0.3, 0.1]), 0.9
     direction = np.array([math.cos(math.radians(degrees)), math.sin(math.radians(degrees))])
     ratios = ratios_of(fit_with(sigmas, (0.0, h)), level)
-    (critical,) = ratios.ratios_for_direction(np.array([0]), np.array([3 * complex(*direction)]))
+    (critical,) = ratios.for_direction(np.array([0]), np.array([3 * complex(*direction)]))
     half_line = np.linspace(0, 5, 20_000)[:, None] * direction
     (share,) = shares_within([critical], sigmas, h * direction, half_line, rng)
     assert share == pytest.approx(level, abs=0.002 + spread_of_share(level, DRAWN))
@@ -119,9 +119,9 @@ def test_a_known_phi_near_zero_raises_it_to_that_of_the_prior():
     ratios = ratios_of(fit_with((std, std), (0.0, 0.0), known_phi=known), 0.95)
     expected = known.max_likelihood_ratio(0.95)
     assert expected > ratios.two_dof
-    assert ratios.ratios_for_circle == pytest.approx(expected)
+    assert ratios.for_circle == pytest.approx(expected)
     half = ratios_of(fit_with((std, 1e-6), (0.0, 0.0), known_phi=known), 0.95)
-    assert half.ratios_for_circle == pytest.approx((expected + half.two_dof) / 2, rel=1e-3)
+    assert half.for_circle == pytest.approx((expected + half.two_dof) / 2, rel=1e-3)
     np.testing.assert_allclose(ratios_of_flattening(ratios, [0.0, 1e-4, 0.5]), expected)
 
 

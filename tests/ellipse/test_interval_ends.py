@@ -24,7 +24,7 @@ from tests.ellipse.arcs import (
     upper_arc,
 )
 
-ALL = np.ones(region_extrema.ENDS, dtype=bool)
+ALL = np.ones(region_extrema.END_COUNT, dtype=bool)
 LEVEL = 0.95
 SECTIONS = {
     "far from a circle": (35.0, 140.0, {}),
@@ -133,7 +133,7 @@ def test_every_end_lies_on_the_boundary_of_its_region(name, rng):
         if ends.wanted[row]:
             ratio = cost_of_raw(fit, raw(ends.parameters[row])) - least
             direction = np.array([complex(*ends.parameters[row, 3:])])
-            (expected,) = ratios.ratios_for_direction(np.array([0]), direction)
+            (expected,) = ratios.for_direction(np.array([0]), direction)
             assert ratio == pytest.approx(expected, rel=0.02)
 
 
@@ -220,7 +220,7 @@ def test_arcs_over_ninety_degrees_need_one_expansion_after_the_first(rng, expans
 
 def test_only_the_wanted_rows_move(rng):
     fit = section("far from a circle", rng)
-    wanted = np.zeros(region_extrema.ENDS, dtype=bool)
+    wanted = np.zeros(region_extrema.END_COUNT, dtype=bool)
     wanted[region_extrema.X_HIGH] = True
     ends = ends_of(fit, LEVEL, wanted)
     moved = (ends.parameters != fit.parameters).any(axis=1)

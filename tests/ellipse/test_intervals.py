@@ -339,7 +339,7 @@ def test_an_exactly_known_circle_has_any_theta_and_hardly_a_phi(rng):
 
 
 def test_a_weakly_known_radius_is_still_determined_by_the_points(rng):
-    """Its interval is that of the prior only if the points hardly narrow it (`PRIOR_FRACTION`)."""
+    """Its interval is the prior's only if the points hardly narrow it (`MAX_PRIOR_STD_RATIO`)."""
     free = prior_fit(FAR, rng)
     std = CylinderSection(free, Arc(0, 70), np.arange(70)).radius_std
     fit = prior_fit(FAR, rng, known_radius=RadiusPrior(19.0, std / 4))

@@ -34,13 +34,13 @@ def targets_and_ellipsoid(phi_deg, rng):
     ends = np.array(list(QUANTITIES))
     rows = Rows(np.zeros(len(ends), dtype=int), ends)
     start = np.repeat(stack.parameters, len(ends), axis=0)
-    angles, kappas = np.zeros((2, len(ends)))
-    directed = ends < region_extrema.DIRECTED
+    angles, m_factors = np.zeros((2, len(ends)))
+    directed = ends < region_extrema.DIRECTED_END_COUNT
     searched = regions.search_directions()
-    angles[directed], kappas[directed] = (each[0, ends[directed]] for each in searched)
+    angles[directed], m_factors[directed] = (each[0, ends[directed]] for each in searched)
     critical = np.repeat(ratios.one_dof, len(ends))
-    last = Targets(start, angles, kappas, critical, np.full(1, np.inf))
-    found = regions.find_targets(rows, start, select_rows(regions.best, rows.owners), last)
+    last = Targets(start, angles, m_factors, critical, np.full(1, np.inf))
+    found = regions.find_targets(rows, select_rows(regions.best, rows.fit_indices), last)
     drawn = rng.normal(size=(DRAWN, 5))
     drawn /= np.linalg.norm(drawn, axis=1, keepdims=True)
     factor = np.linalg.cholesky(regions.best.covariance[0])

@@ -1,0 +1,84 @@
+"""Steps of ellipse parameters in coordinates that suit an arc.
+
+A step of the search for interval ends (`lsvision.ellipse.interval_ends`) is computed to first
+order, from an expansion in (centre_x, centre_y, m, p, q). On a short arc these are strongly
+correlated, and the points determine the ellipse near the arc, not its centre. The step is therefore
+taken in the coordinates
+
+    middle point of the arc, log m, d / m,
+
+in which the region {F <= min F + c} of a short arc is more nearly an ellipsoid. Both steps agree to
+first order, so that the convergence stays quadratic. For m, p, q, d, h and w see
+`lsvision.ellipse.parameters`.
+"""
+
+import numpy as np
+
+from lsvision.ellipse.fit_stack import FitStack
+from lsvision.ellipse.parameters import deviators_from_parameters
+from lsvision.geometry import FloatArray, IntArray
+from lsvision.geometry.noisy_points import ComplexArray, as_vectors
+
+
+def move_along_arcs(
+    stack: FitStack,
+    fit_indices: IntArray,
+    parameters: FloatArray,
+    targets: FloatArray,
+    fractions: FloatArray,
+) -> FloatArray:
+    """Return parameters after fractions of the steps to targets, in the coordinates of the arcs.
+
+    A full step to a circle leads to one. A known phi is preserved by steps that preserve it to
+    first order, and so is a known radius.
+
+    Parameters
+    ----------
+    stack : FitStack
+        The fits.
+    fit_indices : (k,) int ndarray
+        Index of the fit of each row.
+    parameters, targets : (k, 5) ndarray
+        Start and end of the full steps. Units: mm.
+    fractions : (k,) ndarray
+        Fractions of the steps.
+
+    Returns
+    -------
+    (k, 5) ndarray
+    """
+    steps = fractions[:, None] * (targets - parameters)
+    m, d = parameters[:, 2], deviators_from_parameters(parameters)
+    dm, dd = steps[:, 2], deviators_from_parameters(steps)
+    new_ratio = d / m + (dd - d * dm / m) / m  # d / m, to first order
+    phi_known = ~stack.may_be_circle[fit_indices]
+    if phi_known.any():
+        ratio = d[phi_known] / m[phi_known]
+        new_ratio[phi_known] = _step_along_phi(ratio, new_ratio[phi_known])
+    is_circle = ~targets[:, 3:].any(axis=1) & (fractions == 1)
+    new_ratio[is_circle] = 0.0
+    new_m = m * np.exp(dm / m)
+    # With a known radius b = m - |d| changes linearly, and m follows from b and d / m.
+    u = np.where(d == 0, 1.0, d / np.abs(d))
+    m_of_known_radius = (m - np.abs(d) + dm - (dd * u.conj()).real) / (1 - np.abs(new_ratio))
+    new_m = np.where(stack.known_radius[fit_indices], m_of_known_radius, new_m)
+    new_d = new_m * new_ratio
+    # The centre moves so that the middle point c + m w + d conj(w) of the arc moves linearly.
+    w = stack.arc_middles[fit_indices]
+    moved = parameters + steps
+    moved[:, :2] += as_vectors((m + dm - new_m) * w + (d + dd - new_d) * w.conj())
+    moved[:, 2], moved[:, 3:] = new_m, as_vectors(new_d)
+    return moved
+
+
+def _step_along_phi(ratio: ComplexArray, new_ratio: ComplexArray) -> ComplexArray:
+    """Return d / m (k,) after a step from `ratio` towards `new_ratio` that is linear in phi.
+
+    phi = 2 arctan(sqrt(h / m)) has the derivative 1 / (sqrt(h / m) (1 + h / m)) by h / m.
+    """
+    flattening = np.abs(ratio)
+    root = np.sqrt(flattening)
+    phi_step = ((new_ratio - ratio) * ratio.conj()).real / (flattening * root * (1 + flattening))
+    phi = np.clip(2 * np.arctan(root) + phi_step, 0.0, np.pi / 2)
+    moved: ComplexArray = np.tan(phi / 2) ** 2 * new_ratio / np.abs(new_ratio)
+    return moved
