@@ -40,8 +40,8 @@ def measure_many(
     ValueError, TypeError
         As `measure_cylinders`, and if `jobs` is below 1.
     LsvisionError
-        If a process ended twice (out of memory) while it measured the same profiles, up to
-        `PROFILES_AT_ONCE`; the message has their indices.
+        If a process ended twice (out of memory) while it measured the same group of up to
+        `PROFILES_AT_ONCE` profiles; the message has their indices.
     Exception
         What reading `profiles` raises, after the measurements of those before.
 
@@ -85,10 +85,11 @@ def _measure_group(options: dict[str, Any], profiles: list[Profile]) -> list[Mea
 
 
 def _split_into_groups(profiles: Iterator[Profile]) -> Iterator[list[Profile]]:
-    """Yield groups of profiles; if taking one fails, first those that were taken before."""
+    """Yield groups of profiles; an error of the iterator is raised after the profiles before it."""
     while True:
         group: list[Profile] = []
         try:
+            # If the iterator fails, the group keeps the profiles that came before.
             group.extend(islice(profiles, PROFILES_AT_ONCE))
         except Exception:
             if group:

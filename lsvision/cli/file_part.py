@@ -1,4 +1,4 @@
-"""Consecutive profiles of a file, image, video or camera, as they are measured together."""
+"""Consecutive profiles of a file, image, video or camera, which are read and measured together."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from lsvision.sensors.profile_sensor import ProfileSensor
 
 RANGE_WARNING_FACTOR = 3.0
-"""Factor beyond the limits of a sensor's range from which a warning is given."""
+"""Ratio of the distance of a profile to the largest range of the sensor, or of the smallest range
+to this distance, above which a warning is given."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,10 +53,10 @@ class PartOptions:
 class FilePart:
     """Consecutive profiles of a file: `file` has only those of this part.
 
-    `first` is the index of its first profile in the whole file, from 0. If the whole file has
-    `several` profiles, each is printed with its number. The lines of the header, a summary and
-    notes, are printed before the results. `flanges` are ``base_from_flange`` of each profile,
-    `pictures` the file of each profile's picture; None draws none.
+    `first` is the index, from 0, of the first profile of the part in the whole file. If the whole
+    file has `several` profiles, each is printed with its number. The lines of the header, a summary
+    and notes, are printed before the results. `flanges` are ``base_from_flange`` of each profile of
+    the part, `pictures` the files into which they are drawn; None draws none.
     """
 
     file: "ProfileFile | ImageFile"
@@ -68,10 +69,10 @@ class FilePart:
     def __len__(self) -> int:
         return len(self.file.profiles)
 
-    def slices(self, count: int) -> "Iterator[FilePart]":
-        """Yield consecutive smaller parts of at most `count` profiles; a part without any as it is.
+    def split(self, count: int) -> "Iterator[FilePart]":
+        """Yield consecutive parts of at most `count` profiles, of which the first has the header.
 
-        The first has the header.
+        A part without profiles yields itself, so that its header is printed.
         """
         for start in range(0, max(len(self), 1), count):
             indices = slice(start, start + count)
@@ -128,7 +129,8 @@ def _header(options: PartOptions, file: "ProfileFile | ImageFile", first: int = 
     """Return the lines above the results: a summary of the file or part, and notes."""
     valid = (profile for profile in file.profiles if profile.lost < len(profile))
     warnings = filter(None, (_range_warning(profile, options.sensor) for profile in valid))
-    notes = [*file.notes, *islice(warnings, 1)]  # of many warnings, which differ in the distance
+    # One warning for all profiles: those of others differ only in the distance that they state.
+    notes = [*file.notes, *islice(warnings, 1)]
     if options.verbose and not isinstance(file, ImageFile) and file.ignored:
         notes.append(f"columns not used: {', '.join(file.ignored)}")
     name = f"{file.path}, from profile {first} on" if first else str(file.path)
@@ -138,9 +140,8 @@ def _header(options: PartOptions, file: "ProfileFile | ImageFile", first: int = 
 def _range_warning(profile: "Profile", sensor: "ProfileSensor | None") -> str | None:
     """Return a warning if the profile lies far outside the sensor's range; None without a sensor.
 
-    The profile has at least one point. The noise grows with the distance from the sensor; it is
-    wrong if heights are not measured from the sensor, but from the middle of its range, for
-    example.
+    The profile has at least one point. The noise grows with the distance from the sensor, and is
+    wrong where the distance is: for example, if heights are from the middle of the sensor's range.
     """
     if sensor is None:
         return None

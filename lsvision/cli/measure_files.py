@@ -192,7 +192,7 @@ def _tasks_of_file(
             part = _with_pictures(file_part, run.pictures)
             profiles_read = part.first + len(part)
             task_size = 1 if isinstance(part.file, ImageFile) else TASK_SIZE
-            for task_part in part.slices(task_size):
+            for task_part in part.split(task_size):
                 yield MeasureTask(number, (source,), task_part, profiles_read)
     except Exception as error:  # noqa: BLE001 - a bug in one file must not stop the run
         yield MeasureTask(number, (source,), error=error_text(source, error, run.part))

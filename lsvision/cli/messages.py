@@ -19,7 +19,7 @@ _KINDS = {"int": "a whole number", "float": "a number"}
 _BOUNDS = {"ge": "at least", "gt": "above", "le": "at most", "lt": "below"}
 """What is expected, by the names of pydantic's limits."""
 BAR_WIDTH = 24
-"""Width of the bar. Units: characters."""
+"""Width of the progress bar. Units: characters."""
 
 
 def print_error(message: str, *, debug: bool = False) -> None:
@@ -60,10 +60,9 @@ def internal_error(error: Exception) -> str:
 
 
 def plain_usage_message(error: Any) -> str:
-    """Return the message of a usage error of click with what was expected and what was given.
+    """Return the message of a usage error of click, with what was expected and what was given.
 
-    If pydantic rejected the value of an option, the message of the error states neither, but its
-    cause does.
+    Where pydantic has rejected the value of an option, both are in the cause of the error only.
     """
     details = getattr(error.__cause__, "errors", None)
     if details is None:
@@ -105,7 +104,7 @@ class StatusLine:
 
 
 class Progress(StatusLine):
-    """Progress bar over `total` files; `done` is the number of finished ones."""
+    """Progress bar over `total` files; `done` is the number of those that are finished."""
 
     def __init__(self, total: int) -> None:
         super().__init__()
@@ -114,10 +113,10 @@ class Progress(StatusLine):
         self.done = 0
 
     def show(self, done: int, name: str, part: int = 0, parts: int = 1) -> None:
-        """Draw the bar and the status beside it: finished files, and name of the current one.
+        """Draw the bar and the status beside it: `done` files, and `name` of the current one.
 
-        `part` of its `parts` profiles, as far as their number is known, are finished; 0 of 1 for a
-        file that is measured as a whole.
+        Of the current file, `part` of `parts` profiles are finished; 0 of 1 for a file that is
+        measured as a whole, or has an unknown number of profiles.
         """
         self.done = done
         if self._total * parts <= 1:  # nothing to show for a single profile, or without files
@@ -130,11 +129,14 @@ class Progress(StatusLine):
         )
 
 
-def _time_left(seconds: float, fraction: float) -> str:
-    """Return the estimated remaining time as text; "" in the first second, and at the end."""
-    if not 0 < fraction < 1 or seconds < 1:
+def _time_left(elapsed_s: float, fraction: float) -> str:
+    """Return the estimated remaining time as text; "" in the first second, and at the end.
+
+    `fraction` of the work was done in the elapsed time.
+    """
+    if not 0 < fraction < 1 or elapsed_s < 1:
         return ""
-    return f", {duration_text(seconds * (1 - fraction) / fraction)} left"
+    return f", {duration_text(elapsed_s * (1 - fraction) / fraction)} left"
 
 
 def duration_text(seconds: float) -> str:

@@ -5,7 +5,7 @@ order, from an expansion in (centre_x, centre_y, m, p, q). On a short arc these 
 correlated, and the points determine the ellipse near the arc, not its centre. The step is therefore
 taken in the coordinates
 
-    middle point of the arc, log m, d / m,
+    middle point of the arc, log m, e = d / m,
 
 in which the region {F <= min F + c} of a short arc is more nearly an ellipsoid. Both steps agree to
 first order, so that the convergence stays quadratic. For m, p, q, d, h and w see
@@ -50,19 +50,19 @@ def move_along_arcs(
     steps = fractions[:, None] * (targets - parameters)
     m, d = parameters[:, 2], deviators_from_parameters(parameters)
     dm, dd = steps[:, 2], deviators_from_parameters(steps)
-    new_ratio = d / m + (dd - d * dm / m) / m  # d / m, to first order
+    new_e = d / m + (dd - d * dm / m) / m  # e = d / m after the step, to first order
     phi_known = ~stack.may_be_circle[fit_indices]
     if phi_known.any():
-        ratio = d[phi_known] / m[phi_known]
-        new_ratio[phi_known] = _step_along_phi(ratio, new_ratio[phi_known])
+        e = d[phi_known] / m[phi_known]
+        new_e[phi_known] = _step_along_phi(e, new_e[phi_known])
     is_circle = ~targets[:, 3:].any(axis=1) & (fractions == 1)
-    new_ratio[is_circle] = 0.0
+    new_e[is_circle] = 0.0
     new_m = m * np.exp(dm / m)
     # With a known radius b = m - |d| changes linearly, and m follows from b and d / m.
     u = np.where(d == 0, 1.0, d / np.abs(d))
-    m_of_known_radius = (m - np.abs(d) + dm - (dd * u.conj()).real) / (1 - np.abs(new_ratio))
+    m_of_known_radius = (m - np.abs(d) + dm - (dd * u.conj()).real) / (1 - np.abs(new_e))
     new_m = np.where(stack.known_radius[fit_indices], m_of_known_radius, new_m)
-    new_d = new_m * new_ratio
+    new_d = new_m * new_e
     # The centre moves so that the middle point c + m w + d conj(w) of the arc moves linearly.
     w = stack.arc_middles[fit_indices]
     moved = parameters + steps
@@ -71,14 +71,14 @@ def move_along_arcs(
     return moved
 
 
-def _step_along_phi(ratio: ComplexArray, new_ratio: ComplexArray) -> ComplexArray:
-    """Return d / m (k,) after a step from `ratio` towards `new_ratio` that is linear in phi.
+def _step_along_phi(e: ComplexArray, new_e: ComplexArray) -> ComplexArray:
+    """Return d / m (k,) after a step from `e` towards `new_e` that is linear in phi.
 
     phi = 2 arctan(sqrt(h / m)) has the derivative 1 / (sqrt(h / m) (1 + h / m)) by h / m.
     """
-    flattening = np.abs(ratio)
+    flattening = np.abs(e)
     root = np.sqrt(flattening)
-    phi_step = ((new_ratio - ratio) * ratio.conj()).real / (flattening * root * (1 + flattening))
+    phi_step = ((new_e - e) * e.conj()).real / (flattening * root * (1 + flattening))
     phi = np.clip(2 * np.arctan(root) + phi_step, 0.0, np.pi / 2)
-    moved: ComplexArray = np.tan(phi / 2) ** 2 * new_ratio / np.abs(new_ratio)
+    moved: ComplexArray = np.tan(phi / 2) ** 2 * new_e / np.abs(new_e)
     return moved

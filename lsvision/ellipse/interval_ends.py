@@ -3,10 +3,12 @@
 Each end of each fit is a row of parameters (centre_x, centre_y, m, p, q); F, c and d = (p, q) are
 those of `lsvision.ellipse.critical_ratio`. An iteration expands F to second order at every row, so
 that the region is an ellipsoid, and moves the row to the extremum of its quantity over that
-ellipsoid (`lsvision.ellipse.region_extrema`). This is sequential quadratic programming with the
-second derivatives of the constraint: convergence is quadratic. (Venzon and Moolgavkar, A method for
-computing profile-likelihood-based confidence intervals, Applied Statistics 37, 1988, apply Newton's
-method to the same conditions; it cycles for phi within two standard deviations of a circle.)
+ellipsoid (`lsvision.ellipse.region_extrema`). This is sequential quadratically constrained
+programming: as the constraint is expanded to second order, convergence is quadratic.
+
+(Venzon and Moolgavkar, A method for computing profile-likelihood-based confidence intervals,
+Applied Statistics 37, 1988, apply Newton's method to the same conditions; it cycles for phi within
+two standard deviations of a circle.)
 
 One more row of a fit is its best circle, the minimum of F on d = 0. The rows of all fits are moved
 at once: for the few numbers of one fit, the calls of numpy would take most of the time.

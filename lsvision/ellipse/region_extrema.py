@@ -120,7 +120,17 @@ class Targets(NamedTuple):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Regions:
-    """Regions {F <= min F + c} of the fits; `best` is the expansion at the estimates."""
+    """Regions {F <= min F + c} of s fits.
+
+    Parameters
+    ----------
+    stack : FitStack
+        The fits.
+    critical_ratios : CriticalRatios
+        Their critical ratios c.
+    best : Expansion
+        Expansion of F about the s estimates.
+    """
 
     stack: FitStack
     critical_ratios: CriticalRatios

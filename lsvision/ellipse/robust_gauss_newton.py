@@ -76,22 +76,27 @@ class EllipseResiduals(NamedTuple):
 def ellipse_residuals(points: NoisyPoints, parameters: FloatArray) -> EllipseResiduals:
     """Return the residuals of points (..., n) from ellipses (..., 5), in mm.
 
-    For the parameters see `lsvision.ellipse.parameters`. The symmetric matrix E / m acts on w as w
-    + d conj(w), with d = (p + iq) / m, and its adjugate, from which the inverse and the normals
-    follow, as w - d conj(w).
+    For the parameters and E see `lsvision.ellipse.parameters`. E / m acts on w as w + e conj(w),
+    with e = (p + iq) / m; its adjugate adj, the inverse times the determinant 1 - |e|^2, acts as
+    w - e conj(w). For a point with the offset o from the centre,
+
+        w = adj o / |adj o|,    n = adj w / |adj w|,
+
+    the ray from the centre meets the ellipse at E w = m (1 - |e|^2) / |adj o| times o, and
+    o . n = |adj o| / |adj w|, because adj is symmetric. So the residual is
+
+        (o - E w) . n = (|adj o| - m (1 - |e|^2)) / |adj w|.
     """
     centre, m, d = split_parameters(parameters)
-    d = d / m
+    e = d / m
     offset = points.z - centre
-    w = offset - d * offset.conj()
-    size = np.maximum(np.abs(w), TINY)
+    w = offset - e * offset.conj()
+    size = np.maximum(np.abs(w), TINY)  # |adj o|
     w *= (1 / size).astype(complex)
-    n = w - d * w.conj()
-    scale = 1 / np.maximum(np.abs(n), TINY)
+    n = w - e * w.conj()
+    scale = 1 / np.maximum(np.abs(n), TINY)  # 1 / |adj w|
     n *= scale.astype(complex)
-    # The component of the offset along the unit normal n is size * scale, and the ray meets the
-    # ellipse at m det(E / m) / size of the offset.
-    signed = (size - (m - m * (d * d.conjugate()).real)) * scale
+    signed = (size - (m - m * (e * e.conjugate()).real)) * scale
     variances = points.normal_variances(n)
     inflated = variances + (2 * VARIANCE_FLOOR_FRACTION) * points.mean_variance
     return EllipseResiduals(signed, n, w, variances, inflated)
@@ -112,7 +117,7 @@ def ray_normal_variances(points: NoisyPoints, parameters: FloatArray) -> FloatAr
     """Return only the variances (..., n) of `ellipse_residuals`. Units: mm^2."""
     centre, m, d = split_parameters(parameters)
     offset = points.z - centre
-    # Along the normal n of `ellipse_residuals`, without the intermediate unit vector w.
+    # The direction of n of `ellipse_residuals`, m^2 adj adj o, without the unit vector w.
     n = (m * m + (d * d.conjugate()).real) * offset
     n -= (2 * m * d) * offset.conj()
     n *= n  # n' Sigma n needs only the square
@@ -216,6 +221,7 @@ def gauss_newton_step(
     members : (..., n) bool ndarray, optional
         Points that are used, at least one of each arc; all of them by default.
     """
+    # The robust variance factor, at least 1: the noise is not taken to be smaller than stated.
     medians = row_medians(evaluated.normalised_squares, members)
     factor = as_column([max(median * MAD_TO_STD**2, 1.0) for median in medians])
     equations = WeightedSystem.of(evaluated, factor).normal_equations(members)

@@ -9,7 +9,8 @@ def tangent_frame(direction: FloatArray) -> FloatArray:
     """Return the (3, 3) rotation whose rows are e_phi, e_theta and the direction (unit vector).
 
     e_theta = Z x direction (normalised) points where the azimuth of the direction increases, e_phi
-    where its angle from Z increases. For the direction Z they are Y and X, for -Z Y and -X.
+    where its angle from Z increases. For the direction Z e_phi is X and e_theta Y, for -Z e_phi is
+    -X and e_theta Y.
     """
     e_theta = np.array([-direction[1], direction[0], 0.0])
     length = float(np.linalg.norm(e_theta))

@@ -78,4 +78,5 @@ def _hashable(value: Any) -> Hashable:
 
 
 def _field_values(value: Any) -> tuple[Any, ...]:
+    """Return the values of the fields of a dataclass that are compared."""
     return tuple(getattr(value, field.name) for field in fields(value) if field.compare)

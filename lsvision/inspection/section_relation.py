@@ -15,9 +15,9 @@ from lsvision.inspection.uncertain import Length, Scalar
 DIRECTION_COUNT = 720
 """Equally spaced directions among which the largest separation is searched first."""
 PARABOLA_STEPS = 4
-"""Refinements of the direction by a parabola through three neighbours."""
+"""Number of refinements of the direction: to the vertex of a parabola through three neighbours."""
 STEP_REDUCTION = 8
-"""Divisor of the distance of these neighbours after each refinement."""
+"""Divisor of the angle between these neighbours after each refinement."""
 UP = np.array([0.0, 1.0])
 """Towards the sensor: the direction of flush."""
 
@@ -59,7 +59,7 @@ class _AngleOfSections:
 
     @property
     def value(self) -> float:
-        """The smallest angle between candidates of both axes. Units: rad."""
+        """The smallest angle between a candidate of one axis and one of the other. Units: rad."""
         u, v = self._nearest_candidates
         return 2 * math.asin(min(float(np.linalg.norm(v - u)) / 2, 1.0))
 
@@ -78,7 +78,10 @@ class _AngleOfSections:
 
     @property
     def _nearest_candidates(self) -> tuple[FloatArray, FloatArray]:
-        """Unit vectors along both axes, (3,) each: the candidates with the smallest angle."""
+        """Unit vectors along both axes, (3,) each: the candidates with the smallest angle.
+
+        The other candidates are their mirror images at the laser plane, and have the same angle.
+        """
         u = self.first.axis_candidates[0]
         candidates = self.second.axis_candidates
         cosines = candidates @ u
@@ -101,7 +104,8 @@ class _AngleOfSections:
 def _direction_covariance(section: CylinderSection, direction: FloatArray) -> FloatArray:
     """Return the (3, 3) covariance of a unit vector along one of the candidates of the axis.
 
-    phi and theta are taken as independent.
+    Along the first two axes of `tangent_frame`, where phi and theta increase; both are taken as
+    independent.
     """
     stds = np.array([section.phi_std, math.sin(section.phi) * section.theta_std])
     tilts = tangent_frame(direction)[:2].T * stds
@@ -115,10 +119,11 @@ def _smaller_dof(first: CylinderSection, second: CylinderSection) -> float:
 
 
 def _support(section: CylinderSection, direction: FloatArray) -> tuple[float, FloatArray]:
-    """Return the support function of an ellipse along a unit vector, and its (3,) derivatives.
+    """Return the extent of an ellipse from its centre along a unit vector, in mm.
 
-    The ellipse is c + E w with unit vectors w and E = [[m + p, q], [q, m - p]]. Counted from c, its
-    support function along the unit vector n is |E n|; the derivatives are by m, p, q. Units: mm.
+    That is its support function: the largest component of the points of the ellipse. The ellipse is
+    c + E w with unit vectors w and the symmetric E = [[m + p, q], [q, m - p]], so that it is |E n|
+    along n. Also return its derivatives (3,) by m, p, q.
     """
     m, p, q = section.fit.parameters[2:].tolist()
     x, y = direction.tolist()
@@ -129,15 +134,13 @@ def _support(section: CylinderSection, direction: FloatArray) -> tuple[float, Fl
 
 
 def _separation(first: CylinderSection, second: CylinderSection, direction: FloatArray) -> Scalar:
-    """Return the gap of both ellipses along the direction of their largest separation.
+    """Return the separation of both ellipses along a direction, that in which it is largest.
 
     At this maximum the separation does not depend on the direction to first order: the error of the
     direction is not propagated.
     """
-    (support_1, gradient_1), (support_2, gradient_2) = (
-        _support(first, direction),
-        _support(second, direction),
-    )
+    support_1, gradient_1 = _support(first, direction)
+    support_2, gradient_2 = _support(second, direction)
     offset = float(np.subtract(second.centre, first.centre) @ direction)
     gradients = np.concatenate([-direction, -gradient_1]), np.concatenate([direction, -gradient_2])
     std = _propagate_std(gradients, (first, second))
@@ -178,11 +181,8 @@ def _direction_of_gap(first: CylinderSection, second: CylinderSection) -> FloatA
             first, second, angle + step * np.array([-1.0, 0.0, 1.0])
         )
         curvature = before - 2 * middle + after
-        angle += (
-            step * float(np.clip((before - after) / (2 * curvature), -1, 1))
-            if curvature < 0
-            else 0.0
-        )
+        if curvature < 0:
+            angle += step * float(np.clip((before - after) / (2 * curvature), -1, 1))
         step /= STEP_REDUCTION
     return np.array([math.cos(angle), math.sin(angle)])
 

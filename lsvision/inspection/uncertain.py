@@ -18,11 +18,13 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(QUADRATURE_NODES)
 MAX_SIGMAS = 8.0
 """Standard deviations from the mean at which integrals over a normal distribution end."""
 MIN_STD_RATIO = 1e-9
-"""Smallest ratio of the standard deviations along both axes in the integral."""
+"""Smallest ratio of the standard deviations along both principal axes in the integral, where the
+smaller one is a divisor."""
 BISECTIONS = 24
 """Halvings of the range in which the lower end of a length is searched."""
 MIN_NORMAL_SIGMAS = 30.0
-"""Standard deviations from 0 beyond which a length is normally distributed."""
+"""Ratio of a length to its largest standard deviation above which it counts as normally
+distributed: its bias is then below a sixtieth of a standard deviation."""
 
 
 class Uncertain(Protocol):
@@ -126,14 +128,15 @@ class Length(ComparedByValue):
         return low, min(high, self.largest)
 
     def _unlimited_interval(self, level: float) -> tuple[float, float]:
+        """Return both ends without the limit `largest`."""
         factor = two_sided_factor(level, self.degrees_of_freedom)
         variances, axes = np.linalg.eigh(self.covariance)
         stds = np.sqrt(np.maximum(variances, 0.0))
         largest_std, length, std = float(stds[1]), self.value, self.std
         if largest_std == 0 or length > MIN_NORMAL_SIGMAS * largest_std:
             return max(length - factor * std, 0.0), length + factor * std
-        # 0 for a well determined direction of the vector, 1 for an undetermined one, which is that
-        # of a vector shorter than two standard deviations.
+        # The upper end has the std along the vector (0) if its direction is well determined, the
+        # largest one (1) if not: if the vector is shorter than two standard deviations.
         undetermined = min(1.0, (2 * largest_std / length) ** 2) if length > 0 else 1.0
         upper_std = math.sqrt(std**2 + undetermined * (largest_std**2 - std**2))
         unit = axes.T @ self.vector / length if length > 0 else np.array([0.0, 1.0])

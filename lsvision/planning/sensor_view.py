@@ -1,4 +1,4 @@
-"""Planned view of a tube and planned scan, and the points that a sensor measures in a view."""
+"""Planned view of a tube, planned scan, and the exact points that a sensor measures in a view."""
 
 import math
 from dataclasses import dataclass
@@ -9,6 +9,10 @@ from lsvision.geometry import Cylinder, Ellipse, FloatArray, Points
 from lsvision.geometry.arrays import BoolArray
 from lsvision.geometry.settings_repr import ShowsChanges
 from lsvision.sensors.profile_sensor import LPS36HI, ProfileSensor
+
+MAX_STD = 1000.0
+"""Largest standard uncertainty of a scan's poses (mm) and feed direction (rad): with far larger
+ones covariances overflow."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -66,7 +70,8 @@ class SensorView(ShowsChanges):
         else:
             depth = self.standoff + sensor.origin[1]
             half_at_depth = half * depth / sensor.max_range
-            # A standoff behind the sensor's origin has no rays.
+            # Rays on either side of the middle one; -1, for a standoff behind the sensor's origin,
+            # gives no rays at all.
             count = half_at_depth // self.pitch if depth > 0 else -1.0
             x = self.pitch * np.arange(-count, count + 1)
             targets = np.column_stack([x, np.full(len(x), -depth)])
@@ -116,8 +121,8 @@ class Feed:
             raise ValueError(f"expected a finite, non-zero feed direction, got {self.direction}")
         for name in ("pose_std", "feed_std"):
             value = getattr(self, name)
-            if not 0 <= value <= 1000:
-                raise ValueError(f"expected {name} >= 0 and at most 1000, got {value}")
+            if not 0 <= value <= MAX_STD:
+                raise ValueError(f"expected {name} >= 0 and at most {MAX_STD:g}, got {value}")
 
     @property
     def unit(self) -> FloatArray:

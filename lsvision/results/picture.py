@@ -62,6 +62,8 @@ def draw_svg(points: Points, cylinders: Sequence[tuple[Points, Ellipse]], descri
     --------
     >>> draw_svg(np.array([[0.0, 0.0], [3.0, 1.0]]), [], "two points").startswith("<svg ")
     True
+    >>> draw_svg(np.empty((0, 2)), [], "no points")
+    ''
     """
     angles = np.linspace(0, 2 * np.pi, OUTLINE_POINTS)
     outlines = [ellipse.points_at(angles) for _, ellipse in cylinders]

@@ -28,7 +28,8 @@ from lsvision.simulate.scene import NOTHING, Scene, SectionTruth, tube_truths
 from lsvision.simulate.solids import Hits, Rays
 
 SAME_SURFACE_TOLERANCE = 1e-6
-"""Relative distance before a point at which a ray from the camera counts as reaching it."""
+"""Largest distance between a point and the first hit of the ray to it from the camera, over that of
+point and camera, at which the point counts as visible."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -268,9 +269,9 @@ def visible_at_incidence(
     number for each ray.
     """
     cosine = np.clip(-np.einsum("ij,ij->i", hits.normals, rays.directions), -1.0, 1.0)
-    below_limit = settings.grazing_limit_deg - np.degrees(np.arccos(cosine))
-    ramp = max(settings.grazing_ramp_deg, 1e-9)  # a ramp of 0 is a step
-    visible: BoolArray = rng.random(len(cosine)) < below_limit / ramp
+    below_limit_deg = settings.grazing_limit_deg - np.degrees(np.arccos(cosine))
+    ramp_deg = max(settings.grazing_ramp_deg, 1e-9)  # a ramp of 0 is a step
+    visible: BoolArray = rng.random(len(cosine)) < below_limit_deg / ramp_deg
     return visible
 
 

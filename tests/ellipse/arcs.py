@@ -68,6 +68,6 @@ def ratios_of(fit, level):
     return CriticalRatios.of(FitStack.of([fit]), level)
 
 
-def ratios_of_flattening(ratios, kappas):
+def ratios_of_flattening(ratios, flattenings):
     """Critical ratios of phi of one fit, for values of h / m."""
-    return ratios.for_flattening(np.zeros(len(kappas), dtype=int), np.array(kappas))
+    return ratios.for_flattening(np.zeros(len(flattenings), dtype=int), np.array(flattenings))

@@ -126,9 +126,9 @@ def test_every_end_lies_on_the_boundary_of_its_region(name, rng):
     h = np.hypot(*ends.parameters[:, 3:].T)
     for row in (2, 3):
         if ends.wanted[row]:
-            kappa = h[row] / ends.parameters[row, 2]
+            flattening = h[row] / ends.parameters[row, 2]
             ratio = cost_of_raw(fit, raw(ends.parameters[row])) - least
-            assert ratio == pytest.approx(ratios_of_flattening(ratios, [kappa])[0], rel=0.02)
+            assert ratio == pytest.approx(ratios_of_flattening(ratios, [flattening])[0], rel=0.02)
     for row in (10, 11):
         if ends.wanted[row]:
             ratio = cost_of_raw(fit, raw(ends.parameters[row])) - least

@@ -117,7 +117,7 @@ def _theta_of_major_axis() -> Pitfall:
 
 def _radial_distance() -> Pitfall:
     def ratio(phi_deg: float) -> float:
-        """Return the largest radial residual over the orthogonal one, 0.1 mm off the ellipse."""
+        """Return the largest ratio of radial to orthogonal residual, for points 0.1 mm outside."""
         phi = math.radians(phi_deg)
         ellipse = Ellipse((0.0, 0.0), 19.0 / math.cos(phi), 19.0, 0.0)
         angles = np.linspace(0, 2 * math.pi, 721)
