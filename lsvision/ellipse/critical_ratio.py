@@ -171,8 +171,8 @@ class CriticalRatios:
     def _raise_to_priors(self, ratios: FloatArray, fit_indices: IntArray | slice) -> FloatArray:
         """Return c of phi (k,), nearer to c of the prior the more of the information is from it.
 
-        The prior is normal in phi, but d, on which `ratios` are based, is quadratic in phi: with
-        the prior alone F - min F has larger quantiles than chi^2.
+        By the prior, phi is the modulus of a normal variable, and d is quadratic in phi: with the
+        prior alone F - min F has larger quantiles than for the normal d of `ratios`.
         """
         increase = np.maximum(self.prior_ratios[fit_indices] - ratios, 0.0)
         return ratios + self.prior_fractions[fit_indices] * increase
@@ -186,9 +186,9 @@ class CriticalRatios:
         return (1 - fractions) * self.one_dof[fit_indices] + fractions * self.two_dof[fit_indices]
 
     def _ring_point_counts(self, fit_indices: IntArray, h: FloatArray) -> IntArray:
-        """Return the number of points of the integral along each ring |d| = h: powers of two.
+        """Return the number of points of the integral along each ring |d| = h, a power of two.
 
-        Rings with the same number are integrated together; powers of two are few different numbers.
+        Rings with the same number are integrated together: there should be few different ones.
         """
         a, b = self.semi_axes[:, fit_indices]
         count = np.maximum(RING_POINTS_PER_SIGMA * a * h, RING_POINTS_PER_RATIO * a / b)

@@ -5,11 +5,12 @@ With F the sum of the squared residuals over their standard deviations and over 
 <= c. Its ends are the extrema of g over {F <= min F + c}; those of all quantities are computed
 together (`lsvision.ellipse.interval_ends`).
 
-For radius and centre, c is the quantile of chi^2 with one degree of freedom (Wilks' theorem), or of
-F where the noise is estimated. Phi and theta are functions of h / m and the direction of d = (p, q)
-(`lsvision.ellipse.parameters`): nearly polar coordinates with the circle as origin. Within a few
-standard deviations of it their likelihood ratio is not chi^2 distributed; its quantile is computed
-from the normal approximation of d (`lsvision.ellipse.critical_ratio`).
+For radius and centre, c is the quantile of chi^2 with one degree of freedom (Wilks' theorem), or
+that of the F distribution where the noise is estimated. Phi and theta are functions of h / m and
+the direction of d = (p, q) (`lsvision.ellipse.parameters`): nearly polar coordinates with the
+circle as origin. Within a few standard deviations of it their likelihood ratio is not chi^2
+distributed; its quantile is computed from the normal approximation of d
+(`lsvision.ellipse.critical_ratio`).
 """
 
 import math
@@ -57,10 +58,10 @@ CIRCLE_LEVEL = 0.999
 CLEAR_RATIO = 4.0
 """Ratio of two values of F - min F above which the linear approximation decides which is larger."""
 MAX_PHI = math.radians(88.0)
-"""Largest phi of an interval."""
+"""Largest phi of an interval; at 90 deg the section is no ellipse. Units: rad."""
 MIN_RADIUS_FACTOR, MAX_RADIUS_FACTOR = 0.02, 50.0
-"""Limits of an interval of the radius, in radii. The second is also the largest distance of an end
-of the centre's interval from the centre, in semi-major axes."""
+"""Limits of an interval of the radius, as multiples of the estimated radius. The second is also the
+largest distance of an end of the centre's interval from the estimate, in semi-major axes."""
 ENDS_OF = {
     "radius": ((RADIUS_LOW, RADIUS_LOW_2), (RADIUS_HIGH,)),
     "phi": ((PHI_LOW, CIRCLE), (PHI_HIGH, PHI_HIGH_2)),
@@ -212,7 +213,7 @@ def _decide_linearly(fits: Sequence[EllipseFit]) -> tuple[BoolArray, BoolArray]:
     # The variance of d across its direction, times h^2. As theta = arg(d) / 2, the std of theta is
     # sqrt(across) / 2 h^2.
     across = qq * p * p - 2 * pq * p * q + pp * q * q
-    # F - min F of the circle, d = 0: d' C^-1 d with the covariance C of d.
+    # F - min F of the circle, d = 0, is d' C^-1 d with the covariance C of d.
     circle_ratio = across / np.maximum(pp * qq - pq * pq, TINY)
     max_sqrt_across = THETA_MAX_ERROR * 2 * (p * p + q * q)
     determined = circle_ratio > CLEAR_RATIO * circle_quantile
@@ -287,6 +288,7 @@ def _known_quantities(fit: EllipseFit, sigmas: float) -> dict[str, Interval]:
         if std > MAX_PRIOR_STD_RATIO * problem.known_radius.effective_std:
             known["radius"] = ellipse.radius - sigmas * std, ellipse.radius + sigmas * std
     if problem.known_phi is not None and not problem.known_phi.includes_circle:
+        # The residual of the prior is phi over the prior's std, and so is its gradient.
         _, (gradient,) = problem.known_phi.residuals_and_jacobian(fit.parameters)
         std_ratio = math.sqrt(max(float(gradient @ covariance @ gradient), 0.0))
         if std_ratio > MAX_PRIOR_STD_RATIO:
@@ -375,6 +377,7 @@ def _theta_interval(fit: EllipseFit, ends: FloatArray) -> Interval:
         math.remainder(math.atan2(q, p) / 2 - theta, math.pi)
         for p, q in ends[[THETA_LOW, THETA_HIGH], 3:].tolist()
     )
+    # An end on the other side of the estimate is more than 90 deg away on its own.
     return theta + (low if low <= 0 else -quarter), theta + (high if high >= 0 else quarter)
 
 
