@@ -35,7 +35,7 @@ DEFAULT_TOLERANCE = 1e-10
 """Relative decrease of chi^2 in a step, below which the iteration has converged."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class RadiusPrior:
     """Radius that is known before the measurement: a normal prior on b.
 
