@@ -17,8 +17,9 @@ COPLANARITY_TOLERANCE = 1e-7
 """Ratio of thickness to extent of points, below which they are in a plane or on a straight line."""
 MIN_DEGREES_OF_FREEDOM = 3
 """Smallest number of degrees of freedom from which the noise is estimated."""
-EXACT_RADII = 1e-9
-"""Rms residual of exact points: rounding, at coordinates of 1e6 radii. Unit: radius."""
+EXACT_RADII = 1e-6
+"""Largest rms residual of points that are calculated, such as those of a reference data set: far
+below the accuracy of any sensor. Unit: radius."""
 
 
 def validate_points(
@@ -69,8 +70,8 @@ def require_type(value: object, expected: type, name: str) -> None:
 def require_noise_estimate(fit: CylinderFit, known_radius: RadiusPrior | None) -> None:
     """Raise TooFewPoints if a fit without covariances has less than 3 degrees of freedom.
 
-    Student's t has no variance then, so that no standard uncertainty can be stated. Points that lie
-    exactly on the cylinder have none.
+    Student's t has no variance then, so that no standard uncertainty can be stated. Points that are
+    calculated to lie on the cylinder have none.
     """
     points = int(fit.inliers.sum())
     needed = PARAMETERS + MIN_DEGREES_OF_FREEDOM - (known_radius is not None)
