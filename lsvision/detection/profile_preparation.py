@@ -17,6 +17,7 @@ from lsvision.geometry.arrays import (
 from lsvision.geometry.noisy_points import NoisyPoints, as_complex, as_vectors, in_ray_frame
 from lsvision.profile import NoiseModel, PreparedProfile, Profile
 from lsvision.statistics.robust import upper_median
+from lsvision.statistics.rounding import find_rounding
 
 MAX_POINTS = 8192
 """Largest number of points; denser profiles are thinned. No sensor has more than 4096 columns, with
@@ -48,7 +49,8 @@ def prepare_profile(profile: Profile, noise: NoiseModel | None) -> PreparedProfi
     profile : Profile
         Any profile; it may be empty. Units: mm.
     noise : NoiseModel or None
-        Noise of the points; None: noise along Y, estimated by `estimate_noise_std`.
+        Noise of the points; None: noise along Y, estimated by `estimate_noise_std`, or the error
+        of rounding where that is larger (`find_rounding`).
 
     Returns
     -------
@@ -72,7 +74,11 @@ def prepare_profile(profile: Profile, noise: NoiseModel | None) -> PreparedProfi
     if noise is None:
         ray, factor = 1j, MIN_ESTIMATED_VARIANCE_FACTOR
         pitch = typical_pitch(points[valid])
-        std = estimate_noise_std(points[valid], pitch)
+        step = find_rounding([points[valid, 1]])
+        if step is None:
+            std = estimate_noise_std(points[valid], pitch)
+        else:
+            std, factor = step / math.sqrt(12), 1.0
         noisy = NoisyPoints.uniform(as_complex(points), LATERAL_FRACTION * std, std)
     else:
         covariances, factor = noise.covariances(profile.points)[columns], 1.0

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from lsvision import PointNoise, Profile, ProfileSensor
+from lsvision import PointNoise, Profile, ProfileSensor, measure_cylinders
 from lsvision.detection.profile_preparation import (
     estimate_noise_std,
     prepare_profile,
@@ -154,3 +154,22 @@ def test_an_error_along_the_ray_alone_is_a_covariance():
     covariances = 0.01 * rays[:, :, None] * rays[:, None]
     prepared = prepare_profile(Profile(points), PointNoise(covariances))
     assert prepared.noise_std == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("pitch", [0.1, 0.3])
+def test_pipes_in_steps_of_1_mm_beside_a_floor_have_the_error_of_rounding(pitch):
+    """The floor shows no noise, and the pipe fits the steps better than their rounding error."""
+    rng, held, far, count = np.random.default_rng(9), 0, 0, 30
+    for _ in range(count):
+        x, middle, floor = np.arange(-60, 60, pitch), rng.uniform(-5, 5), rng.uniform(-290, -289)
+        centre, z = floor + rng.uniform(5, 20), np.full(len(x), floor)
+        on_pipe = np.abs(x - middle) < 23.5
+        z[on_pipe] = np.maximum(centre + np.sqrt(25**2 - (x[on_pipe] - middle) ** 2), floor)
+        (pipe,) = measure_cylinders(
+            np.column_stack([x, np.round(z + rng.normal(0, 0.03, len(x)))])
+        ).cylinders
+        low, high = pipe.interval("radius")
+        held += low <= 25 <= high
+        far += abs(pipe.radius - 25) > 5 * pipe.radius_std
+    assert far == 0
+    assert held >= 0.9 * count

@@ -8,9 +8,9 @@ import numpy as np
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import BoolArray, FloatArray
 from lsvision.io.profiles.interrupting_markers import find_interrupting_values, find_repeated_value
-from lsvision.io.profiles.rounding import find_rounding
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.statistics.lost_markers import find_lost_markers
+from lsvision.statistics.rounding import find_rounding
 
 KEYENCE_LOST = (-99999.9999, -99999.999, -99999.99, -99999.9)
 """Markers of Keyence controllers with different numbers of digits; never a height."""

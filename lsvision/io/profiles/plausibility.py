@@ -6,9 +6,9 @@ import numpy as np
 
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
-from lsvision.io.profiles.rounding import find_rounding
 from lsvision.io.profiles.units import mm_per_unit
 from lsvision.profile import Profile
+from lsvision.statistics.rounding import find_rounding
 
 _MAX_RANGE_MM = 1e4  # larger than the range of any profile sensor
 _USUAL_MM = 1e3  # largest coordinate of most profiles
@@ -125,8 +125,8 @@ def find_other_problems(
     step = find_rounding([profile.points[:, 1] for profile in profiles])
     if step is not None:
         notes.append(
-            f"the heights are rounded to {step:.3g} mm, more than their noise: intervals may be "
-            f"too narrow; export more decimals, or state --range-std {step / np.sqrt(12):.2g}"
+            f"the heights are rounded to {step:.3g} mm, more than their noise, which is taken to "
+            f"be {step / np.sqrt(12):.2g} mm where no sensor is stated: export more decimals"
         )
     wide_enough = high[0] - low[0] >= _MIN_WIDTH_MM
     if assumed and wide_enough and float(np.abs([low, high]).max()) <= _MAX_LIDAR_EXTENT:

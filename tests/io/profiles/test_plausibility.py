@@ -66,7 +66,7 @@ def test_heights_rounded_to_coarse_steps_are_noted(tmp_path, step, std):
     lines = ["x [mm],z [mm]", *(f"{a:.3f},{b:.3f}" for a, b in zip(x, z, strict=True))]
     (note,) = read(tmp_path, lines).notes
     assert f"rounded to {step:g} mm" in note
-    assert note.endswith(f"--range-std {std}")
+    assert f"taken to be {std} mm where no sensor is stated" in note
 
 
 def test_rounding_below_the_noise_is_not_noted(tmp_path):

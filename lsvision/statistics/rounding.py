@@ -19,7 +19,8 @@ _MAX_PROFILES = 20
 def find_rounding(heights: Sequence[FloatArray]) -> float | None:
     """Return the step to which the heights of profiles are rounded; None if noise exceeds it.
 
-    Most neighbours then have equal heights, and most others differ by one step.
+    Most neighbours then have equal heights, and most others differ by one step. The error of
+    rounding has a standard deviation of step / sqrt(12).
 
     Examples
     --------
@@ -29,10 +30,10 @@ def find_rounding(heights: Sequence[FloatArray]) -> float | None:
     """
     with np.errstate(over="ignore"):
         differences = [np.diff(z[np.isfinite(z)]) for z in heights[:_MAX_PROFILES]]
-    steps = np.abs(np.concatenate([*differences, np.empty(0)]))
-    moving = steps[steps > 0]
-    if len(steps) < _MIN_POINTS or len(moving) < _MIN_STEPS:
+    steps = np.concatenate([*differences, np.empty(0)])
+    moving = np.abs(steps[steps != 0])
+    most_are_equal = len(moving) <= (1 - _MIN_TIES) * len(steps)
+    if not most_are_equal or len(steps) < _MIN_POINTS or len(moving) < _MIN_STEPS:
         return None
     step = float(moving.min())
-    is_rounded = np.median(moving) <= _MAX_STEP_RATIO * step
-    return step if is_rounded and len(moving) <= (1 - _MIN_TIES) * len(steps) else None
+    return step if np.median(moving) <= _MAX_STEP_RATIO * step else None
