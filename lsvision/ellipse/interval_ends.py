@@ -51,8 +51,6 @@ STEP_TOLERANCE, RATIO_TOLERANCE, CRITICAL_TOLERANCE = 0.25, 0.2, 0.007
 """Limits of convergence: length of the last step in radii of the region; difference of F - min F
 from c, and of c from its last value, as fractions of c. The error of the end is quadratic in them;
 at these limits it is 1 % of the width."""
-MAX_STEP = 2.5
-"""Longest step, in radii of the region."""
 CROSSING_FRACTION, MIN_CROSSING_FRACTION = 0.7, 0.3
 """With a known radius: largest change of d in a step across the circle, over |d|, and smallest
 fraction of such a step that is taken. Without these limits one fit in ten of untilted pipes has
@@ -194,7 +192,7 @@ class _Search:
     def advance(self) -> None:
         """Move the rows by a step, find their next targets, and drop those that have converged."""
         previous = self.targets.critical
-        fractions = np.minimum(1.0, MAX_STEP / np.maximum(self.lengths, TINY))
+        fractions = np.ones(len(self.lengths))
         self._limit_crossing_steps(fractions)
         fractions[self.rows.ends == CIRCLE] = 1.0  # only a full step leads to d = 0
         moved = self._accept(self._move(self.reduction * fractions))
