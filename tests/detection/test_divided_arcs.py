@@ -33,6 +33,18 @@ def test_a_pipe_under_cables_is_one_pipe_as_accurate_as_its_whole_arc(seed, cabl
     assert abs(pipe.radius - 30) < 4 * pipe.radius_std
 
 
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("changed", [lambda p: p[::-1], lambda p: p * (-1.0, 1.0)])
+def test_reversed_and_mirrored_profiles_have_the_same_pipe(seed, changed):
+    points = pipe_under_cables(seed, [(-11.0, 3.0), (8.0, 4.0)])
+    first, second = (
+        max(measure_cylinders(profile).cylinders, key=lambda cylinder: cylinder.radius)
+        for profile in (points, changed(points))
+    )
+    assert abs(first.radius - second.radius) < 0.01 * first.radius_std
+    assert len(first.indices) == len(second.indices)
+
+
 def circle_arc(degrees, radius=20.0, centre=(0.0, -300.0), count=60):
     """Points of an arc of a circle between two angles from +Y, clockwise."""
     angles = np.radians(np.linspace(*degrees, count))
