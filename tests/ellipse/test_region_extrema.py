@@ -47,6 +47,17 @@ def targets_and_ellipsoid(phi_deg, rng):
     return found, stack.parameters[0], drawn @ factor.T
 
 
+def test_gradients_of_the_centre_are_the_derivatives_of_the_maximised_quantities():
+    for end in (
+        region_extrema.X_LOW,
+        region_extrema.X_HIGH,
+        region_extrema.Y_LOW,
+        region_extrema.Y_HIGH,
+    ):
+        derivatives = [QUANTITIES[end](*step, h=0.0) for step in np.eye(3)]
+        assert region_extrema.GRADIENTS[end].tolist() == [*derivatives, 0.0, 0.0]
+
+
 @pytest.mark.parametrize("phi_deg", [14.0, 25.0, 40.0])
 def test_targets_are_the_extrema_of_their_quantities(phi_deg, rng):
     found, estimate, ball = targets_and_ellipsoid(phi_deg, rng)

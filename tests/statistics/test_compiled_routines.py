@@ -1,5 +1,6 @@
 """Routines from scipy's compiled modules, beside those of its packages."""
 
+import inspect
 import sys
 
 import numpy as np
@@ -32,6 +33,10 @@ def test_same_minimum_as_leastsq_to_the_last_bit():
     npt.assert_array_equal(found.parameters, expected)
     npt.assert_array_equal(start, [1.0, 1.0])
     assert found.converged
+
+
+def test_the_first_step_has_the_bound_of_leastsq():
+    assert inspect.signature(leastsq).parameters["factor"].default == compiled_routines._STEP_BOUND
 
 
 def test_too_few_evaluations_are_reported():
