@@ -41,8 +41,6 @@ from lsvision.ellipse.region_extrema import (
 from lsvision.geometry import BoolArray, FloatArray, IntArray
 from lsvision.geometry.arrays import TINY, select_rows
 
-SAME_DIRECTION = 0.99
-"""Cosine of the angle between two directions above which both lead to the same extremum."""
 MAX_EVALUATIONS = 20, 4, 4
 """Largest numbers of iterations, each with one evaluation of F: from the estimate, and after each
 restart of rows from a point further out that another row found. On an arc of more than 90 deg one
@@ -186,7 +184,6 @@ class _Search:
             last, critical[rows], np.ones(rows.ends.size),
         )  # fmt: skip
         search._find_targets()
-        search._drop_second_ends()
         return search
 
     def advance(self) -> None:
@@ -278,17 +275,6 @@ class _Search:
         steps = self.targets.parameters - self.expansion.parameters
         squares = (multiply_vectors(self.expansion.information, steps) * steps).sum(axis=1)
         self.lengths = np.sqrt(np.maximum(squares, 0.0) / self.targets.critical)
-
-    def _drop_second_ends(self) -> None:
-        """Drop second ends that are no extrema: u as of the first, or d opposite to their u."""
-        angles, deviators = np.zeros(self.wanted.shape), np.zeros(self.wanted.shape, dtype=complex)
-        angles[self.rows] = self.targets.angles
-        deviators[self.rows] = deviators_from_parameters(self.targets.parameters)
-        second_angles, d = angles[:, SECOND], deviators[:, SECOND]
-        self.wanted[:, SECOND] &= np.cos(second_angles - angles[:, FIRST]) <= SAME_DIRECTION
-        d_along_u = np.cos(second_angles) * d.real + np.sin(second_angles) * d.imag
-        self.wanted[:, SECOND] &= d_along_u > 0
-        self._select_rows(self.wanted[self.rows])
 
     def _move(self, fractions: FloatArray) -> FloatArray:
         """Return the parameters (k, 5) after fractions (k,) of the steps to the targets."""
