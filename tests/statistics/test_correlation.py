@@ -7,8 +7,10 @@ import pytest
 from scipy.fft import dct, idct
 from scipy.stats import chi2, norm
 
+from lsvision.ellipse.parameters import PARAMETERS
 from lsvision.statistics import correlation
 from lsvision.statistics.correlation import (
+    FIT_PARAMETERS,
     autocorrelation_time,
     debiased_autocorrelation_time,
     estimate_correlation,
@@ -245,3 +247,7 @@ def test_a_ramp_of_eight_points_is_correlated_and_one_of_seven_too_short(count, 
     time, correlated = neighbour_correlation(np.arange(float(count)), 5)
     assert correlated is is_correlated
     assert (time > 1) is is_correlated
+
+
+def test_the_fit_of_an_ellipse_has_five_parameters():
+    assert FIT_PARAMETERS == PARAMETERS == 5
