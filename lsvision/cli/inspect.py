@@ -3,6 +3,7 @@
 import datetime
 import re
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,7 +13,7 @@ from lsvision.cli.image_options import parse_imaging, reject_reading_of_images
 from lsvision.cli.image_sources import JOB, holds_images, read_image_source
 from lsvision.cli.messages import FAILED, print_error, print_lines
 from lsvision.cli.option_groups import expand_option_groups
-from lsvision.cli.outputs import STDOUT, check_outputs, write_output
+from lsvision.cli.outputs import STDOUT, check_outputs
 from lsvision.cli.profile_options import JsonFile, ReadingOptions
 from lsvision.cli.sources import (
     MEASURED_SUFFIXES,
@@ -21,9 +22,11 @@ from lsvision.cli.sources import (
     require_points_of_scan,
     suffixes_of_profiles,
 )
+from lsvision.cli.verdict_outputs import VerdictOutputs, VerdictPaths
 from lsvision.errors import LsvisionError
 from lsvision.files.file_kinds import is_directory
 from lsvision.files.printable import printable_name
+from lsvision.results.summaries import counted
 
 if TYPE_CHECKING:
     from lsvision.geometry import Pose
@@ -113,14 +116,12 @@ def inspect(
     if golden:
         raise typer.Exit(_check_golden(run, groups, golden_path(job, job_file), now))
     log = read_records(golden_path(job, job_file), "passed") if job.golden is not None else []
-    to_stderr = STDOUT in (json_file, csv_file)
-    inspected = list(
-        _inspect_all(run, groups, find_blocking_reason(job, log, now), to_stderr=to_stderr)
+    outputs = VerdictOutputs(
+        VerdictPaths(json_file, csv_file, parquet, report),
+        partial(_make_page, run, log, now),
     )
-    _write_results(inspected, (json_file, csv_file, parquet))
-    if report is not None and inspected:
-        _write_report(report, inspected, run, (log, now))
-    _print_counts_and_exit(inspected, run.failures, to_stderr=to_stderr)
+    blocked = find_blocking_reason(job, log, now)
+    _inspect_all(run, groups, blocked, outputs, to_stderr=STDOUT in (json_file, csv_file))
 
 
 def _files_of_rig(job: "Job", folder: Path) -> list[Path]:
@@ -265,18 +266,41 @@ def _group_files(
 
 
 def _inspect_all(
-    run: _Run, groups: Sequence[tuple[str, list[Path]]], blocked: str, *, to_stderr: bool
-) -> "Iterator[JudgedMeasurement]":
-    """Yield all verdicts after printing each; a failure does not stop the others.
+    run: _Run,
+    groups: Sequence[tuple[str, list[Path]]],
+    blocked: str,
+    outputs: VerdictOutputs,
+    *,
+    to_stderr: bool,
+) -> None:
+    """Judge, print and write all measurements, and exit with the code of the run.
 
     `blocked` is the reason why nothing can be decided, from `find_blocking_reason`; empty if none.
+    After an interruption the files contain the verdicts so far.
     """
+    try:
+        for judged in _judge_all(run, groups, blocked):
+            print_lines(_verdict_lines(judged), err=to_stderr)
+            outputs.add(judged)
+    except KeyboardInterrupt:
+        print_error(f"interrupted: {counted(len(outputs.judged), 'measurement')} judged")
+        raise
+    finally:
+        errors = outputs.finish()
+        for error in errors:
+            print_error(str(error))
+    code = _print_counts(outputs.judged, run.failures, to_stderr=to_stderr)
+    raise typer.Exit(FAILED if errors else code)
+
+
+def _judge_all(
+    run: _Run, groups: Sequence[tuple[str, list[Path]]], blocked: str
+) -> "Iterator[JudgedMeasurement]":
+    """Yield all judged measurements; a failure is printed, and does not stop the others."""
     for name, sources in groups:
         try:
             for source, index, measurement in run.measure(name, sources):
-                judged = _judge_measurement(run, source, index, measurement, blocked)
-                print_lines(_verdict_lines(judged), err=to_stderr)
-                yield judged
+                yield _judge_measurement(run, source, index, measurement, blocked)
         except (LsvisionError, ValueError) as error:
             run.fail(name, error)
 
@@ -341,47 +365,29 @@ def _check_golden(
     return FAILED if run.failures else EXIT_CODES["OK" if passed else "NG"]
 
 
-def _write_results(
-    inspected: "Sequence[JudgedMeasurement]", outputs: tuple[Path | None, Path | None, Path | None]
-) -> None:
-    """Write the verdicts to the JSON, CSV and Parquet file, where given."""
-    from lsvision.files.atomic_files import write_atomic
-    from lsvision.io.verdict_files import verdicts_csv, verdicts_json, verdicts_parquet
-
-    json_file, csv_file, parquet = outputs
-    rows: list[Record] = [row for judged in inspected for row in judged.rows]
-    if json_file is not None:
-        write_output(json_file, verdicts_json([judged.record for judged in inspected]))
-    if csv_file is not None:
-        write_output(csv_file, verdicts_csv(rows))
-    if parquet is not None:
-        write_atomic(parquet, verdicts_parquet(rows))
-
-
-def _write_report(
-    path: Path,
-    inspected: "Sequence[JudgedMeasurement]",
+def _make_page(
     run: _Run,
-    golden: "tuple[Sequence[Record], datetime.datetime]",
-) -> None:
-    """Write the page of a run; `golden` holds the log of the golden part and the time now."""
+    golden: "Sequence[Record]",
+    now: datetime.datetime,
+    judged: "Sequence[JudgedMeasurement]",
+) -> str:
+    """Return the page of a run; `golden` is the log of the golden part."""
     from lsvision.draw.inspection_page import InspectionContext, inspection_page
     from lsvision.inspection.calibration_files import calibration_age_days
 
-    log, now = golden
     context = InspectionContext(
         job=run.job,
         made=now.isoformat(timespec="minutes"),
         calibration_days=calibration_age_days(run.calibration, now),
-        golden=log,
+        golden=golden,
     )
-    write_output(path, inspection_page(inspected, context))
+    return inspection_page(judged, context)
 
 
-def _print_counts_and_exit(
+def _print_counts(
     inspected: "Sequence[JudgedMeasurement]", failures: int, *, to_stderr: bool
-) -> None:
-    """Print the number of each verdict, and exit with the code of the worst."""
+) -> int:
+    """Print the number of each verdict, and return the exit code of the worst."""
     from lsvision.inspection.decision import Decision, worst
 
     decisions = [judged.verdict.decision for judged in inspected]
@@ -389,4 +395,4 @@ def _print_counts_and_exit(
         counts = ", ".join(f"{decisions.count(kind)} {kind}" for kind in Decision)
         failed = f", {failures} could not be judged" if failures else ""
         print_lines([f"{len(decisions)} judged: {counts}{failed}"], err=to_stderr)
-    raise typer.Exit(FAILED if failures else EXIT_CODES[worst(decisions).value])
+    return FAILED if failures else EXIT_CODES[worst(decisions).value]

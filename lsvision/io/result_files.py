@@ -7,12 +7,11 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from tempfile import SpooledTemporaryFile
-from typing import TextIO
+from typing import Any, Protocol, TextIO
 
 from lsvision.errors import UnwritableFile
 from lsvision.files.atomic_files import write_atomic
 from lsvision.io.results import CsvFormat, JsonFormat
-from lsvision.results.quantities import Record
 
 CHECKPOINT_S = 1.0
 """Shortest time between two rewrites of a file. Units: s."""
@@ -25,12 +24,35 @@ STDOUT = Path("-")
 """Path of standard output."""
 
 
+class ResultFormat(Protocol):
+    """Format of a file of results: `head`, then the text of each result, then `tail`."""
+
+    tail: str
+
+    @property
+    def head(self) -> str:
+        """Text before the results."""
+        ...
+
+    def prepare(self, results: Sequence[Any]) -> bool:
+        """Prepare for results; return whether that has changed the head."""
+        ...
+
+    def item(self, result: Any) -> str:
+        """Return the text of the next result."""
+        ...
+
+    def convert(self, text: TextIO, head: str) -> Iterator[str]:
+        """Yield text that was written under another head, as it is under the present one."""
+        ...
+
+
 class ResultFiles:
     """The JSON and the CSV file of a run, each on a disk or on standard output.
 
     A file is rewritten completely from time to time during the run: if the run is killed, only the
     results since the last rewrite are lost. Each result is written to standard output immediately,
-    with the columns of the first one. Without any result, nothing is written.
+    with the columns of the first one. Without any result, nothing is written unless `write_empty`.
 
     Parameters
     ----------
@@ -38,27 +60,39 @@ class ResultFiles:
         ``-`` is standard output.
     frame : {"base", "flange"}, optional
         Frame of the robot in which cylinders are placed.
+    formats : (ResultFormat, ResultFormat), optional
+        Formats of the JSON and the CSV file; those of measurements unless given.
+    write_empty : bool
+        Whether the files are written without any result, too, so that none of an earlier run stays.
     """
 
     def __init__(
-        self, json_file: Path | None, csv_file: Path | None, frame: str | None = None
+        self,
+        json_file: Path | None,
+        csv_file: Path | None,
+        frame: str | None = None,
+        *,
+        formats: tuple[ResultFormat, ResultFormat] | None = None,
+        write_empty: bool = False,
     ) -> None:
-        formats: list[tuple[Path | None, CsvFormat | JsonFormat]] = [
-            (json_file, JsonFormat()),
-            (csv_file, CsvFormat(frame)),
-        ]
+        json_format, csv_format = formats or (JsonFormat(), CsvFormat(frame))
+        outputs = [(json_file, json_format), (csv_file, csv_format)]
         # Files before the stream: a closed pipe must not lose a result in the files.
         self._files: list[_RewrittenFile | _Stream] = [
-            _RewrittenFile(path, format_)
-            for path, format_ in formats
+            _RewrittenFile(path, format_, write_empty=write_empty)
+            for path, format_ in outputs
             if path is not None and path != STDOUT
         ]
-        self._files += [_Stream(sys.stdout, format_) for path, format_ in formats if path == STDOUT]
+        self._files += [
+            _Stream(sys.stdout, format_, write_empty=write_empty)
+            for path, format_ in outputs
+            if path == STDOUT
+        ]
 
-    def add(self, records: Sequence[Record]) -> None:
+    def add(self, results: Sequence[Any]) -> None:
         """Add results; if a file cannot be written now, it is tried again at the end."""
         for file in self._files:
-            file.add(records)
+            file.add(results)
 
     def finish(self) -> None:
         """Write the remaining results.
@@ -83,18 +117,26 @@ class ResultFiles:
 class _Stream:
     """An open stream to which each record is written immediately."""
 
-    def __init__(self, stream: TextIO, format_: CsvFormat | JsonFormat) -> None:
+    def __init__(self, stream: TextIO, format_: ResultFormat, *, write_empty: bool) -> None:
         self._stream, self._format, self._started = stream, format_, False
+        self._write_empty = write_empty
 
-    def add(self, records: Sequence[Record]) -> None:
-        if records and not self._started:
-            self._started = True
-            self._format.prepare(records)  # later attributes get no column
-            self._stream.write(self._format.head)
-        self._stream.write("".join(map(self._format.item, records)))
+    def add(self, results: Sequence[Any]) -> None:
+        if results:
+            self._start(results)
+        self._stream.write("".join(map(self._format.item, results)))
         self._stream.flush()
 
+    def _start(self, results: Sequence[Any]) -> None:
+        """Write the head, unless it is written."""
+        if not self._started:
+            self._started = True
+            self._format.prepare(results)  # later attributes get no column
+            self._stream.write(self._format.head)
+
     def finish(self) -> None:
+        if self._write_empty:
+            self._start([])
         if self._started:
             self._stream.write(self._format.tail)
             self._stream.flush()
@@ -106,19 +148,19 @@ class _Stream:
 class _RewrittenFile:
     """A file that is rewritten from time to time; a long text is kept on disk, not in memory."""
 
-    def __init__(self, path: Path, format_: CsvFormat | JsonFormat) -> None:
+    def __init__(self, path: Path, format_: ResultFormat, *, write_empty: bool) -> None:
         self._path, self._format = path, format_
         self._body = _new_spool()
-        self._unwritten, self._next_rewrite = False, time.monotonic() + CHECKPOINT_S
+        self._unwritten, self._next_rewrite = write_empty, time.monotonic() + CHECKPOINT_S
 
-    def add(self, records: Sequence[Record]) -> None:
-        """Add records, and rewrite the file if the last time is long enough ago."""
+    def add(self, results: Sequence[Any]) -> None:
+        """Add results, and rewrite the file if the last time is long enough ago."""
         head = self._format.head
-        if self._format.prepare(records):
+        if self._format.prepare(results):
             self._convert_earlier(head)
-        for record in records:
-            self._body.write(self._format.item(record).encode("utf-8", "backslashreplace"))
-        self._unwritten |= bool(records)
+        for result in results:
+            self._body.write(self._format.item(result).encode("utf-8", "backslashreplace"))
+        self._unwritten |= bool(results)
         start = time.monotonic()
         if start >= self._next_rewrite:
             with suppress(UnwritableFile):  # a full disk may have free space again at the end
@@ -130,7 +172,7 @@ class _RewrittenFile:
         self._rewrite()
 
     def _rewrite(self) -> None:
-        """Write the file completely, if a record came since the last time."""
+        """Write the file completely, if a result came since the last time."""
         if self._unwritten:
             write_atomic(self._path, self._chunks())
             self._unwritten = False
@@ -146,7 +188,7 @@ class _RewrittenFile:
         yield self._format.tail.encode()
 
     def _convert_earlier(self, head: str) -> None:
-        """Convert the text of the earlier records, written under `head`, to the present head."""
+        """Convert the text of the earlier results, written under `head`, to the present head."""
         self._body.seek(0)
         earlier_text, self._body = io.TextIOWrapper(self._body, "utf-8", newline=""), _new_spool()
         with earlier_text:

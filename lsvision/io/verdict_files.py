@@ -3,52 +3,110 @@
 import csv
 import io
 import json
-from collections.abc import Sequence
+import textwrap
+from collections.abc import Iterator, Sequence
+from typing import TextIO
 
 from lsvision.errors import LsvisionError
 from lsvision.files.printable import printable_cell
+from lsvision.inspection.inspected import JudgedMeasurement
 from lsvision.results.quantities import Record
 
 FILE_SCHEMA = "lsvision.verdicts/1"
 """Name and version of a JSON file of verdicts."""
 
 
-def verdicts_json(records: Sequence[Record]) -> str:
-    """Return a JSON document of all verdicts; see `JudgedMeasurement.record`."""
-    document = {"schema": FILE_SCHEMA, "verdicts": list(records)}
-    return json.dumps(document, indent=2, allow_nan=False) + "\n"
+class VerdictJsonFormat:
+    """Format of a JSON document of verdicts; see `JudgedMeasurement.record`.
 
-
-def verdicts_csv(rows: Sequence[Record]) -> str:
-    """Return a table with one row per quantity; empty cells where a number does not exist.
-
-    All rows have the same keys.
+    An instance writes one document: the separator before a verdict depends on the previous ones.
     """
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(list(rows[0]) if rows else [])
-    for row in rows:
-        writer.writerow(
-            [printable_cell(cell) if isinstance(cell, str) else cell for cell in row.values()]
+
+    head = f'{{\n  "schema": {json.dumps(FILE_SCHEMA)},\n  "verdicts": ['
+    tail = "\n  ]\n}\n"
+
+    def __init__(self) -> None:
+        self._separator = "\n"
+
+    def prepare(self, judged: Sequence[JudgedMeasurement]) -> bool:  # noqa: ARG002 - any verdict fits
+        """Return False: the head never changes."""
+        return False
+
+    def item(self, judged: JudgedMeasurement) -> str:
+        """Return the text of the next verdict, indented."""
+        separator, self._separator = self._separator, ",\n"
+        text = json.dumps(judged.record, indent=2, allow_nan=False)
+        return f"{separator}{textwrap.indent(text, '    ')}"
+
+    def convert(self, text: TextIO, head: str) -> Iterator[str]:  # noqa: ARG002 - the head never changes
+        """Yield the text of verdicts unchanged."""
+        yield from text
+
+
+class VerdictCsvFormat:
+    """Format of a CSV table with one row per quantity; see `JudgedMeasurement.rows`.
+
+    Cells are empty where a number does not exist. The header is that of the first verdict.
+    """
+
+    tail = ""
+
+    def __init__(self) -> None:
+        self._columns: list[str] = []
+
+    @property
+    def head(self) -> str:
+        """Return the header line."""
+        return _csv_line(self._columns)
+
+    def prepare(self, judged: Sequence[JudgedMeasurement]) -> bool:
+        """Take the columns of the first verdict; return False: no row is written before it."""
+        if judged and not self._columns:
+            self._columns = list(judged[0].rows[0])
+        return False
+
+    def item(self, judged: JudgedMeasurement) -> str:
+        """Return the rows of the next verdict."""
+        return "".join(
+            _csv_line(
+                [printable_cell(cell) if isinstance(cell, str) else cell for cell in row.values()]
+            )
+            for row in judged.rows
         )
+
+    def convert(self, text: TextIO, head: str) -> Iterator[str]:  # noqa: ARG002 - all rows have the same columns
+        """Yield rows unchanged."""
+        yield from text
+
+
+def _csv_line(cells: Sequence[object]) -> str:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerow(cells)
     return text.getvalue()
 
 
 def verdicts_parquet(rows: Sequence[Record]) -> bytes:
-    """Return the table of `verdicts_csv` as a Parquet file.
+    """Return the rows of the CSV table as a Parquet file.
 
     Raises
     ------
     LsvisionError
         If pyarrow is not installed.
     """
+    require_parquet()
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    content = io.BytesIO()
+    pq.write_table(pa.Table.from_pylist(list(rows)), content)
+    return content.getvalue()
+
+
+def require_parquet() -> None:
+    """Raise an LsvisionError if Parquet files cannot be written."""
     try:
-        import pyarrow as pa
-        import pyarrow.parquet as pq
+        import pyarrow.parquet  # noqa: F401 - whether it can be imported
     except ImportError:
         raise LsvisionError(
             "--parquet needs pyarrow, which is not installed: pip install 'lsvision[batch]'"
         ) from None
-    content = io.BytesIO()
-    pq.write_table(pa.Table.from_pylist(list(rows)), content)
-    return content.getvalue()

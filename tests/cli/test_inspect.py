@@ -5,6 +5,7 @@ import io
 import json
 import re
 import shutil
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -302,3 +303,103 @@ def test_job_new_reports_a_tolerance_that_leaves_its_own_profile_undecided(run, 
     assert run("inspect", path, profile).exit_code == 4
     assert "undecided" not in run(*words, "--tolerance", needed).stderr
     assert run("inspect", path, profile).exit_code == 0
+
+
+@pytest.fixture
+def interrupted_after_two(monkeypatch):
+    """The third judgement of a run is interrupted, as by Ctrl-C."""
+    import lsvision.inspection.judge
+
+    judge, calls = lsvision.inspection.judge.judge, []
+
+    def judge_twice(*args, **kwargs):
+        calls.append(args)
+        if len(calls) > 2:
+            raise KeyboardInterrupt
+        return judge(*args, **kwargs)
+
+    monkeypatch.setattr(lsvision.inspection.judge, "judge", judge_twice)
+
+
+@pytest.mark.usefixtures("interrupted_after_two")
+def test_an_interrupted_run_keeps_the_verdicts_so_far(run, job, written, pipe, tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    for number in range(4):
+        written(pipe, f"parts/part_{number}.csv")
+    outputs = {option: tmp_path / f"o.{option}" for option in ("json", "csv", "parquet")}
+    (tmp_path / "o.json").write_text("of an earlier run")
+    options = [each for option, path in outputs.items() for each in (f"--{option}", path)]
+    done = run(
+        "inspect", job(INSIDE), tmp_path / "parts", *options, "--report", tmp_path / "o.html"
+    )
+    assert done.exit_code == 130
+    assert "interrupted: 2 measurements judged" in done.stderr
+    assert len(json.loads(outputs["json"].read_text())["verdicts"]) == 2
+    assert len(outputs["csv"].read_text().splitlines()) == 3
+    assert parquet.read_table(outputs["parquet"]).num_rows == 2
+    assert "2 measurements" in (tmp_path / "o.html").read_text()
+
+
+def test_a_run_without_a_verdict_leaves_none_of_an_earlier_run(run, job, written, tmp_path):
+    out = tmp_path / "o.json"
+    out.write_text('{"verdicts": [{"decision": "OK"}]}')
+    (tmp_path / "bad.csv").write_text("nothing here\n")
+    done = run("inspect", job(INSIDE), tmp_path / "bad.csv", "--json", out)
+    assert done.exit_code == 1
+    assert json.loads(out.read_text())["verdicts"] == []
+
+
+def test_an_output_that_cannot_be_written_costs_no_other(run, job, profile, tmp_path, monkeypatch):
+    import lsvision.io.result_files
+    from lsvision.errors import UnwritableFile
+    from lsvision.files.atomic_files import write_atomic
+
+    def full_for_json(path, content):
+        if path.suffix == ".json":
+            raise UnwritableFile(f"{path}: cannot be written (No space left on device)")
+        write_atomic(path, content)
+
+    monkeypatch.setattr(lsvision.io.result_files, "write_atomic", full_for_json)
+    names = {option: tmp_path / f"o.{option}" for option in ("json", "csv", "report")}
+    names["report"] = tmp_path / "o.html"
+    done = run(
+        "inspect", job(INSIDE), profile,
+        *(each for option, path in names.items() for each in (f"--{option}", path)),
+    )  # fmt: skip
+    assert done.exit_code == 1
+    assert "No space left" in done.stderr
+    assert "OK" in names["csv"].read_text()
+    assert "<html" in names["report"].read_text()
+
+
+def test_parquet_without_its_library_is_reported_before_the_work(
+    run, job, profile, tmp_path, monkeypatch
+):
+    monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
+    done = run("inspect", job(INSIDE), profile, "--parquet", tmp_path / "v.parquet")
+    assert done.exit_code == 1
+    assert "pip install 'lsvision[batch]'" in done.stderr
+    assert done.stdout == ""
+
+
+def test_json_and_csv_are_written_during_the_run(tmp_path, monkeypatch):
+    import lsvision.io.result_files
+    from lsvision.cli.verdict_outputs import VerdictOutputs, VerdictPaths
+    from lsvision.inspection.inspected import JudgedMeasurement
+    from lsvision.inspection.judge import judge
+    from lsvision.measure import measure_cylinders
+    from lsvision.simulate import random_section
+
+    monkeypatch.setattr(lsvision.io.result_files, "CHECKPOINT_S", 0.0)
+    measurement = measure_cylinders(random_section("single", 7, noise_mm=0.02).profile)
+    verdict = judge(measurement, Job.from_text(JOB.replace("LIMITS", INSIDE)))
+    paths = VerdictPaths(tmp_path / "o.json", tmp_path / "o.csv")
+    outputs = VerdictOutputs(paths, lambda _: "")
+    outputs.add(JudgedMeasurement("a.csv", 0, measurement, verdict))
+    document = json.loads(paths.json_file.read_text())
+    assert document == {
+        "schema": "lsvision.verdicts/1",
+        "verdicts": [outputs.judged[0].record],
+    }
+    assert paths.csv_file.read_text().count("a.csv") == 1
+    assert outputs.finish() == []
