@@ -24,6 +24,9 @@ KEYS_OF_AXIS = ("direction_deg", "position_mm", "point_x_mm", "point_y_mm", "poi
 KEYS_OF_RADIUS = ("radius_mm", "diameter_mm")
 """Quantities that differ, too, between those of short arcs on opposite sides."""
 
+NEAR_ZERO = 0.75
+"""Ratio of the ends of phi's interval below which only the lower end may miss the true phi."""
+
 
 def measure_quantity(cylinder: MeasuredCylinder, part: Part, key: str, level: float) -> Estimate:
     """Return a quantity of a cylinder with its interval at `level`, in the unit of its key.
@@ -31,7 +34,8 @@ def measure_quantity(cylinder: MeasuredCylinder, part: Part, key: str, level: fl
     The key is one of `SECTION_KEYS` for a section, of `SCAN_KEYS` for a scan. Not determined: theta
     whose interval contains every direction; bow, taper and ovality of a tube in fewer than three
     sections, which are NaN; direction and position of a tube with a twin that fits equally well, as
-    in one section, and its radius if that of the twin is another one.
+    in one section, and its radius if that of the twin is another one. Each end of an interval
+    misses with a probability of at most (1 - level) / 2, also that of a phi near 0.
 
     Raises
     ------
@@ -66,7 +70,9 @@ def _measure_in_section(section: CylinderSection, part: Part, key: str, level: f
     quantity = quantity_from_key(key)
     is_diameter = key == "diameter_mm"
     name = "radius" if is_diameter else quantity.name
-    low, high = section.interval(name, level)  # type: ignore[arg-type] # a key of SECTION_KEYS
+    low, high = (
+        _interval_of_phi(section, level) if key == "phi_deg" else section.interval(name, level)  # type: ignore[arg-type] # a key of SECTION_KEYS
+    )
     if name.startswith("centre_"):
         axis = "xy".index(name[-1])
         value, std = section.centre[axis], math.sqrt(section.covariance[axis, axis])
@@ -76,6 +82,19 @@ def _measure_in_section(section: CylinderSection, part: Part, key: str, level: f
     # The interval of theta is (0, pi) where every direction is possible.
     determined = key != "theta_deg" or high - low < math.pi
     return Estimate(quantity, scale * value, scale * std, (scale * low, scale * high), determined)
+
+
+def _interval_of_phi(section: CylinderSection, level: float) -> tuple[float, float]:
+    """Return an interval of phi of which each end misses with at most (1 - level) / 2. Units: rad.
+
+    A phi of the size of its error is measured too large on average. Its interval then misses the
+    true phi with probability 1 - level by lying above it, and never by lying below: the lower end
+    is that of the interval at the level (1 + level) / 2.
+    """
+    low, high = section.interval("phi", level)
+    if low < NEAR_ZERO * high:
+        low, _ = section.interval("phi", (1 + level) / 2)
+    return low, high
 
 
 def _measure_in_scan(tube: ScannedCylinder, part: Part, key: str) -> Uncertain:

@@ -1,8 +1,17 @@
 """False OK and false NG of simulated parts near their limits; ``-m slow`` runs all conditions."""
 
+import math
+from dataclasses import replace
+
+import numpy as np
 import pytest
 from scipy import stats
 
+from lsvision.inspection.decision import Decision
+from lsvision.inspection.job import Job
+from lsvision.inspection.judge import judge
+from lsvision.measure import measure_profiles
+from lsvision.simulate import SCENE_SENSOR, Scene, SectionSettings, Tube, simulate_section
 from tests.inspection.false_verdicts import CONDITIONS, KEYS, run, shares
 
 PARTS = 1112
@@ -36,6 +45,26 @@ def test_a_direction_is_judged_by_its_interval_also_near_a_circle():
     false_ok, false_ng, _, undecided = shares(results, "theta_deg")
     assert max(false_ok, false_ng) <= stats.binom.ppf(1 - 1e-4, len(results), TAIL) / len(results)
     assert undecided <= MAX_OPEN
+
+
+@pytest.mark.slow
+def test_a_tilt_at_its_limit_is_seldom_ng():
+    """All errors of a phi of the size of its error are on one side: too large."""
+    phi_deg, parts = 6.0, 600
+    sensor = replace(SCENE_SENSOR, range_std=0.05)
+    scene = Scene((Tube.of(15.0, math.radians(60), math.radians(phi_deg), (22.0, -410.0)),))
+    settings = SectionSettings(jump_fraction=0.0, lost_fraction=0.0)
+    rng = np.random.default_rng(61)
+    profiles = [
+        simulate_section(scene, sensor, settings, rng=rng).profile.points for _ in range(parts)
+    ]
+    job = Job.from_text(
+        f'name = "t"\n[[part]]\nname = "t"\norder = 1\nphi_deg = {{ max = {phi_deg} }}'
+    )
+    verdicts = [judge(each, job) for each in measure_profiles(profiles, sensor=sensor)]
+    ng = sum(verdict.decision == Decision.NG for verdict in verdicts)
+    assert ng <= stats.binom.ppf(1 - 1e-4, parts, TAIL)
+    assert all(verdict.part("t").cylinder == 0 for verdict in verdicts)
 
 
 def test_the_run_judges_every_quantity():

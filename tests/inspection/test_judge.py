@@ -224,6 +224,20 @@ def test_theta_is_the_same_after_half_a_turn(value, low, high, ends, decision):
     assert direction(value, low, high, ends).decision == decision
 
 
+@pytest.mark.parametrize(("phi_deg", "tail_level"), [(6, 0.975), (40, 0.95)])
+def test_the_lower_end_of_a_small_phi_has_all_of_the_error(phi_deg, tail_level):
+    scene = Scene((Tube.of(19.0, 0.4, math.radians(phi_deg), (0.0, -400.0)),))
+    section = simulate_section(scene, SCENE_SENSOR, SETTINGS, rng=np.random.default_rng(5))
+    measurement = measure_cylinders(section.profile)
+    verdict = lsv.judge(measurement, job(("tube", "order = 1\nphi_deg = { max = 60 }")))
+    (phi,) = verdict.part("tube").quantities
+    (cylinder,) = measurement.cylinders
+    low, high = phi.estimate.interval
+    assert low == pytest.approx(math.degrees(cylinder.interval("phi", tail_level)[0]))
+    assert high == pytest.approx(math.degrees(cylinder.interval("phi", 0.95)[1]))
+    assert (low < 0.75 * high) == (tail_level > 0.95)
+
+
 def test_theta_that_is_not_determined_is_undecided():
     section = lsv.simulate.random_section(
         "single", 4, noise_mm=0.05, tubes=lsv.simulate.TubeRanges(phi_deg=(0.0, 0.1))
