@@ -22,6 +22,7 @@ from lsvision.cli.profile_options import (
 )
 from lsvision.cli.sources import find_sources, read_sources, suffixes_of_profiles
 from lsvision.errors import LsvisionError, UnreadableFile
+from lsvision.results.summaries import counted
 
 if TYPE_CHECKING:
     from lsvision.geometry import FloatArray
@@ -38,6 +39,8 @@ Tolerance = Annotated[
     float | None, typer.Option(metavar="WIDTH", help="Width of the tolerance, above 0.")
 ]
 Level = Annotated[float, typer.Option(metavar="P", help="Confidence level of the intervals.")]
+MAX_NAMES = 6
+"""Largest number of parts, and of operators, that a message names."""
 QUANTITIES = ("radius", "theta", "phi", "centre-x", "centre-y")
 """Values of --quantity, in the order of `CylinderSection.estimates`."""
 
@@ -160,10 +163,12 @@ def _measure_quantity(
 
     The quantity is one of `QUANTITIES`; of several cylinders the one nearest to the reference is
     taken. A theta is stated within 90 deg of the reference, since theta + 180 deg is the same
-    direction: 179.9 deg is -0.1 deg beside a reference of 0.
+    direction: 179.9 deg is -0.1 deg beside a reference of 0. A cylinder of another size than most
+    is reported.
     """
     index = QUANTITIES.index(quantity)
     values, stds = [], []
+    radii: dict[str, float] = {}
     for file in files:
         for number, profile in enumerate(file.profiles):
             measurement = measuring(profile)
@@ -174,10 +179,27 @@ def _measure_quantity(
             pairs = [(estimate.value, estimate.std) for estimate in estimates]
             if quantity == "theta":
                 pairs = [(reference + (v - reference + 90) % 180 - 90, std) for v, std in pairs]
-            value, std = min(pairs, key=lambda pair: abs(pair[0] - reference))
-            values.append(value)
-            stds.append(std)
+            nearest = min(range(len(pairs)), key=lambda k: abs(pairs[k][0] - reference))
+            values.append(pairs[nearest][0])
+            stds.append(pairs[nearest][1])
+            radii[f"{file.path}, profile {number}"] = measurement.cylinders[nearest].radius
+    _report_other_cylinders(radii)
     return values, stds
+
+
+def _report_other_cylinders(radii: dict[str, float]) -> None:
+    """Print a note on each profile whose cylinder has another size than most, by its name."""
+    from statistics import median
+
+    from lsvision.inspection.matching import RADIUS_TOLERANCE
+
+    for name, radius in radii.items():
+        usual = median(radii.values())
+        if abs(radius / usual - 1) > RADIUS_TOLERANCE:
+            print_error(
+                f"{name}: its cylinder of radius {radius:.4g} mm counts, most have {usual:.4g} mm: "
+                "another part? Leave the profile out, or limit the search by --radius"
+            )
 
 
 def _read_crossed(path: Path, value: str, part: str, operator: str) -> "FloatArray":
@@ -197,13 +219,31 @@ def _read_crossed(path: Path, value: str, part: str, operator: str) -> "FloatArr
     parts = list(dict.fromkeys(part_name for part_name, _ in trials))
     operators = list(dict.fromkeys(operator_name for _, operator_name in trials))
     counts = {len(values) for values in trials.values()}
+    if not trials:
+        raise LsvisionError(f"{path}: expected rows with values, got none below the header")
     if len(trials) != len(parts) * len(operators) or len(counts) != 1:
         raise LsvisionError(
             f"{path}: expected every operator to measure every part equally often, got "
-            f"{len(trials)} of {len(parts) * len(operators)} pairs with {min(counts, default=0)} "
-            f"to {max(counts, default=0)} trials: add the missing rows"
+            f"{len(trials)} of {len(parts) * len(operators)} pairs with {min(counts)} to "
+            f"{max(counts)} trials ({_names_text(parts, operators)}): add the missing rows"
+        )
+    if min(len(parts), len(operators), *counts) < 2:
+        raise LsvisionError(
+            f"{path}: expected two or more parts, operators and trials of each pair, got "
+            f"{_names_text(parts, operators)}; {counted(min(counts), 'trial')}: measure more, "
+            "or write each name in one way"
         )
     return np.array([[trials[part_name, name] for name in operators] for part_name in parts])
+
+
+def _names_text(parts: Sequence[str], operators: Sequence[str]) -> str:
+    """Return the names of parts and operators, by which one that is written in two ways shows."""
+    return f"parts {_first_names(parts)}; operators {_first_names(operators)}"
+
+
+def _first_names(names: Sequence[str]) -> str:
+    more = ", ..." if len(names) > MAX_NAMES else ""
+    return ", ".join(names[:MAX_NAMES]) + more
 
 
 def _read_trials(
@@ -235,13 +275,15 @@ def _read_trials(
                 "have a decimal comma"
             )
         cells = {str(name).strip(): str(cell or "").strip() for name, cell in row.items()}
+        if not any(cells.values()):  # below the table of a spreadsheet
+            continue
         number, names_of_pair = cells[value], (cells[part], cells[operator])
         try:
             # A comma that does not separate columns is a decimal comma.
             trial = float(number if separator == "," else number.replace(",", "."))
         except ValueError:
             trial = math.nan
-        if not math.isfinite(trial):
+        if not math.isfinite(trial) or "_" in number:  # which separates digits in Python only
             raise UnreadableFile(f"{place}: expected a number in {value!r}, got {number!r}")
         if not all(names_of_pair):
             raise UnreadableFile(f"{place}: expected a name in {part!r} and in {operator!r}")

@@ -122,14 +122,14 @@ class GaugeStudy(Result):
         return SIGMAS * self.component(name).std / self.tolerance
 
     @property
-    def distinct_categories(self) -> int:
+    def distinct_categories(self) -> int | None:
         """Number of classes of parts that the measurement distinguishes (ndc), at least 1.
 
-        The largest integer of 64 bits if the gauge has no variance.
+        None if the gauge has no variance, as of values that are rounded too coarsely.
         """
         gauge = self.component("gauge").std
         if gauge == 0:
-            return np.iinfo(np.int64).max
+            return None
         return max(int(NDC_FACTOR * self.component("parts").std / gauge), 1)
 
     def to_dict(self) -> Record:
@@ -182,7 +182,13 @@ class GaugeStudy(Result):
 
     def _summary(self) -> str:
         gauge = 100 * self.fraction_of_total("gauge")
-        return f"gauge {gauge:.1f} % of total, ndc {self.distinct_categories}"
+        return f"gauge {gauge:.1f} % of total, {self._categories_text}"
+
+    @property
+    def _categories_text(self) -> str:
+        if self.distinct_categories is None:
+            return "ndc not determinable (repeated values are equal: more digits?)"
+        return f"ndc {self.distinct_categories}"
 
     def _cells(self) -> list[tuple[str, ...]]:
         """Return the header of the printed table, and a row for each component."""
@@ -216,7 +222,7 @@ class GaugeStudy(Result):
         pooled = "pooled with repeatability" if self.pooled else "not pooled"
         return [
             *lines,
-            f"interaction {pooled} (limit p = {POOLING_ALPHA:g}); ndc {self.distinct_categories}",
+            f"interaction {pooled} (limit p = {POOLING_ALPHA:g}); {self._categories_text}",
             NOT_CLAIMED,
         ]
 

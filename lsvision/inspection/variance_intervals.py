@@ -18,6 +18,9 @@ import numpy as np
 from lsvision.errors import LsvisionError
 from lsvision.geometry import FloatArray
 
+ROUNDING = 4 * float(np.finfo(np.float64).eps)
+"""Relative rounding error of a value's deviation from a mean, at most."""
+
 
 def mean_square_interval(
     coefficients: Sequence[float],
@@ -105,7 +108,7 @@ def sums_of_squares(values: FloatArray) -> tuple[float, float, float, float]:
     """Return the sums of squares of parts, operators, interaction and repeatability.
 
     The values, (parts, operators, trials), are of a study in which each operator measures each part
-    equally often; the sums are in the square of their unit.
+    equally often; the sums are in the square of their unit, and 0 where only rounding errors are.
     """
     parts, operators, trials = values.shape
     # From the first value, so that equal values have no spread by rounding errors of their mean.
@@ -118,4 +121,9 @@ def sums_of_squares(values: FloatArray) -> tuple[float, float, float, float]:
     interaction = cells - by_part[:, None] - by_operator[None]
     interaction_sum = trials * float((interaction**2).sum())
     repeatability_sum = float(((centred - cells[:, :, None]) ** 2).sum())
+    rounding = values.size * (ROUNDING * float(np.abs(values).max())) ** 2
+    sums = (parts_sum, operators_sum, interaction_sum, repeatability_sum)
+    parts_sum, operators_sum, interaction_sum, repeatability_sum = (
+        square if square > rounding else 0.0 for square in sums
+    )
     return parts_sum, operators_sum, interaction_sum, repeatability_sum

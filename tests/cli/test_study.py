@@ -100,6 +100,17 @@ def test_a_number_without_meaning_is_a_usage_error(run, written, pipe, command, 
         ("part,operator,value,value\n1,a,1,2\n", "expected one column 'value', got several"),
         ("value,part,operator\n1,a\n", "line 2: expected a name in 'part' and in 'operator'"),
         ("part,operator,value\n1,a,2\n1,a,2,5\n", "line 3: expected 3 cells, got more"),
+        ("part,operator,value\n1,a,1_9\n", "line 2: expected a number in 'value', got '1_9'"),
+        ("part,operator,value\n\n,,\n", "expected rows with values, got none below the header"),
+        (
+            "part,operator,value\n1,Ann,1\n1,ann,2\n1,Bob,3\n",
+            "table.csv: expected two or more parts, operators and trials of each pair, got parts "
+            "1; operators Ann, ann, Bob; 1 trial: measure more, or write each name in one way",
+        ),
+        (
+            "part,operator,value\n1,a,1\n2,b,2\n",
+            "got 2 of 4 pairs with 1 to 1 trials (parts 1, 2; operators a, b): add the missing",
+        ),
         ('part,operator,value\n1,a,"2\n' + 200_000 * "x", "close each quote"),
     ],
 )
@@ -115,8 +126,8 @@ def test_lines_may_end_in_any_way_and_in_an_empty_cell(run, tmp_path):
     rows = [f"{p},{o},{p + n / 10}" for p in (1, 2) for o in "ab" for n in (0, 1)]
     table.write_text("\n".join(["part,operator,value", *rows]))
     expected = run("study", "grr", table).stdout
-    for end in ("\r", "\r\n", ",\n"):
-        table.write_bytes(end.join(["part,operator,value", *rows]).encode())
+    for end in ("\r", "\r\n", ",\n", "\n,,\n"):  # the last one adds rows of empty cells
+        table.write_bytes(end.join(["part,operator,value", *rows, ""]).encode())
         assert run("study", "grr", table).stdout == expected != ""
 
 
@@ -128,3 +139,16 @@ def test_blanks_beside_a_separator_are_not_part_of_a_name(run, tmp_path):
     rows[0] = rows[0].replace(",", " , ")
     table.write_text("\n".join(["part, operator, value", *rows]))
     assert run("study", "grr", table).stdout == expected != ""
+
+
+def test_a_repeat_that_shows_another_pipe_is_reported(run, written):
+    angle = np.linspace(2.6, 0.5, 160)
+    circle = np.column_stack([np.cos(angle), np.sin(angle)])
+    paths = [
+        written(radius * circle - [0.0, 400.0], f"{number}.csv")
+        for number, radius in enumerate([19.0, 19.1, 12.0, 18.9])
+    ]
+    done = run("study", "repeat", *paths, "--reference", "19", "--range-std", "0.05")
+    assert done.exit_code == 0, done.output
+    assert f"{paths[2]}, profile 0: its cylinder of radius 12 mm counts, most have" in done.stderr
+    assert done.stderr.count("another part?") == 1

@@ -83,7 +83,19 @@ def test_a_study_of_equal_values_has_no_fractions_of_the_total(value):
     study = study_gauge(np.full((3, 3, 3), value), tolerance=1.0)
     assert math.isnan(study.fraction_of_total("gauge"))
     assert study.to_dict()["components"]["gauge"]["percent_of_total"] is None
-    assert "ndc" in str(study)
+    assert study.distinct_categories is None
+    assert study.to_dict()["distinct_categories"] is None
+    assert "ndc not determinable (repeated values are equal" in str(study)
+
+
+def test_values_that_differ_between_parts_only_leave_no_rounding_errors_to_the_gauge():
+    parts = 19 + 0.1 * np.arange(5)
+    study = study_gauge(np.broadcast_to(parts[:, None, None], (5, 3, 2)))
+    assert study.component("gauge").std == 0
+    assert study.distinct_categories is None
+    operators = parts[:, None, None] + 0.3 * np.arange(3)[None, :, None]
+    rows = study_gauge(np.broadcast_to(operators, (5, 3, 2))).rows
+    assert [row.sum_of_squares == 0 for row in rows] == [False, False, True, True]
 
 
 def test_equal_values_have_no_spread():
