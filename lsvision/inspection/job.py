@@ -76,7 +76,11 @@ class Job(JobTable):
 
     @model_validator(mode="after")
     def _check_parts(self) -> Job:
-        mistakes = [*_find_ambiguous_parts(self.parts), *_find_unknown_parts(self)]
+        mistakes = [
+            *_find_ambiguous_parts(self.parts),
+            *_find_unknown_parts(self),
+            *_find_limits_of_known_radius(self),
+        ]
         if mistakes:
             raise MistakesError(mistakes)
         return self
@@ -251,6 +255,32 @@ def _find_unknown_parts(job: Job) -> list[tuple[Location, str]]:
         if first == second:
             mistakes.append((location, f"expected two parts, got {first!r} twice"))
     return mistakes
+
+
+def _find_limits_of_known_radius(job: Job) -> list[tuple[Location, str]]:
+    """Return the mistakes of limits that would be compared with a known radius, not a measured one.
+
+    They are those of the radius with a known radius of all cylinders. With that of a part, its
+    radius is judged as measured without it.
+    """
+    if job.measure.known_radius_mm is None:
+        return []
+    places: list[Location] = [
+        ("part", number, key)
+        for number, part in enumerate(job.parts)
+        for key in ("radius_mm", "diameter_mm")
+        if key in part.limits
+    ]
+    if job.golden is not None:
+        places.append(("golden", "radius_mm"))
+    return [
+        (
+            place,
+            f"{place[-1]} would be compared with known_radius_mm of [measure], whatever the points "
+            "say: write known_radius_mm under [[part]] instead",
+        )
+        for place in places
+    ]
 
 
 def _check_schema(values: dict[str, Any], text: str) -> list[Mistake]:

@@ -19,7 +19,7 @@ from lsvision.inspection.job import Job
 from lsvision.inspection.job_tables import Part, RelationLimits
 from lsvision.inspection.limits import POSSIBLE_RANGES, quantity_from_key
 from lsvision.inspection.matching import Matching, match_parts
-from lsvision.inspection.quantities import measure_quantity
+from lsvision.inspection.quantities import KEYS_OF_RADIUS, measure_quantity
 from lsvision.inspection.relate import MeasuredCylinder, relate
 from lsvision.inspection.verdict import ItemVerdict, Provenance, Verdict
 from lsvision.measure import Measurement
@@ -67,7 +67,7 @@ def judge(
         whose radius is not determinable, or whose cylinder is assigned to another part, is
         undecided, and so is a quantity that is not determinable. `Verdict.decision` equals
         ``"OK"``, ``"NG"`` or ``"undecided"``. A known radius that a part's points contradict is not
-        used; a note names the part.
+        used; a note names the part. Radius and diameter are judged as measured without it.
 
     Raises
     ------
@@ -103,12 +103,12 @@ def judge(
     if isinstance(measurement, Measurement):
         _reject_windows_in_z(job)
     matching = match_parts(job.parts, measurement.cylinders)
+    measured = {name: measurement.cylinders[index] for name, index in matching.cylinders.items()}
     cylinders = {
-        name: _apply_known_radius(measurement.cylinders[index], job.part(name))
-        for name, index in matching.cylinders.items()
+        name: _apply_known_radius(cylinder, job.part(name)) for name, cylinder in measured.items()
     }
     parts = [
-        _judge_part(cylinders[part.name], part, job, matching.cylinders[part.name])
+        _judge_part(measured, cylinders, part, job, matching)
         if part.name in cylinders
         else _judge_missing(part, measurement, matching)
         for part in job.parts
@@ -119,7 +119,7 @@ def judge(
         additional=matching.additional,
         notes=(
             *_describe_additional(matching, measurement.cylinders),
-            *_find_exchanged_parts(parts, cylinders, job),
+            *_find_exchanged_parts(parts, measured, job),
             *_describe_contradicted_radii(matching, measurement, cylinders, job),
         ),
         provenance=_provenance(job, calibration or {}),
@@ -174,13 +174,24 @@ def _describe_contradicted_radii(
     ]
 
 
-def _judge_part(cylinder: MeasuredCylinder, part: Part, job: Job, index: int) -> ItemVerdict:
-    level = job.decision.level
-    quantities = [
-        _judge_estimate(measure_quantity(cylinder, part, key, level), key, limits.ends, job)
-        for key, limits in part.limits.items()
-    ]
-    return ItemVerdict(part.name, tuple(quantities), index)
+def _judge_part(
+    measured: Mapping[str, MeasuredCylinder],
+    cylinders: Mapping[str, MeasuredCylinder],
+    part: Part,
+    job: Job,
+    matching: Matching,
+) -> ItemVerdict:
+    """Return the verdict of a part that was found.
+
+    `cylinders` are those `measured`, fitted with the known radius of their parts.
+    """
+    quantities = []
+    for key, limits in part.limits.items():
+        # With its known radius the radius would be within its limits, whatever the points say.
+        found = measured if key in KEYS_OF_RADIUS else cylinders
+        estimate = measure_quantity(found[part.name], part, key, job.decision.level)
+        quantities.append(_judge_estimate(estimate, key, limits.ends, job))
+    return ItemVerdict(part.name, tuple(quantities), matching.cylinders[part.name])
 
 
 def _judge_estimate(
@@ -328,7 +339,7 @@ def _find_exchanged_parts(
     def fits(name: str, part_name: str) -> bool:
         """Return whether the cylinder of part `name` is not NG by the size limits of another."""
         part = job.part(part_name)
-        keys = [key for key in ("radius_mm", "diameter_mm") if key in part.limits]
+        keys = [key for key in KEYS_OF_RADIUS if key in part.limits]
         verdicts = [
             _judge_estimate(
                 measure_quantity(cylinders[name], part, key, job.decision.level),

@@ -22,7 +22,8 @@ from lsvision.scan.shape_result import TubeShape
 KEYS_OF_AXIS = ("direction_deg", "position_mm", "point_x_mm", "point_y_mm", "point_z_mm")
 """Quantities of a scan that differ between the two twins of a tube in one section."""
 KEYS_OF_RADIUS = ("radius_mm", "diameter_mm")
-"""Quantities that differ, too, between those of short arcs on opposite sides."""
+"""Quantities that differ, too, between those of short arcs on opposite sides, and that a known
+radius determines."""
 
 NEAR_ZERO = 0.75
 """Ratio of the ends of phi's interval below which only the lower end may miss the true phi."""
@@ -32,10 +33,11 @@ def measure_quantity(cylinder: MeasuredCylinder, part: Part, key: str, level: fl
     """Return a quantity of a cylinder with its interval at `level`, in the unit of its key.
 
     The key is one of `SECTION_KEYS` for a section, of `SCAN_KEYS` for a scan. Not determined: theta
-    whose interval contains every direction; bow, taper and ovality of a tube in fewer than three
-    sections, which are NaN; direction and position of a tube with a twin that fits equally well, as
-    in one section, and its radius if that of the twin is another one. Each end of an interval
-    misses with a probability of at most (1 - level) / 2, also that of a phi near 0.
+    whose interval contains every direction; the radius of a section fitted with a known one; bow,
+    taper and ovality of a tube in fewer than three sections, which are NaN; direction and position
+    of a tube with a twin that fits equally well, as in one section, and its radius if that of the
+    twin is another one. Each end of an interval misses with a probability of at most
+    (1 - level) / 2, also that of a phi near 0.
 
     Raises
     ------
@@ -81,6 +83,8 @@ def _measure_in_section(section: CylinderSection, part: Part, key: str, level: f
     scale = 2.0 if is_diameter else quantity.scale
     # The interval of theta is (0, pi) where every direction is possible.
     determined = key != "theta_deg" or high - low < math.pi
+    if key in KEYS_OF_RADIUS:
+        determined = section.fit.problem.known_radius is None
     return Estimate(quantity, scale * value, scale * std, (scale * low, scale * high), determined)
 
 

@@ -204,3 +204,21 @@ def test_a_file_is_named_in_the_message(tmp_path):
         Job.load(path)
     with pytest.raises(LsvisionError, match="no such file"):
         Job.load(tmp_path / "none.toml")
+
+
+def test_a_limit_is_not_compared_with_a_known_radius():
+    golden = "\n[golden]\nradius_mm = 19\ntolerance_mm = 0.1\nevery_hours = 8\n"
+    text = changed("radius_mm = [10, 40]", "known_radius_mm = [19, 0.05]") + golden
+    message = (
+        "_mm would be compared with known_radius_mm of [measure], whatever the points say: write "
+        "known_radius_mm under [[part]] instead"
+    )
+    assert mistakes_of(text) == [
+        f"line 12: radius{message}",
+        f"line 18: diameter{message}",
+        f"line 29: radius{message}",
+    ]
+    only_phi = changed("radius_mm = [10, 40]", "known_radius_mm = [19, 0.05]").replace(
+        "radius_mm = { nominal = 19, upper = 0.1, lower = -0.1 }\n", ""
+    ).replace("diameter_mm = { min = 29.8, max = 30.2 }\n", "")  # fmt: skip
+    assert Job.from_text(only_phi).measure.known_radius_mm == (19, 0.05)

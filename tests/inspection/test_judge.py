@@ -193,6 +193,26 @@ def test_a_known_radius_sharpens_the_part_that_has_it(pair):
     assert low < 25 < high
 
 
+@pytest.mark.parametrize("key", ["radius_mm", "diameter_mm"])
+def test_a_known_radius_decides_nothing_on_the_radius(pair, key):
+    """A pipe of 20 mm is not OK as one of 20.35 mm, because the job says that it is."""
+    nominal = 20.35 * (2 if key == "diameter_mm" else 1)
+    ends = f"{key} = {{ nominal = {nominal}, upper = 0.2, lower = -0.2 }}"
+    part = ("left", f"order = 1\nknown_radius_mm = [20.35, 0.02]\n{ends}")
+    (judged,) = lsv.judge(pair, job(part)).parts[0].quantities
+    (plain,) = lsv.judge(pair, job(("left", f"order = 1\n{ends}"))).parts[0].quantities
+    assert judged.estimate == plain.estimate
+    assert judged.decision == "NG"
+
+
+def test_a_radius_measured_with_a_known_one_is_undecided(pair):
+    known = measure_cylinders(pair.profile, known_radius=(LEFT, 0.05), radius=(18, 22))
+    part = ("left", f"x_mm = [-80, 0]\n{limits(LEFT)}\nphi_deg = {{ max = 40 }}")
+    radius, phi = lsv.judge(known, job(part)).parts[0].quantities
+    assert (radius.decision, phi.decision) == ("undecided", "OK")
+    assert "not determinable" in radius.reason
+
+
 def test_a_known_radius_that_the_points_contradict_is_not_used_and_reported(pair):
     part = ("left", f"order = 1\nknown_radius_mm = 18\n{limits(18)}")
     verdict = lsv.judge(pair, job(part))
