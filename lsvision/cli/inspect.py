@@ -22,7 +22,7 @@ from lsvision.cli.sources import (
     require_points_of_scan,
     suffixes_of_profiles,
 )
-from lsvision.cli.verdict_outputs import VerdictOutputs, VerdictPaths
+from lsvision.cli.verdict_outputs import VerdictOutputs, VerdictPaths, make_page
 from lsvision.errors import LsvisionError
 from lsvision.files.file_kinds import is_directory
 from lsvision.files.printable import printable_name
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from lsvision.inspection.job import Job
     from lsvision.io.profiles import ReadOptions
     from lsvision.measure import Measurement
-    from lsvision.results.quantities import Record
     from lsvision.scan import ScanMeasurement
 
 _KEYS_BY_OPTION = {
@@ -118,9 +117,9 @@ def inspect(
     log = read_records(golden_path(job, job_file), "passed") if job.golden is not None else []
     outputs = VerdictOutputs(
         VerdictPaths(json_file, csv_file, parquet, report),
-        partial(_make_page, run, log, now),
+        partial(make_page, job, run.calibration, log, now),
     )
-    blocked = find_blocking_reason(job, log, now)
+    blocked = find_blocking_reason(job, log, now, run.calibration)
     _inspect_all(run, groups, blocked, outputs, to_stderr=STDOUT in (json_file, csv_file))
 
 
@@ -357,31 +356,15 @@ def _check_golden(
             run.fail(name, error)
             continue
         for source, _, measurement in measured:
-            record = check_golden(measurement.cylinders, run.job, printable_name(source), now)
+            name_of_source = printable_name(source)
+            record = check_golden(
+                measurement.cylinders, run.job, name_of_source, now, run.calibration
+            )
             append_record(path, record, "passed")
             word = "passed" if record["passed"] else "failed"
             print_lines([f"{source}: golden part {word}: {record['reason']}; logged in {path}"])
             passed &= record["passed"]
     return FAILED if run.failures else EXIT_CODES["OK" if passed else "NG"]
-
-
-def _make_page(
-    run: _Run,
-    golden: "Sequence[Record]",
-    now: datetime.datetime,
-    judged: "Sequence[JudgedMeasurement]",
-) -> str:
-    """Return the page of a run; `golden` is the log of the golden part."""
-    from lsvision.draw.inspection_page import InspectionContext, inspection_page
-    from lsvision.inspection.calibration_files import calibration_age_days
-
-    context = InspectionContext(
-        job=run.job,
-        made=now.isoformat(timespec="minutes"),
-        calibration_days=calibration_age_days(run.calibration, now),
-        golden=golden,
-    )
-    return inspection_page(judged, context)
 
 
 def _print_counts(

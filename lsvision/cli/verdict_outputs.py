@@ -1,6 +1,7 @@
 """Output files of ``lsvision inspect``: JSON, CSV, Parquet and the page."""
 
-from collections.abc import Callable, Sequence
+import datetime
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,6 +11,8 @@ from lsvision.errors import LsvisionError
 
 if TYPE_CHECKING:
     from lsvision.inspection.inspected import JudgedMeasurement
+    from lsvision.inspection.job import Job
+    from lsvision.results.quantities import Record
 
 
 @dataclass(frozen=True)
@@ -85,3 +88,23 @@ class VerdictOutputs:
     def _write_report(self) -> None:
         if self._paths.report is not None:
             write_output(self._paths.report, self._make_page(self.judged))
+
+
+def make_page(
+    job: "Job",
+    calibration: "Mapping[str, Mapping[str, str | None]]",
+    golden: "Sequence[Record]",
+    now: datetime.datetime,
+    judged: "Sequence[JudgedMeasurement]",
+) -> str:
+    """Return the page of a run; `golden` is the log of the golden part."""
+    from lsvision.draw.inspection_page import InspectionContext, inspection_page
+    from lsvision.inspection.calibration_files import calibration_age_days
+
+    context = InspectionContext(
+        job=job,
+        made=now.isoformat(timespec="minutes"),
+        calibration_days=calibration_age_days(calibration, now),
+        golden=golden,
+    )
+    return inspection_page(judged, context)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import datetime
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import takewhile
 from pathlib import Path
 
 from lsvision.errors import LsvisionError
@@ -16,6 +17,10 @@ from lsvision.results.quantities import Record
 SUFFIX = ".golden.jsonl"
 """Suffix of the log's default name, after that of the job file."""
 
+Calibration = Mapping[str, Mapping[str, str | None]]
+"""Date and hash of each calibration file, by its key in ``[rig]``."""
+NO_CALIBRATION: Calibration = {}
+
 
 def golden_path(job: Job, job_path: Path) -> Path:
     """Return the path of the golden part's log: that of the job, else one beside the job file."""
@@ -25,13 +30,17 @@ def golden_path(job: Job, job_path: Path) -> Path:
 
 
 def check_golden(
-    cylinders: Sequence[MeasuredCylinder], job: Job, source: str, now: datetime.datetime
+    cylinders: Sequence[MeasuredCylinder],
+    job: Job,
+    source: str,
+    now: datetime.datetime,
+    calibration: Calibration = NO_CALIBRATION,
 ) -> Record:
     """Return the record of a measurement of the golden part, compared with its known radius.
 
     The golden part is the cylinder nearest to the known radius. ``passed`` is true only if the
     interval of the radius lies within the tolerance: an undecided check does not pass. `now` has a
-    time zone.
+    time zone; `calibration` is from `check_calibration_files`.
 
     Raises
     ------
@@ -43,6 +52,7 @@ def check_golden(
         raise LsvisionError("the job names no golden part: add a [golden] table to it")
     record: Record = {"time": now.isoformat(timespec="seconds"), "source": source}
     record |= {"job_hash": job.hash, "reference_radius_mm": golden.radius_mm}
+    record |= {"measured_by": _measuring_settings(job, calibration)}
     if not cylinders:
         return record | {"passed": False, "reason": "no cylinder was measured"}
     nearest = min(cylinders, key=lambda cylinder: abs(cylinder.radius - golden.radius_mm))
@@ -67,18 +77,28 @@ def _decision_rule(job: Job) -> tuple[float, float]:
     return job.decision.level, job.extra_std("radius_mm")
 
 
-def find_blocking_reason(job: Job, log: Sequence[Record], now: datetime.datetime) -> str:
+def find_blocking_reason(
+    job: Job,
+    log: Sequence[Record],
+    now: datetime.datetime,
+    calibration: Calibration = NO_CALIBRATION,
+) -> str:
     """Return the reason why the golden part blocks all decisions; empty if it does not.
 
-    The log has the records of `check_golden`, the oldest first; `now` has a time zone.
+    The log has the records of `check_golden`, the oldest first; all those of the last run, which
+    have the same time, must have passed. `now` has a time zone; `calibration` is that of the job at
+    present, from `check_calibration_files`.
     """
     if job.golden is None:
         return ""
     if not log:
         return "golden part never measured: lsvision inspect JOB --golden FILE"
+    last_run = takewhile(lambda record: record["time"] == log[-1]["time"], reversed(log))
+    failures = (_blocking_reason_of_check(record, job.golden) for record in last_run)
     return (
-        _blocking_reason_of_check(log[-1], job.golden)
+        next(filter(None, failures), "")
         or _blocking_reason_of_rule(log[-1], job)
+        or _blocking_reason_of_settings(log[-1], _measuring_settings(job, calibration))
         or _blocking_reason_of_age(log[-1], job.golden, now)
     )
 
@@ -111,6 +131,29 @@ def _blocking_reason_of_rule(last: Record, job: Job) -> str:
     return (
         f"golden part measured with level {checked_level:g} and extra_std {checked_std:g} mm, now "
         f"{level:g} and {extra_std:g} mm: lsvision inspect JOB --golden FILE"
+    )
+
+
+def _measuring_settings(job: Job, calibration: Calibration) -> Record:
+    """Return what a measured radius depends on: settings of the job, hashes of calibrations."""
+    scan = {} if job.scan is None else job.scan.model_dump(mode="json", exclude_defaults=True)
+    return {
+        "[measure]": job.measure.model_dump(mode="json", exclude_defaults=True),
+        "[scan]": scan,
+        "[rig]": {"laser": job.rig.laser, "convention": job.rig.convention},
+        "calibration files": {key: file["sha256"] for key, file in calibration.items()},
+    }
+
+
+def _blocking_reason_of_settings(last: Record, settings: Record) -> str:
+    """Return the reason if settings or calibrations were changed after the last check."""
+    before = last.get("measured_by", settings)  # not in logs of earlier versions
+    changed = [name for name, values in settings.items() if before.get(name) != values]
+    if not changed:
+        return ""
+    return (
+        f"golden part measured with another state of {' and '.join(changed)}: lsvision inspect JOB "
+        "--golden FILE"
     )
 
 

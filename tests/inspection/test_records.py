@@ -154,6 +154,40 @@ def test_a_golden_part_measured_by_a_less_strict_rule_blocks(scan, rule):
     assert not find_blocking_reason(job(), [check_golden(found, strict, "golden.csv", NOW)], NOW)
 
 
+@pytest.mark.parametrize(
+    ("more", "files", "changed"),
+    [
+        ("[measure]\nrange_std_mm = 0.05\n", {}, "[measure]"),
+        ("[scan]\nfeed = [0, 0, 1]\nstep_mm = 1\n", {}, "[scan]"),
+        ("", {"light_section": {"sha256": "ab"}}, "calibration files"),
+    ],
+)
+def test_a_golden_part_measured_by_other_settings_or_calibrations_blocks(
+    scan, more, files, changed
+):
+    found = measure_cylinders(scan[0][1]).cylinders
+    other = lsv.Job.from_text(f"{job_text()}{more}")
+    passed = json.loads(json.dumps(check_golden(found, job(), "golden.csv", NOW)))
+    assert find_blocking_reason(other, [passed], NOW, files) == (
+        f"golden part measured with another state of {changed}: lsvision inspect JOB --golden FILE"
+    )
+    again = json.loads(json.dumps(check_golden(found, other, "golden.csv", NOW, files)))
+    assert find_blocking_reason(other, [passed, again], NOW, files) == ""
+    earlier_version = {key: value for key, value in passed.items() if key != "measured_by"}
+    assert find_blocking_reason(other, [earlier_version], NOW, files) == ""
+
+
+def test_each_measurement_of_the_golden_part_in_a_run_must_pass(scan):
+    found = measure_cylinders(scan[0][1]).cylinders
+    passed = check_golden(found, job(), "a.csv", NOW)
+    failed = check_golden((), job(), "b.csv", NOW)
+    for records in ([passed, failed], [failed, passed]):
+        assert find_blocking_reason(job(), records, NOW).startswith("golden part failed")
+    later = check_golden(found, job(), "a.csv", NOW + datetime.timedelta(minutes=1))
+    now = NOW + datetime.timedelta(minutes=2)
+    assert find_blocking_reason(job(), [passed, failed, later], now) == ""
+
+
 def test_a_golden_part_that_is_not_proved_right_has_failed(scan):
     found = measure_cylinders(scan[0][1]).cylinders
     narrow = job(tolerance=0.001)
