@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import itertools
 import json
 import os
 import tomllib
@@ -14,8 +13,13 @@ from pydantic import Field, ValidationError, model_validator
 
 from lsvision.errors import InvalidJob
 from lsvision.files.limited_reading import read_text
+from lsvision.inspection.job_contradictions import (
+    find_ambiguous_parts,
+    find_impossible_limits,
+    find_limits_of_known_values,
+    find_unknown_parts,
+)
 from lsvision.inspection.job_mistakes import (
-    Location,
     Mistake,
     MistakesError,
     describe_mistakes,
@@ -77,9 +81,10 @@ class Job(JobTable):
     @model_validator(mode="after")
     def _check_parts(self) -> Job:
         mistakes = [
-            *_find_ambiguous_parts(self.parts),
-            *_find_unknown_parts(self),
-            *_find_limits_of_known_radius(self),
+            *find_ambiguous_parts(self.parts),
+            *find_unknown_parts(self.parts, self.relations),
+            *find_limits_of_known_values(self.measure, self.parts, self.relations, self.golden),
+            *find_impossible_limits(self.measure, self.parts, self.relations),
         ]
         if mistakes:
             raise MistakesError(mistakes)
@@ -199,88 +204,6 @@ class Job(JobTable):
         if key == "diameter_mm" and key not in stated:
             return 2 * stated.get("radius_mm", 0.0)
         return stated.get(key, 0.0)
-
-
-def _find_ambiguous_parts(parts: tuple[Part, ...]) -> list[tuple[Location, str]]:
-    """Return the mistakes of parts that have the same name or select the same cylinder."""
-    mistakes: list[tuple[Location, str]] = []
-    for (_, first), (number, second) in itertools.combinations(enumerate(parts), 2):
-        location = ("part", number)
-        if first.name == second.name:
-            mistakes.append(
-                ((*location, "name"), f"two parts are named {first.name!r}: rename one")
-            )
-        if first.order is not None and first.order == second.order:
-            mistakes.append(
-                (
-                    (*location, "order"),
-                    f"{first.name!r} and {second.name!r} select the same cylinder, order "
-                    f"{first.order}: give each part an order of its own",
-                )
-            )
-        if first.windows and second.windows and _overlap(first, second):
-            mistakes.append(
-                (
-                    (*location, f"{next(iter(second.windows))}_mm"),
-                    f"{first.name!r} and {second.name!r} select the same cylinder: their windows "
-                    "overlap; separate the windows",
-                )
-            )
-    return mistakes
-
-
-def _overlap(first: Part, second: Part) -> bool:
-    """Return whether some position lies in the windows of both parts; common edges do not count."""
-    unlimited = (float("-inf"), float("inf"))
-    for axis in "xyz":
-        low_1, high_1 = first.windows.get(axis, unlimited)
-        low_2, high_2 = second.windows.get(axis, unlimited)
-        if max(low_1, low_2) >= min(high_1, high_2):
-            return False
-    return True
-
-
-def _find_unknown_parts(job: Job) -> list[tuple[Location, str]]:
-    """Return the mistakes of relations that name unknown parts."""
-    names = [part.name for part in job.parts]
-    mistakes: list[tuple[Location, str]] = []
-    for number, relation in enumerate(job.relations):
-        location = ("relation", number, "between")
-        first, second = relation.between
-        mistakes += [
-            (location, f"no part is named {name!r}: the parts are {', '.join(map(repr, names))}")
-            for name in relation.between
-            if name not in names
-        ]
-        if first == second:
-            mistakes.append((location, f"expected two parts, got {first!r} twice"))
-    return mistakes
-
-
-def _find_limits_of_known_radius(job: Job) -> list[tuple[Location, str]]:
-    """Return the mistakes of limits that would be compared with a known radius, not a measured one.
-
-    They are those of the radius with a known radius of all cylinders. With that of a part, its
-    radius is judged as measured without it.
-    """
-    if job.measure.known_radius_mm is None:
-        return []
-    places: list[Location] = [
-        ("part", number, key)
-        for number, part in enumerate(job.parts)
-        for key in ("radius_mm", "diameter_mm")
-        if key in part.limits
-    ]
-    if job.golden is not None:
-        places.append(("golden", "radius_mm"))
-    return [
-        (
-            place,
-            f"{place[-1]} would be compared with known_radius_mm of [measure], whatever the points "
-            "say: write known_radius_mm under [[part]] instead",
-        )
-        for place in places
-    ]
 
 
 def _check_schema(values: dict[str, Any], text: str) -> list[Mistake]:

@@ -33,10 +33,10 @@ def measure_quantity(cylinder: MeasuredCylinder, part: Part, key: str, level: fl
     """Return a quantity of a cylinder with its interval at `level`, in the unit of its key.
 
     The key is one of `SECTION_KEYS` for a section, of `SCAN_KEYS` for a scan. Not determined: theta
-    whose interval contains every direction; the radius of a section fitted with a known one; bow,
-    taper and ovality of a tube in fewer than three sections, which are NaN; direction and position
-    of a tube with a twin that fits equally well, as in one section, and its radius if that of the
-    twin is another one. Each end of an interval misses with a probability of at most
+    whose interval contains every direction; radius and phi of a section fitted with a known one;
+    bow, taper and ovality of a tube in fewer than three sections, which are NaN; direction and
+    position of a tube with a twin that fits equally well, as in one section, and its radius if that
+    of the twin is another one. Each end of an interval misses with a probability of at most
     (1 - level) / 2, also that of a phi near 0.
 
     Raises
@@ -85,6 +85,8 @@ def _measure_in_section(section: CylinderSection, part: Part, key: str, level: f
     determined = key != "theta_deg" or high - low < math.pi
     if key in KEYS_OF_RADIUS:
         determined = section.fit.problem.known_radius is None
+    if key == "phi_deg":
+        determined = section.fit.problem.known_phi is None
     return Estimate(quantity, scale * value, scale * std, (scale * low, scale * high), determined)
 
 

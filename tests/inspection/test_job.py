@@ -222,3 +222,47 @@ def test_a_limit_is_not_compared_with_a_known_radius():
         "radius_mm = { nominal = 19, upper = 0.1, lower = -0.1 }\n", ""
     ).replace("diameter_mm = { min = 29.8, max = 30.2 }\n", "")  # fmt: skip
     assert Job.from_text(only_phi).measure.known_radius_mm == (19, 0.05)
+    tilt = changed("radius_mm = [10, 40]", "radius_mm = [10, 40]\nknown_phi_deg = 5").replace(
+        "gap_mm", "angle_deg"
+    )
+    message = "_deg would be compared with known_phi_deg of [measure], whatever the points say: "
+    assert mistakes_of(tilt) == [
+        f"line 14: phi{message}leave it out", f"line 23: angle{message}leave it out"
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            "phi_deg = { max = 2 }", "phi_deg = { min = 95 }",
+            "line 13: phi_deg: limits >= 95 hold no possible value: expected some 0 to 90 deg",
+        ),
+        (
+            "gap_mm = { max = 0.5 }", "distance_mm = { max = -0.5 }",
+            "line 22: distance_mm: limits <= -0.5 hold no possible value: expected some from 0 mm",
+        ),
+        (
+            "phi_deg = { max = 2 }", "diameter_mm = { min = 21, max = 22 }",
+            "line 13: diameter_mm: half of it, 10.5 .. 11, excludes radius_mm 18.9 .. 19.1: "
+            "leave one out",
+        ),
+        (
+            "radius_mm = [10, 40]", "radius_mm = [10, 18]",
+            "line 12: radius_mm: radius 18.9 .. 19.1 is not searched: radius_mm of [measure] is "
+            "10 .. 18",
+        ),
+        (
+            "radius_mm = [10, 40]", "radius_mm = 20",
+            "line 18: diameter_mm: radius 14.9 .. 15.1 is not searched: radius_mm of [measure] is "
+            "16 .. 24",
+        ),
+    ],
+)  # fmt: skip
+def test_limits_that_no_cylinder_can_meet_are_mistakes(old, new, message):
+    assert mistakes_of(changed(old, new)) == [message]
+
+
+def test_limits_may_reach_beyond_the_possible_values():
+    text = changed("phi_deg = { max = 2 }", "phi_deg = { nominal = 90, upper = 1, lower = -1 }")
+    assert Job.from_text(text).part("left").phi_deg.ends == (89, 91)

@@ -205,12 +205,16 @@ def test_a_known_radius_decides_nothing_on_the_radius(pair, key):
     assert judged.decision == "NG"
 
 
-def test_a_radius_measured_with_a_known_one_is_undecided(pair):
+def test_a_radius_or_tilt_measured_with_a_known_one_is_undecided(pair):
     known = measure_cylinders(pair.profile, known_radius=(LEFT, 0.05), radius=(18, 22))
     part = ("left", f"x_mm = [-80, 0]\n{limits(LEFT)}\nphi_deg = {{ max = 40 }}")
     radius, phi = lsv.judge(known, job(part)).parts[0].quantities
     assert (radius.decision, phi.decision) == ("undecided", "OK")
     assert "not determinable" in radius.reason
+    tilt = math.radians(25), math.radians(0.1)
+    known = measure_cylinders(pair.profile, known_phi=tilt, radius=(18, 22))
+    radius, phi = lsv.judge(known, job(part)).parts[0].quantities
+    assert (radius.decision, phi.decision) == ("OK", "undecided")
 
 
 def test_a_known_radius_that_the_points_contradict_is_not_used_and_reported(pair):
