@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator
 from functools import partial
 from itertools import islice
+from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
 from lsvision.batch.process_pool import EndedProcess, default_jobs, run_tasks
@@ -52,11 +53,14 @@ def measure_many(
     >>> [len(measurement.cylinders) for measurement in measure_many(profiles, jobs=1)]
     [1, 1]
     """
-    jobs = default_jobs() if jobs is None else jobs
-    if jobs < 1:
-        raise ValueError(f"expected jobs >= 1, got {jobs}")
+    given: object = default_jobs() if jobs is None else jobs
+    if isinstance(given, bool) or not isinstance(given, Integral):
+        raise TypeError(f"expected jobs as a whole number, got {type(given).__name__} {given!r}")
+    count = int(given)
+    if count < 1:
+        raise ValueError(f"expected jobs >= 1, got {count}")
     require_several(profiles)
-    return _measure_many(profiles, jobs, options)
+    return _measure_many(profiles, count, options)
 
 
 def _measure_many(

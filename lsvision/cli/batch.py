@@ -167,7 +167,8 @@ def _batch_job(
     typer.BadParameter
         If options of the measurement are given beside a job file.
     LsvisionError
-        If the job file cannot be used, or is one for scans or images.
+        If the job file cannot be used, is one for scans or images, or limits what profiles do not
+        have.
     """
     from lsvision.batch.measure_file import BatchJob
 
@@ -177,7 +178,7 @@ def _batch_job(
         raise typer.BadParameter("expected --job or options of the measurement, got both")
     from lsvision.inspection.job import Job
     from lsvision.inspection.measuring import measure_profiles_of_job
-    from lsvision.inspection.unused_keys import describe_unused_keys
+    from lsvision.inspection.unused_keys import describe_rejected_keys, describe_unused_keys
 
     job = Job.load(path)
     if (unused := describe_unused_keys(job)) is not None:
@@ -189,6 +190,8 @@ def _batch_job(
             f"{path}: expected a job for profiles, got one for scans or images: use lsvision "
             "inspect"
         )
+    if (rejected := describe_rejected_keys(job)) is not None:
+        raise LsvisionError(f"{path}: {rejected}")
     return BatchJob(partial(measure_profiles_of_job, job=job), options, job)
 
 

@@ -58,6 +58,9 @@ def test_a_generator_that_fails_costs_no_profile_before(jobs):
 def test_slips_are_reported():
     with pytest.raises(ValueError, match="expected jobs >= 1, got 0"):
         lsv.measure_many([], jobs=0)
+    for jobs in (1.5, "2", True):
+        with pytest.raises(TypeError, match=f"expected jobs as a whole number, got .* {jobs!r}"):
+            lsv.measure_many([], jobs=jobs)
     with pytest.raises(TypeError):
         next(lsv.measure_many(["text"], jobs=1))
 

@@ -234,3 +234,15 @@ def test_a_file_is_no_folder_of_results(run, folder):
     out = run("batch", folder / "in" / "b.csv", "--out", file, "--jobs", 1)
     assert (status.exit_code, out.exit_code) == (1, 1)
     assert f"{file}: a file: name a folder that can be written" in out.stderr
+
+
+def test_a_job_that_limits_what_profiles_do_not_have_is_rejected_before_the_work(run, tmp_path):
+    (tmp_path / "a.csv").write_text("x,z\n1,2\n")
+    job = tmp_path / "job.toml"
+    job.write_text('name = "a"\n[[part]]\nname = "b"\norder = 1\nbow_mm = { max = 1 }\n')
+    done = run("batch", tmp_path / "a.csv", "--out", tmp_path / "out", "--job", job)
+    assert done.exit_code == 1
+    assert done.stderr == (
+        f"lsvision: {job}: rejected by inspect: bow_mm of part 'b' (for scans: add [scan])\n"
+    )
+    assert not (tmp_path / "out").exists()
