@@ -279,8 +279,8 @@ def _inspect_all(
     """
     try:
         for judged in _judge_all(run, groups, blocked):
+            outputs.add(judged)  # first: a closed pipe must not lose a verdict in the files
             print_lines(_verdict_lines(judged), err=to_stderr)
-            outputs.add(judged)
     except KeyboardInterrupt:
         print_error(f"interrupted: {counted(len(outputs.judged), 'measurement')} judged")
         raise

@@ -56,8 +56,8 @@ def draw_series(series: Series) -> Figure:
     histogram.set_xlabel("parts")
     limits = [limit for limit in series.limits if math.isfinite(limit)]
     name = "limits" if len(limits) > 1 else "limit"
-    for axes in (trend, histogram):
-        axes.xaxis.set_major_locator(MaxNLocator(integer=True))  # numbers of parts
+    for axes, ticks in ((trend, 10), (histogram, 4)):
+        axes.xaxis.set_major_locator(MaxNLocator(ticks, integer=True))  # numbers of parts
         for limit in limits:
             axes.axhline(limit, color=LIMITS, lw=1.2, ls="--", label=label_once(axes, name))
     draw_legend(trend)

@@ -1,5 +1,6 @@
 """Pictures of inspections: what is drawn is named in the legend, in one set of colours."""
 
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -118,3 +119,15 @@ def test_the_legend_of_a_series_hides_no_value():
     legend, inside = (artist.get_window_extent() for artist in (trend.get_legend(), trend))
     assert legend.y0 >= inside.y1
     assert legend.y1 <= figure.bbox.y1
+
+
+def test_the_counts_below_the_histogram_are_apart():
+    measurement, verdict = judged(LIMITED)
+    series = collect_series([JudgedMeasurement("a.csv", 0, measurement, verdict)] * 45)[0]
+    figure = draw_series(series)
+    figure.canvas.draw()
+    _, histogram = figure.axes
+    boxes = [label.get_window_extent() for label in histogram.get_xticklabels() if label.get_text()]
+    assert len(boxes) > 1
+    digit = boxes[0].width  # the first count is 0
+    assert all(right.x0 - left.x1 > digit for left, right in itertools.pairwise(boxes))
