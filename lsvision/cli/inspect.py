@@ -25,7 +25,7 @@ from lsvision.cli.sources import (
 from lsvision.cli.verdict_outputs import VerdictOutputs, VerdictPaths, make_page
 from lsvision.errors import LsvisionError
 from lsvision.files.file_kinds import is_directory
-from lsvision.files.printable import printable_name
+from lsvision.files.printable import printable, printable_name
 from lsvision.results.summaries import counted
 
 if TYPE_CHECKING:
@@ -117,7 +117,8 @@ def inspect(
     log = read_records(golden_path(job, job_file), "passed") if job.golden is not None else []
     outputs = VerdictOutputs(
         VerdictPaths(json_file, csv_file, parquet, report),
-        partial(make_page, job, run.calibration, log, now),
+        partial(make_page, job, run.calibration, log, now, run.failures),
+        run.failures,
     )
     blocked = find_blocking_reason(job, log, now, run.calibration)
     _inspect_all(run, groups, blocked, outputs, to_stderr=STDOUT in (json_file, csv_file))
@@ -155,7 +156,7 @@ class _Run:
 
         self.job, self.path, self.folder, self.reading = job, path, path.parent, reading
         self.calibration = check_calibration_files(job, path)
-        self.failures = 0
+        self.failures: list[str] = []
         rig = None if job.rig.light_section is None else self.folder / job.rig.light_section
         self.imaging = parse_imaging(rig, job.rig.laser)
 
@@ -166,9 +167,10 @@ class _Run:
         reject_reading_of_images(self.reading, are_images)
 
     def fail(self, name: str, error: Exception) -> None:
-        """Print the error of a file or scan, and count it."""
-        self.failures += 1
-        print_error(str(error) if str(error).startswith(name) else f"{name}: {error}")
+        """Print the error of a file or scan, and keep it."""
+        message = str(error) if str(error).startswith(name) else f"{name}: {error}"
+        self.failures.append(printable(message))
+        print_error(message)
 
     def measure(
         self, name: str, sources: Sequence[Path]
@@ -282,13 +284,15 @@ def _inspect_all(
             outputs.add(judged)  # first: a closed pipe must not lose a verdict in the files
             print_lines(_verdict_lines(judged), err=to_stderr)
     except KeyboardInterrupt:
-        print_error(f"interrupted: {counted(len(outputs.judged), 'measurement')} judged")
+        message = f"interrupted: {counted(len(outputs.judged), 'measurement')} judged"
+        run.failures.append(message)
+        print_error(message)
         raise
     finally:
         errors = outputs.finish()
         for error in errors:
             print_error(str(error))
-    code = _print_counts(outputs.judged, run.failures, to_stderr=to_stderr)
+    code = _print_counts(outputs.judged, len(run.failures), to_stderr=to_stderr)
     raise typer.Exit(FAILED if errors else code)
 
 

@@ -30,7 +30,8 @@ class VerdictOutputs:
 
     JSON and CSV are rewritten during the run (see `ResultFiles`); Parquet and the page, which need
     all verdicts, are written at its end. If a file cannot be written, the others are nevertheless.
-    `make_page` returns the page of all verdicts.
+    `make_page` returns the page of all verdicts, `not_judged` is the growing list of the reasons
+    why files are not judged.
 
     Raises
     ------
@@ -42,6 +43,7 @@ class VerdictOutputs:
         self,
         paths: VerdictPaths,
         make_page: "Callable[[Sequence[JudgedMeasurement]], str]",
+        not_judged: Sequence[str] = (),
     ) -> None:
         from lsvision.io.result_files import ResultFiles
         from lsvision.io.verdict_files import VerdictCsvFormat, VerdictJsonFormat, require_parquet
@@ -52,7 +54,7 @@ class VerdictOutputs:
         self._files = ResultFiles(
             paths.json_file,
             paths.csv_file,
-            formats=(VerdictJsonFormat(), VerdictCsvFormat()),
+            formats=(VerdictJsonFormat(not_judged), VerdictCsvFormat()),
             write_empty=True,
         )
         self.judged: list[JudgedMeasurement] = []
@@ -95,6 +97,7 @@ def make_page(
     calibration: "Mapping[str, Mapping[str, str | None]]",
     golden: "Sequence[Record]",
     now: datetime.datetime,
+    not_judged: Sequence[str],
     judged: "Sequence[JudgedMeasurement]",
 ) -> str:
     """Return the page of a run; `golden` is the log of the golden part."""
@@ -106,5 +109,6 @@ def make_page(
         made=now.isoformat(timespec="minutes"),
         calibration_days=calibration_age_days(calibration, now),
         golden=golden,
+        not_judged=not_judged,
     )
     return inspection_page(judged, context)

@@ -124,13 +124,14 @@ class InspectionContext:
 
     `made` is the date and time of the page, `calibration_days` the age of the oldest calibration in
     days (None if unknown, or the job names none), `golden` the log of the golden part, the oldest
-    check first.
+    check first, `not_judged` the reasons why files are not judged.
     """
 
     job: Job
     made: str
     calibration_days: float | None
     golden: Sequence[Record]
+    not_judged: Sequence[str] = ()
 
 
 def inspection_page(inspected: Sequence[JudgedMeasurement], context: InspectionContext) -> str:

@@ -27,11 +27,14 @@ STDOUT = Path("-")
 class ResultFormat(Protocol):
     """Format of a file of results: `head`, then the text of each result, then `tail`."""
 
-    tail: str
-
     @property
     def head(self) -> str:
         """Text before the results."""
+        ...
+
+    @property
+    def tail(self) -> str:
+        """Text after the results."""
         ...
 
     def prepare(self, results: Sequence[Any]) -> bool:

@@ -20,13 +20,19 @@ class VerdictJsonFormat:
     """Format of a JSON document of verdicts; see `JudgedMeasurement.record`.
 
     An instance writes one document: the separator before a verdict depends on the previous ones.
+    The document ends with the list `not_judged`: why a file, or the rest of the files, is not.
     """
 
     head = f'{{\n  "schema": {json.dumps(FILE_SCHEMA)},\n  "verdicts": ['
-    tail = "\n  ]\n}\n"
 
-    def __init__(self) -> None:
-        self._separator = "\n"
+    def __init__(self, not_judged: Sequence[str] = ()) -> None:
+        self._separator, self._not_judged = "\n", not_judged
+
+    @property
+    def tail(self) -> str:
+        """Return the end of the document, with the present reasons."""
+        reasons = json.dumps(list(self._not_judged), indent=2)
+        return f'\n  ],\n  "not_judged": {textwrap.indent(reasons, "  ").lstrip()}\n}}\n'
 
     def prepare(self, judged: Sequence[JudgedMeasurement]) -> bool:  # noqa: ARG002 - any verdict fits
         """Return False: the head never changes."""

@@ -1,7 +1,9 @@
 """``lsvision inspect`` and ``job``: tables, files, exit codes, messages."""
 
 import csv
+import html
 import io
+import itertools
 import json
 import re
 import shutil
@@ -84,8 +86,13 @@ def test_many_files_are_summed_up_and_a_bad_one_does_not_stop_the_rest(
     for number in range(2):
         written(pipe, f"parts/part_{number}.csv")
     (tmp_path / "parts" / "part_2.csv").write_text("nothing here\n")
-    done = run("inspect", job(INSIDE), tmp_path / "parts", "--csv", tmp_path / "v.csv")
+    outputs = [tmp_path / f"v.{suffix}" for suffix in ("csv", "json", "html")]
+    options = zip(("--csv", "--json", "--report"), outputs, strict=True)
+    done = run("inspect", job(INSIDE), tmp_path / "parts", *itertools.chain(*options))
     assert done.exit_code == 1
+    (reason,) = json.loads(outputs[1].read_text())["not_judged"]
+    assert reason.startswith(f"{tmp_path / 'parts' / 'part_2.csv'}: ")
+    assert f"not judged: {reason}" in html.unescape(outputs[2].read_text())
     assert "2 judged: 2 OK, 0 NG, 0 undecided, 1 could not be judged" in done.stdout
     assert "part_2.csv" in done.stderr
     rows = list(csv.DictReader(io.StringIO((tmp_path / "v.csv").read_text())))
@@ -334,7 +341,9 @@ def test_an_interrupted_run_keeps_the_verdicts_so_far(run, job, written, pipe, t
     )
     assert done.exit_code == 130
     assert "interrupted: 2 measurements judged" in done.stderr
-    assert len(json.loads(outputs["json"].read_text())["verdicts"]) == 2
+    document = json.loads(outputs["json"].read_text())
+    assert len(document["verdicts"]) == 2
+    assert document["not_judged"] == ["interrupted: 2 measurements judged"]
     assert len(outputs["csv"].read_text().splitlines()) == 3
     assert parquet.read_table(outputs["parquet"]).num_rows == 2
     assert "2 measurements" in (tmp_path / "o.html").read_text()
@@ -400,6 +409,7 @@ def test_json_and_csv_are_written_during_the_run(tmp_path, monkeypatch):
     assert document == {
         "schema": "lsvision.verdicts/1",
         "verdicts": [outputs.judged[0].record],
+        "not_judged": [],
     }
     assert paths.csv_file.read_text().count("a.csv") == 1
     assert outputs.finish() == []
