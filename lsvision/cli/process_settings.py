@@ -17,7 +17,7 @@ _SEVERAL_JOBS = re.compile(r"--jobs[= ]0*([2-9]|[1-9]\d+)(?= |$)", re.ASCII)
 
 
 def prepare_process(arguments: Sequence[str]) -> None:
-    """Set garbage collection, threads and warnings; with several jobs, start the fork server.
+    """Set garbage collection, streams, threads, warnings; with several jobs, start the fork server.
 
     Parameters
     ----------
@@ -25,6 +25,7 @@ def prepare_process(arguments: Sequence[str]) -> None:
         Arguments of the command.
     """
     gc.set_threshold(GARBAGE_THRESHOLD)
+    open_closed_streams()
     for name in THREAD_VARIABLES:
         os.environ.setdefault(name, "1")
     # The commands report implausible units themselves, unless --units states them.
@@ -36,3 +37,13 @@ def prepare_process(arguments: Sequence[str]) -> None:
         from lsvision.batch.process_pool import start_fork_server
 
         start_fork_server("lsvision.cli.preloaded")
+
+
+def open_closed_streams() -> None:
+    """Open the null device as each closed standard stream, as ``>&-`` or a service leaves it.
+
+    Python sets such a stream to None, and a file that is opened later would get its descriptor.
+    """
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: PTH123, SIM115

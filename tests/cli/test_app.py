@@ -170,6 +170,21 @@ def test_the_fork_server_is_started_with_several_jobs_only(monkeypatch, argument
     assert started == ["lsvision.cli.preloaded"] * starts
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="a shell closes the streams")
+def test_closed_streams_are_the_null_device(tmp_path):
+    def measure(shell, *words):
+        command = ["sh", "-c", shell, "sh", sys.executable, "-m", "lsvision", "measure", *words]
+        return subprocess.run(
+            command, cwd=REPOSITORY, capture_output=True, text=True, timeout=60, check=False
+        )
+
+    path = tmp_path / "o.csv"
+    done = measure('"$@" <&- >&- 2>&-', "fixtures/welded_pair.csv", "--csv", str(path))
+    assert done.returncode == 0
+    assert len(path.read_text().splitlines()) == 3
+    assert "-: the file is empty" in measure('"$@" <&-', "-").stderr
+
+
 def test_version_is_reported(run):
     result = run("--version")
     assert result.exit_code == 0
