@@ -211,11 +211,16 @@ def _travel_unit(table: NumberTable, column: int) -> tuple[str | None, str]:
 def _requested_columns(table: NumberTable, columns: Sequence[int | str]) -> _Columns:
     """Return the columns that the user requests: x and height, or x, travel and height."""
     x, *travel, height = [_column_index(table, column) for column in columns]
-    away = bool(table.names) and column_role(table.names[height]) == "range"
+    away = _is_range(table, height)
     if travel:
         return _Columns(x, height, key=travel[0], away=away)
     key = find_scan_key(table, (x, height))
     return _Columns(x, height, key=key, away=away, travel=False)
+
+
+def _is_range(table: NumberTable, column: int) -> bool:
+    """Return whether a column is named as a range, which grows away from the sensor."""
+    return bool(table.names) and column_role(table.names[column]) == "range"
 
 
 def _column_index(table: NumberTable, column: int | str) -> int:
@@ -293,21 +298,22 @@ def _choose_by_position(table: NumberTable) -> _Columns:
         labels = " and ".join(table.names[c] if table.names else f"column {c}" for c in columns)
         noted = bool(table.names or table.texts)
         x, height = columns
-        return _Columns(x, height, notes=(f"{labels} read as x and height",) if noted else ())
+        notes = (f"{labels} read as x and height",) if noted else ()
+        return _Columns(x, height, away=_is_range(table, height), notes=notes)
     first, second, third = columns[:3]
-    notes = (
-        f"no column is named: columns {first}, {second} and {third} of "
-        f"{table.values.shape[1]} considered",
-    )
+    labels = f"{first}, {second} and {third} of {table.values.shape[1]}"
+    notes = (f"no columns are named as x and height: columns {labels} considered",)
     in_plane = _choose_in_plane(table, columns[:3])
     if in_plane:
-        return replace(in_plane, notes=notes + in_plane.notes)
+        away = _is_range(table, in_plane.height)
+        return replace(in_plane, away=away, notes=notes + in_plane.notes)
     if is_profile_key(table.values[:, second]):
-        return _Columns(first, third, key=second, notes=notes)
+        return _Columns(first, third, key=second, away=_is_range(table, third), notes=notes)
     if not _is_whole(table.values[:, third]) or _is_whole(table.values[:, second]):
         _raise_no_key(table, second)
-    note = f"column {third} has whole numbers: read as a label"
-    return _Columns(first, second, notes=(*notes, note), considered=(first, second, third))
+    note, away = f"column {third} has whole numbers: read as a label", _is_range(table, second)
+    considered = (first, second, third)
+    return _Columns(first, second, away=away, notes=(*notes, note), considered=considered)
 
 
 def _number_columns(table: NumberTable) -> list[int]:

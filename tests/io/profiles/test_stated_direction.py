@@ -50,6 +50,22 @@ def test_contradicting_directions_are_rejected(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("header", "row"),
+    [
+        ("Ort,Abstand", "{x}.5,{z}.25"),
+        ("foo,distance [mm],intensity", "{x}.5,{z}.25,7"),
+        ("foo,distance,intensity", "{x}.5,{z}.25,{x}"),
+        ("foo,bar,range", "{x}.5,{scan},{z}.25"),
+    ],
+)
+def test_a_range_beside_columns_of_other_names_turns_the_heights(tmp_path, header, row):
+    rows = [row.format(x=x, scan=scan, z=300 + x) for scan in (1, 2) for x in range(20)]
+    file = read(tmp_path, "\n".join([header, *rows]))
+    assert file.flipped
+    assert file.profiles[0].points[0].tolist() == [0.5, -300.25]
+
+
+@pytest.mark.parametrize(
     "row", ["X=-60.25 Z=-289.9", "G1 X-60.25 Z-289.9", "(-60.25, -289.9)", "-60.25 mm,-289.9 mm"]
 )
 def test_a_text_without_a_table_is_quoted(tmp_path, row):
