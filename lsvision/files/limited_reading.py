@@ -92,9 +92,11 @@ def read_text(path: str | os.PathLike[str]) -> str:
     try:
         return read_bytes(path).decode("utf-8-sig")
     except UnicodeDecodeError as error:
+        got, remedy = f"byte 0x{error.object[error.start]:02x} at {error.start}", "save it as UTF-8"
+        if error.object.startswith(b"\x93NUMPY"):
+            got, remedy = "a NumPy array", "write it with numpy.savetxt, one row for each line"
         raise UnreadableFile(
-            f"{os.fspath(path)}: expected a text file in UTF-8, got byte 0x"
-            f"{error.object[error.start]:02x} at {error.start}: save it as UTF-8"
+            f"{os.fspath(path)}: expected a text file in UTF-8, got {got}: {remedy}"
         ) from None
 
 

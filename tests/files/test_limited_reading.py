@@ -121,3 +121,6 @@ def test_text_is_utf_8(tmp_path):
     path.write_bytes(b"19 \xb5m")
     with pytest.raises(UnreadableFile, match="t: expected a text file in UTF-8, got byte 0xb5 at"):
         read_text(path)
+    path.write_bytes(b"\x93NUMPY\x01\x00")
+    with pytest.raises(UnreadableFile, match="got a NumPy array: write it with numpy"):
+        read_text(path)
