@@ -1,7 +1,8 @@
 """Joining of the arcs on both sides of a cable, seam, groove or shadow that divides a pipe.
 
 The extrapolation of one part over such a gap is too inaccurate to find the other one by region
-growing, but one ellipse fits both. Two pipes do not: the sections of two bodies do not overlap.
+growing, but one ellipse fits both. Two pipes do not: the sections of two bodies do not overlap. A
+pipe under several cables has parts that are too short to be accepted as cylinders themselves.
 """
 
 import math
@@ -9,15 +10,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from lsvision.detection.acceptance import AcceptanceSettings, shape_rejection_reason
 from lsvision.detection.arcs import INTERRUPTING_RUN, IdentifiedArc
 from lsvision.ellipse.parameters import (
     PARAMETERS,
     ellipse_from_parameters,
     parameters_from_ellipse,
 )
-from lsvision.ellipse.robust_gauss_newton import ellipse_residuals, gauss_newton_step
-from lsvision.geometry import FloatArray
-from lsvision.geometry.noisy_points import NoisyPoints
+from lsvision.ellipse.robust_gauss_newton import (
+    EllipseResiduals,
+    ellipse_residuals,
+    gauss_newton_step,
+)
 from lsvision.profile import PreparedProfile
 
 GAUSS_NEWTON_STEPS = 4
@@ -29,7 +33,11 @@ of the former: exceeded by chance in one of 1000 pipes (chi^2 with 5 degrees of 
 
 
 def join_divided_arcs(
-    profile: PreparedProfile, arcs: Sequence[IdentifiedArc]
+    profile: PreparedProfile,
+    arcs: Sequence[IdentifiedArc],
+    rejected: Sequence[IdentifiedArc],
+    radius_range: tuple[float, float],
+    settings: AcceptanceSettings = AcceptanceSettings(),
 ) -> list[IdentifiedArc]:
     """Return the arcs of a profile, with those that are parts of one pipe joined.
 
@@ -39,25 +47,37 @@ def join_divided_arcs(
         The profile.
     arcs : sequence of IdentifiedArc
         Arcs without common points.
+    rejected : sequence of IdentifiedArc
+        Arcs with another shape than that of a cylinder, such as too short ones. They are returned
+        only as parts of a joined arc.
+    radius_range : (float, float)
+        Smallest and largest radius of a joined arc. Units: mm.
+    settings : AcceptanceSettings
+        Limits on the shape of a joined arc.
     """
     joined: list[IdentifiedArc] = []
-    for arc in arcs:
+    for arc in [*arcs, *rejected]:
         for i, other in enumerate(joined):
-            both = _join(profile, other, arc)
+            both = _join(profile, other, arc, radius_range, settings)
             if both is not None:
                 joined[i] = both
                 break
         else:
             joined.append(arc)
-    return joined
+    return [arc for arc in joined if not any(arc is other for other in rejected)]
 
 
 def _join(
-    profile: PreparedProfile, first: IdentifiedArc, second: IdentifiedArc
+    profile: PreparedProfile,
+    first: IdentifiedArc,
+    second: IdentifiedArc,
+    radius_range: tuple[float, float],
+    settings: AcceptanceSettings,
 ) -> IdentifiedArc | None:
     """Return two arcs as one if one ellipse fits both as well as two; None if not.
 
-    None also if there is no gap between them, or their points alternate along the line.
+    None also if there is no gap between them, their points alternate along the line, or the ellipse
+    does not have the shape of a cylinder.
     """
     distance = math.dist(first.ellipse.centre, second.ellipse.centre)
     if distance > max(first.ellipse.semi_major, second.ellipse.semi_major):
@@ -71,14 +91,15 @@ def _join(
         parameters = gauss_newton_step(ellipse_residuals(points, parameters), parameters)
         if math.isnan(parameters[0]):
             return None
-    separate = sum(
-        _chi2(profile.noisy_points[arc.indices], parameters_from_ellipse(arc.ellipse))
-        for arc in (first, second)
-    )
+    separate = sum(_chi2(_residuals_of(profile, arc)) for arc in (first, second))
     variance_factor = separate / (len(indices) - 2 * PARAMETERS)
-    if _chi2(points, parameters) - separate > MAX_CHI2_INCREASE * variance_factor:
+    joint = ellipse_residuals(points, parameters)
+    if _chi2(joint) - separate > MAX_CHI2_INCREASE * variance_factor:
         return None
-    return IdentifiedArc(indices, ellipse_from_parameters(parameters))
+    ellipse = ellipse_from_parameters(parameters)
+    if shape_rejection_reason(ellipse, joint.normals, radius_range, settings) is not None:
+        return None
+    return IdentifiedArc(indices, ellipse)
 
 
 def _is_separate(profile: PreparedProfile, arc: IdentifiedArc, other: IdentifiedArc) -> bool:
@@ -96,6 +117,12 @@ def _is_separate(profile: PreparedProfile, arc: IdentifiedArc, other: Identified
     return all(distance > INTERRUPTING_RUN * profile.pitch for distance in distances)
 
 
-def _chi2(points: NoisyPoints, parameters: FloatArray) -> float:
-    """Return the sum of the squared residuals of points over their variances."""
-    return float(ellipse_residuals(points, parameters).normalised_squares.sum())
+def _residuals_of(profile: PreparedProfile, arc: IdentifiedArc) -> EllipseResiduals:
+    """Return the residuals of an arc from its ellipse."""
+    parameters = parameters_from_ellipse(arc.ellipse)
+    return ellipse_residuals(profile.noisy_points[arc.indices], parameters)
+
+
+def _chi2(residuals: EllipseResiduals) -> float:
+    """Return the sum of the squared residuals over their variances."""
+    return float(residuals.normalised_squares.sum())

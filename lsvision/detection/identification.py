@@ -145,7 +145,7 @@ class _GrowingArc:
 class _SearchedProfile:
     """Profile with its remaining candidates, and its arcs and rejections so far.
 
-    `_spans` are those of all arcs, also of rejected ones.
+    `_rejected` are the arcs with another shape, `_spans` those of all arcs.
     """
 
     def __init__(
@@ -154,7 +154,8 @@ class _SearchedProfile:
         candidates: Sequence[Candidate],
         radius_range: tuple[float, float],
     ) -> None:
-        self.arcs: list[IdentifiedArc] = []
+        self._arcs: list[IdentifiedArc] = []
+        self._rejected: list[IdentifiedArc] = []
         self.rejections: list[Rejection] = []
         self._profile, self._candidates = profile, list(candidates)
         self._radius_range = radius_range
@@ -185,11 +186,17 @@ class _SearchedProfile:
             self._spans.append(arc.arc)
             reason = shape_rejection_reason(arc.ellipse, normals, self._radius_range, settings)
             if reason is None:
-                self.arcs.append(arc)
+                self._arcs.append(arc)
                 self._free[arc.arc.start : arc.arc.stop] = False
             else:
+                self._rejected.append(arc)
                 self.rejections.append(Rejection(arc.arc, reason))
         self._candidates = [c for c in self._candidates if c is not seed.candidate]
+
+    def join_parts(self, settings: AcceptanceSettings) -> list[IdentifiedArc]:
+        """Return the arcs, with those that are parts of one pipe joined."""
+        arcs = self._arcs, self._rejected
+        return join_divided_arcs(self._profile, *arcs, self._radius_range, settings)
 
     def _is_explained(self, candidate: Candidate) -> bool:
         """Return whether a candidate overlaps an earlier arc.
@@ -236,10 +243,7 @@ def identify_arcs(
         grown_arcs = grow_arcs([seed for _, seed in seeds])
         for (search, seed), grown in zip(seeds, grown_arcs, strict=True):
             search.add(seed, grown, settings)
-    return [
-        (join_divided_arcs(profile, search.arcs), search.rejections)
-        for profile, search in zip(profiles, searches, strict=True)
-    ]
+    return [(search.join_parts(settings), search.rejections) for search in searches]
 
 
 def grow_arcs(seeds: Sequence[Seed]) -> list[GrownArc | None]:

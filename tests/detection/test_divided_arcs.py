@@ -45,6 +45,15 @@ def test_reversed_and_mirrored_profiles_have_the_same_pipe(seed, changed):
     assert len(first.indices) == len(second.indices)
 
 
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("cables", [[-15, -3, 12], [-12, 3, 15], [-18, -6, 6, 18]])
+def test_a_pipe_is_found_between_cables_though_no_part_covers_enough(seed, cables):
+    measured = measure_cylinders(pipe_under_cables(seed, [(x, 3.0) for x in cables]))
+    (pipe,) = (cylinder for cylinder in measured.cylinders if cylinder.radius > 15)
+    assert pipe.radius_std < 0.25  # mm
+    assert abs(pipe.radius - 30) < 4 * pipe.radius_std
+
+
 def circle_arc(degrees, radius=20.0, centre=(0.0, -300.0), count=60):
     """Points of an arc of a circle between two angles from +Y, clockwise."""
     angles = np.radians(np.linspace(*degrees, count))
@@ -55,10 +64,11 @@ def circle(radius=20.0, centre=(0.0, -300.0)):
     return Ellipse(centre, radius, radius, 0.0)
 
 
-def joined(*arcs, ellipses=None, order=None):
+def joined(*arcs, ellipses=None, order=None, accepted=None, radius_range=(2.0, 200.0)):
     """Numbers of points of the arcs after joining; `order` is that of all points along the line.
 
-    The arcs have noise along Y, and one ellipse each, by default a circle of 20 mm.
+    The arcs have noise along Y, and one ellipse each, by default a circle of 20 mm. The shapes of
+    all but the first `accepted` have been rejected.
     """
     points = np.concatenate(arcs)
     points[:, 1] += np.random.default_rng(1).normal(0, NOISE, len(points))
@@ -69,7 +79,8 @@ def joined(*arcs, ellipses=None, order=None):
         IdentifiedArc(np.flatnonzero(owners == number), ellipse)
         for number, ellipse in enumerate(ellipses or [circle()] * len(arcs))
     ]
-    return [len(arc.indices) for arc in join_divided_arcs(profile, identified)]
+    parts = identified[:accepted], identified[len(arcs) if accepted is None else accepted :]
+    return [len(arc.indices) for arc in join_divided_arcs(profile, *parts, radius_range)]
 
 
 LEFT, RIGHT = (-60.0, -15.0), (10.0, 60.0)
@@ -84,6 +95,25 @@ def test_three_parts_are_one_also_if_the_middle_one_comes_last():
     left, right, middle = circle_arc((-70, -40)), circle_arc((40, 70)), circle_arc((-20, 15))
     order = [*range(60), *range(120, 180), *range(60, 120)]
     assert joined(left, right, middle, order=order) == [180]
+
+
+@pytest.mark.parametrize("accepted", [0, 1])
+def test_rejected_parts_are_one_arc_if_it_covers_enough(accepted):
+    """The limit is 38 deg."""
+    left, right = circle_arc((-25.0, -5.0)), circle_arc((5.0, 25.0))
+    assert joined(left, right, accepted=accepted) == [120]
+    assert joined(left[30:], right[:30], accepted=0) == []
+
+
+def test_a_rejected_part_alone_is_left_out():
+    assert joined(circle_arc(LEFT), accepted=0) == []
+    arcs = circle_arc(LEFT), circle_arc(RIGHT), circle_arc((20.0, 50.0), radius=9.0)
+    assert joined(*arcs, ellipses=[circle(), circle(), circle(9.0)], accepted=2) == [120]
+
+
+def test_a_joined_arc_has_a_radius_within_the_range():
+    assert joined(circle_arc(LEFT), circle_arc(RIGHT), radius_range=(21.0, 200.0)) == [60, 60]
+    assert joined(circle_arc(LEFT), circle_arc(RIGHT), radius_range=(19.0, 21.0)) == [120]
 
 
 @pytest.mark.parametrize(
