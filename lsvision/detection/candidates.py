@@ -26,7 +26,8 @@ MAX_AXIS_RATIO = 2.0
 """Largest ratio of the semi-axes of an initial ellipse, that of a tilt of 60 deg."""
 MIN_COVERAGE_POINTS = 15.7
 """Smallest product of the angle that a window covers (rad) and its number of points (for 36 points
-the angle is 25 deg): the noise of few points may look like curvature."""
+the angle is 25 deg): the noise of few points may look like curvature. A whole component may cover
+less: between two cables, it is a part of a pipe that does not determine its curvature alone."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,7 +110,9 @@ def find_candidates(
     limits = np.array([(*radius_ranges[i], profiles[i].noise_std) for i in searched])
     passed = _passes_limits(circles, *limits.take(spans.rows, axis=0).T).nonzero()[0]
     spans, centres = select_rows((spans, circles.centre), passed)
-    order = _order_by_coverage(points, spans, centres)
+    sizes, _ = stack_with_mask([_component_sizes(components[i]) for i in searched])
+    is_component = spans.stops - spans.starts == sizes[spans.rows, spans.starts]
+    order = _order_by_coverage(points, spans, centres, is_component)
     best = order[_suppress_non_maxima(select_rows(spans, order))]
     columns = [field[best].tolist() for field in (*spans, centres, circles.radius[passed])]
     for row, start, stop, centre, radius in zip(*columns, strict=True):
@@ -125,6 +128,12 @@ def _build_windows(components: Sequence[list[IntArray]], smallest: int) -> windo
     ]
     rows = np.repeat(np.arange(len(spans)), [row_spans.shape[1] for row_spans in spans])
     return windows.Windows(rows, *np.concatenate(spans, axis=1))
+
+
+def _component_sizes(components: list[IntArray]) -> IntArray:
+    """Return the number of points of the component of each point."""
+    counts = list(map(len, components))
+    return np.repeat(counts, counts)
 
 
 def _passes_limits(
@@ -151,17 +160,18 @@ def max_circle_rms(radius: FloatArray, noise_std: float | FloatArray) -> FloatAr
 
 
 def _order_by_coverage(
-    points: ComplexArray, spans: windows.Windows, centres: ComplexArray
+    points: ComplexArray, spans: windows.Windows, centres: ComplexArray, is_component: BoolArray
 ) -> IntArray:
     """Return the positions of windows that cover enough, by row, in descending order of coverage.
 
-    `points` and `centres` are those of `windows.arc_coverage`.
+    `points` and `centres` are those of `windows.arc_coverage`; windows that are a whole component
+    (w,) need not cover enough.
     """
     coverage = windows.arc_coverage(points, spans, centres)
     # In float32, so that windows whose coverage differs only by rounding are sorted by the x of
     # their centre.
     order = np.lexsort((centres.real, -coverage.astype(np.float32), spans.rows))
-    is_enough = coverage * (spans.stops - spans.starts) >= MIN_COVERAGE_POINTS
+    is_enough = is_component | (coverage * (spans.stops - spans.starts) >= MIN_COVERAGE_POINTS)
     return order[is_enough[order]]
 
 

@@ -54,6 +54,21 @@ def test_a_pipe_is_found_between_cables_though_no_part_covers_enough(seed, cable
     assert abs(pipe.radius - 30) < 4 * pipe.radius_std
 
 
+def pipe_behind_a_bar(seed, start, stop, radius=12.0):
+    """Noisy points of a pipe at (0, -300), hidden by a bar between two x. Units: mm."""
+    x = np.arange(-0.9 * radius, 0.9 * radius, 0.5)
+    y = np.where((start < x) & (x < stop), radius + 4, np.sqrt(radius**2 - x**2))
+    return np.column_stack([x, y - 300 + np.random.default_rng(seed).normal(0, NOISE, len(x))])
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("bar", [(-4, 1), (-1, 3), (1, 5)])
+def test_a_part_of_few_points_belongs_to_its_pipe(seed, bar):
+    """With 12 to 20 points, it does not determine its curvature alone."""
+    (pipe,) = measure_cylinders(pipe_behind_a_bar(seed, *bar)).cylinders
+    assert abs(pipe.radius - 12) < 3 * pipe.radius_std < 1  # mm
+
+
 def circle_arc(degrees, radius=20.0, centre=(0.0, -300.0), count=60):
     """Points of an arc of a circle between two angles from +Y, clockwise."""
     angles = np.radians(np.linspace(*degrees, count))
