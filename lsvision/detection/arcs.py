@@ -17,6 +17,9 @@ MIN_POINTS = 8
 """Smallest number of points to which an ellipse is fitted: three more than its parameters."""
 INTERRUPTING_RUN = 3
 """Smallest number of consecutive points beyond the sensor error that interrupt an arc."""
+MIN_NORMAL_Y = -0.5
+"""Smallest y, -sin(30 deg), of the outward unit normals that a sensor with a fan of +/- 30 deg can
+see."""
 
 
 def span_of(indices: IntArray) -> Arc:

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from lsvision.detection.acceptance import AcceptanceSettings, shape_rejection_reason
-from lsvision.detection.arcs import INTERRUPTING_RUN, IdentifiedArc
+from lsvision.detection.arcs import INTERRUPTING_RUN, MIN_NORMAL_Y, IdentifiedArc
 from lsvision.ellipse.parameters import (
     PARAMETERS,
     ellipse_from_parameters,
@@ -76,8 +76,8 @@ def _join(
 ) -> IdentifiedArc | None:
     """Return two arcs as one if one ellipse fits both as well as two; None if not.
 
-    None also if there is no gap between them, their points alternate along the line, or the ellipse
-    does not have the shape of a cylinder.
+    None also if there is no gap between them, their points alternate along the line, a part faces
+    away from the sensor, or the ellipse does not have the shape of a cylinder.
     """
     distance = math.dist(first.ellipse.centre, second.ellipse.centre)
     if distance > max(first.ellipse.semi_major, second.ellipse.semi_major):
@@ -96,8 +96,9 @@ def _join(
     joint = ellipse_residuals(points, parameters)
     if _chi2(joint) - separate > MAX_CHI2_INCREASE * variance_factor:
         return None
-    ellipse = ellipse_from_parameters(parameters)
-    if shape_rejection_reason(ellipse, joint.normals, radius_range, settings) is not None:
+    ellipse, faces_sensor = ellipse_from_parameters(parameters), joint.normals.imag > MIN_NORMAL_Y
+    reason = shape_rejection_reason(ellipse, joint.normals, radius_range, settings)
+    if reason is not None or not faces_sensor.all():
         return None
     return IdentifiedArc(indices, ellipse)
 

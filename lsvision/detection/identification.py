@@ -17,6 +17,7 @@ from lsvision.detection.acceptance import AcceptanceSettings, shape_rejection_re
 from lsvision.detection.arcs import (
     INTERRUPTING_RUN,
     MAX_OVERLAP,
+    MIN_NORMAL_Y,
     MIN_POINTS,
     IdentifiedArc,
     Rejection,
@@ -46,9 +47,6 @@ MAX_GAP_FRACTION = 0.5
 """Longest interruption between two runs of inliers that is bridged, as a fraction of the arc's
 central run; the run beyond it must also be longer than the interruption. Without both conditions,
 short runs of points that are on the ellipse by chance would be added to the arc."""
-MIN_NORMAL_Y = -0.5
-"""Smallest y, -sin(30 deg), of the outward unit normals that a sensor with a fan of +/- 30 deg can
-see."""
 MAX_ITERATIONS = 20
 """Largest number of growing steps; a wide pipe needs over ten from a seed of ten points."""
 

@@ -126,6 +126,12 @@ def test_a_rejected_part_alone_is_left_out():
     assert joined(*arcs, ellipses=[circle(), circle(), circle(9.0)], accepted=2) == [120]
 
 
+@pytest.mark.parametrize(("degrees", "sizes"), [((85, 115), [120]), ((95, 125), [60])])
+def test_a_part_that_faces_away_from_the_sensor_is_the_inside_of_a_tube(degrees, sizes):
+    """The limit is 120 deg from +Y."""
+    assert joined(circle_arc((-60.0, 40.0)), circle_arc(degrees), accepted=1) == sizes
+
+
 def test_a_joined_arc_has_a_radius_within_the_range():
     assert joined(circle_arc(LEFT), circle_arc(RIGHT), radius_range=(21.0, 200.0)) == [60, 60]
     assert joined(circle_arc(LEFT), circle_arc(RIGHT), radius_range=(19.0, 21.0)) == [120]
