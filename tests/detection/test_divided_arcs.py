@@ -167,7 +167,7 @@ def test_arcs_whose_points_alternate_are_not_joined():
     assert joined(whole[::2], whole[1::2], order=order) == [60, 60]
 
 
-@pytest.mark.parametrize(("seed", "cable"), [(45, (0.0, 9.0)), (15, (2.0, 10.0))])
+@pytest.mark.parametrize(("seed", "cable"), [(7, (0.0, 9.0)), (98, (0.0, 9.0))])
 def test_the_joint_fit_needs_four_steps(seed, cable):
     """With three, the ellipse of a part is still too far from that of the pipe."""
     measured = measure_cylinders(pipe_under_cables(seed, [cable]))
