@@ -24,8 +24,8 @@ def find_rounding(heights: Sequence[FloatArray]) -> float | None:
 
     Examples
     --------
-    >>> x = np.linspace(-10, 10, 200)
-    >>> find_rounding([np.round(np.sqrt(400 - x**2))])
+    >>> x = np.linspace(-20, 20, 200)
+    >>> find_rounding([np.round(np.sqrt(625 - x**2))])
     1.0
     """
     with np.errstate(over="ignore"):
