@@ -82,12 +82,12 @@ def default_jobs() -> int:
 
 
 def start_fork_server(preloaded: str) -> None:
-    """Fork the processes of `run_tasks` from a server, which is started and imports a module.
+    """Start a server from which the processes of `run_tasks` are forked.
 
-    What the module imports is imported once, and while the program goes on. Without a server each
-    process is a new interpreter, which imports what it needs. For programs, before anything else:
-    the start method of `multiprocessing` is the same for the whole program. Where the folder of
-    temporary files cannot have the server's socket, there is none.
+    The server imports the module `preloaded` while the program goes on, so that the processes need
+    not import it. Without a server each of them is a new interpreter. For programs, not for
+    libraries: the start method of `multiprocessing` is the same for the whole program. Where the
+    server's socket cannot be created in the folder of temporary files, no server is started.
 
     Raises
     ------

@@ -1,6 +1,6 @@
 """Modules that every process of ``--jobs`` needs: imported once, in the fork server.
 
-Without collection of garbage, a seventh of the time of importing them.
+Garbage collection is off during the imports, since it would take a seventh of their time.
 """
 
 # ruff: noqa: E402, F401 - imported for the processes that are forked

@@ -14,10 +14,12 @@ GARBAGE_THRESHOLD = 50_000
 2000, it does so 130 times while modules are imported, a tenth of the time of a short command."""
 
 _SEVERAL_JOBS = re.compile(r"--jobs[= ]0*([2-9]|[1-9]\d+)(?= |$)", re.ASCII)
+"""Option for two jobs or more. It is searched in the text of the command, since the options are
+parsed only after typer is imported, and the server then starts too late to save time."""
 
 
 def prepare_process(arguments: Sequence[str]) -> None:
-    """Set garbage collection, streams, threads, warnings; with several jobs, start the fork server.
+    """Set garbage collection, streams, threads and warnings; start a fork server for several jobs.
 
     Parameters
     ----------
