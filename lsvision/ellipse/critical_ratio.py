@@ -43,6 +43,8 @@ last it is that of a straight line."""
 ARC_ANGLES, ARC_WEIGHTS = (math.pi / 2 * rule for rule in np.polynomial.legendre.leggauss(16))
 """Gauss-Legendre rule over the half circle that ends the tube about a half line: angles from the
 direction of the half line, from -pi/2 to pi/2, and their weights. Units: rad."""
+NO_CIRCLE_LEVEL = 0.999
+"""Level of confidence at which a circle is excluded for theta to be determined."""
 CACHED_LEVELS = 16
 """Number of levels whose quantiles and table for theta are cached."""
 
@@ -58,6 +60,8 @@ class CriticalRatios:
     one_dof, two_dof : (s,) ndarray
         c of one quantity, and of both components of d together: quantiles of chi^2, or of the F
         distribution where the noise was estimated.
+    no_circle : (s,) ndarray
+        c of the best circle above which a circle is excluded at `NO_CIRCLE_LEVEL`.
     m : (s,) ndarray
         m of the estimates. Units: mm.
     estimated_h : (s,) ndarray
@@ -81,6 +85,7 @@ class CriticalRatios:
     level: float
     one_dof: FloatArray
     two_dof: FloatArray
+    no_circle: FloatArray
     m: FloatArray
     estimated_h: FloatArray
     whitened_directions: ComplexArray
@@ -95,6 +100,7 @@ class CriticalRatios:
     def of(cls, stack: FitStack, level: float) -> Self:
         """Return the critical ratios of fits at a level between 0 and 1."""
         one, two = (squared_quantile(k, stack.degrees_of_freedom, level) for k in (1, 2))
+        no_circle = squared_quantile(2, stack.degrees_of_freedom, NO_CIRCLE_LEVEL)
         variances, vectors = np.linalg.eigh(stack.covariances[:, 3:, 3:])  # ascending variances
         principal_axes = vectors[:, 0, 0] + 1j * vectors[:, 1, 0]
         a, b = semi_axes = 1 / np.sqrt(np.maximum(variances.T, TINY))
@@ -106,7 +112,7 @@ class CriticalRatios:
         )
         fractions, prior_ratios = _phi_priors_about_circles(stack, variances, level)
         return cls(
-            level, one, two, m, np.abs(deviators), whitened, principal_axes, semi_axes,
+            level, one, two, no_circle, m, np.abs(deviators), whitened, principal_axes, semi_axes,
             min_straight_h, fractions, prior_ratios, stack.may_be_circle,
         )  # fmt: skip
 

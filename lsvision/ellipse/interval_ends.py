@@ -62,10 +62,11 @@ FIRST, SECOND = list(SECOND_ENDS), list(SECOND_ENDS.values())
 """Columns of the ends that may have two local extrema, and columns of their second extrema."""
 MAX_FLATTENING = 0.998
 """Largest h / m of a step: an axis ratio of 1 to 1000."""
-EXCLUDED_CIRCLE_FACTOR, MAX_PREDICTION_ERROR = 2.0, 20.0
+EXCLUDED_CIRCLE_FACTOR, MAX_PREDICTION_ERROR = 1.5, 20.0
 """The search for the best circle ends early, since a circle is clearly excluded, if its predicted
-ratio F - min F exceeds the first factor times the critical one. The prediction is that of the
-present expansion, at which the ratio must be below the second factor times the predicted one."""
+ratio F - min F exceeds the first factor times the larger critical one. The prediction is that of
+the present expansion, at which the ratio must be below the second factor times the predicted
+one."""
 CRITICAL_SLACK, SURPASSING_FRACTION = 1.001, 0.02
 """Factor on c that allows for rounding when two c are compared, and distance by which a point must
 be further out than an end to replace it, as a fraction of half the width of the interval."""
@@ -315,7 +316,9 @@ class _Search:
         last &= np.abs(critical - previous) < CRITICAL_TOLERANCE * critical
         last &= is_circle | (np.abs(ratio - critical) < RATIO_TOLERANCE * critical)
         predicted = self.targets.circle_ratios
-        excluded = predicted > EXCLUDED_CIRCLE_FACTOR * self.regions.critical_ratios.for_circle
+        critical_ratios = self.regions.critical_ratios
+        highest = np.maximum(critical_ratios.for_circle, critical_ratios.no_circle)
+        excluded = predicted > EXCLUDED_CIRCLE_FACTOR * highest
         is_predicted = ratio < MAX_PREDICTION_ERROR * predicted[fit_indices]
         last |= is_circle & excluded[fit_indices] & is_predicted
         return last

@@ -44,19 +44,14 @@ from lsvision.ellipse.region_extrema import (
     Y_HIGH,
     Y_LOW,
 )
-from lsvision.geometry import BoolArray, FloatArray
-from lsvision.geometry.arrays import TINY
-from lsvision.statistics.quantiles import squared_quantile
+from lsvision.geometry import FloatArray
 
 Quantity = Literal["radius", "theta", "phi", "centre_x", "centre_y"]
 Interval = tuple[float, float]
 
-THETA_LEVEL, THETA_MAX_ERROR = 0.99, math.radians(30.0)
-"""Level of confidence of a determined theta, and largest half width of its interval. Units: rad."""
-CIRCLE_LEVEL = 0.999
-"""Level of confidence at which a circle must be excluded for theta to be determined."""
-CLEAR_RATIO = 4.0
-"""Ratio of two values of F - min F above which the linear approximation decides which is larger."""
+THETA_LEVEL, MAX_THETA_ERROR = 0.95, math.radians(23.0)
+"""Level of confidence of a determined theta, and largest half width of its interval (rad): far from
+a circle, that of 30 deg at 99 %."""
 MAX_PHI = math.radians(88.0)
 """Largest phi of an interval; at 90 deg the section is no ellipse. Units: rad."""
 MIN_RADIUS_FACTOR, MAX_RADIUS_FACTOR = 0.02, 50.0
@@ -89,9 +84,15 @@ class Intervals(NamedTuple):
     centre_y: Interval
 
 
+class _Found(NamedTuple):
+    """Intervals of a fit, and whether a circle is excluded at 99.9 %."""
+
+    intervals: Intervals
+    is_no_circle: bool
+
+
 # Results that were computed for each fit, by level; they are dropped together with the fit.
-_INTERVALS: WeakKeyDictionary[EllipseFit, dict[float, Intervals]] = WeakKeyDictionary()
-_THETA_DETERMINED: WeakKeyDictionary[EllipseFit, bool] = WeakKeyDictionary()
+_FOUND: WeakKeyDictionary[EllipseFit, dict[float, _Found]] = WeakKeyDictionary()
 
 
 def interval(fit: EllipseFit, quantity: Quantity, level: float = 0.95) -> Interval:
@@ -172,101 +173,55 @@ def intervals_of_fits(fits: Sequence[EllipseFit], level: float = 0.95) -> list[I
     """
     if not 0 < level < 1:
         raise ValueError(f"expected a level between 0 and 1, got {level}")
-    cached = [_INTERVALS.setdefault(fit, {}) for fit in fits]
-    new = [fit for fit, levels in zip(fits, cached, strict=True) if level not in levels]
-    for fit, computed in zip(new, _compute_intervals(new, float(level)), strict=True):
-        _INTERVALS[fit][level] = computed
-    return [levels[level] for levels in cached]
+    return [found.intervals for found in _find_intervals(fits, float(level))]
 
 
 def theta_is_determined(fit: EllipseFit) -> bool:
-    """Return whether a circle is excluded at 99.9 %, and an error of theta of 30 deg at 99 %."""
+    """Return whether a circle is excluded at 99.9 %, and an error of theta of 23 deg at 95 %."""
     return are_thetas_determined([fit])[0]
 
 
 def are_thetas_determined(fits: Sequence[EllipseFit]) -> list[bool]:
-    """Return `theta_is_determined` of several fits; each fit keeps the result."""
-    new = [fit for fit in fits if fit not in _THETA_DETERMINED]
-    if new:
-        _THETA_DETERMINED.update(zip(new, _determine_thetas(new), strict=True))
-    return [_THETA_DETERMINED[fit] for fit in fits]
-
-
-def _determine_thetas(fits: Sequence[EllipseFit]) -> list[bool]:
-    """Decide in the linear approximation; search the ends where that is not clear."""
-    fits = [_with_min_noise(fit) for fit in fits]
-    determined, clear = _decide_linearly(fits)
-    unclear = np.flatnonzero(~clear)
-    if unclear.size:
-        determined[unclear] = _decide_by_search(FitStack.of([fits[k] for k in unclear]))
-    as_list: list[bool] = determined.tolist()
-    return as_list
-
-
-def _decide_linearly(fits: Sequence[EllipseFit]) -> tuple[BoolArray, BoolArray]:
-    """Return whether theta is determined in the linear approximation, and whether that is clear."""
-    degrees_of_freedom = np.array([fit.degrees_of_freedom for fit in fits], dtype=float)
-    circle_quantile = squared_quantile(2, degrees_of_freedom, CIRCLE_LEVEL)
-    theta_quantile = squared_quantile(1, degrees_of_freedom, THETA_LEVEL)
-    (pp, pq), (_, qq) = np.array([fit.parameter_covariance[3:, 3:] for fit in fits]).T
-    p, q = np.array([fit.parameters[3:] for fit in fits]).T
-    # The variance of d across its direction, times h^2. As theta = arg(d) / 2, the std of theta is
-    # sqrt(across) / 2 h^2.
-    across = qq * p * p - 2 * pq * p * q + pp * q * q
-    # F - min F of the circle, d = 0, is d' C^-1 d with the covariance C of d.
-    circle_ratio = across / np.maximum(pp * qq - pq * pq, TINY)
-    max_sqrt_across = THETA_MAX_ERROR * 2 * (p * p + q * q)
-    determined = circle_ratio > CLEAR_RATIO * circle_quantile
-    determined &= CLEAR_RATIO * theta_quantile * across < max_sqrt_across**2
-    clear = determined | (circle_ratio < circle_quantile / CLEAR_RATIO)
-    phi_known = np.array([fit.problem.known_phi is not None for fit in fits])  # not linear in d
-    return determined, clear & ~phi_known
-
-
-def _decide_by_search(stack: FitStack) -> BoolArray:
-    """Return whether a circle is excluded, and the interval of theta is short enough."""
-    critical_ratios = CriticalRatios.of(stack, THETA_LEVEL)
-    circle_quantile = squared_quantile(2, stack.degrees_of_freedom, CIRCLE_LEVEL)
-    ends = find_interval_ends(
-        stack, critical_ratios, _mask_of_ends(stack, CIRCLE, THETA_LOW, THETA_HIGH)
-    )
-    excluded = ~stack.may_be_circle | (ends.circle_ratios > circle_quantile)
-    errors = []
-    for fit, parameters in zip(stack.fits, ends.parameters, strict=True):
-        low, high = _theta_interval(fit, parameters)
-        errors.append(max(high - fit.ellipse.theta, fit.ellipse.theta - low))
-    determined: BoolArray = (
-        excluded & ends.reliable.all(axis=1) & (np.array(errors) < THETA_MAX_ERROR)
-    )
+    """Return `theta_is_determined` of several fits; it takes their intervals at 95 %."""
+    determined = []
+    for fit, (found, is_no_circle) in zip(fits, _find_intervals(fits, THETA_LEVEL), strict=True):
+        (low, high), theta = found.theta, fit.ellipse.theta
+        determined.append(is_no_circle and max(high - theta, theta - low) < MAX_THETA_ERROR)
     return determined
 
 
-def _compute_intervals(fits: Sequence[EllipseFit], level: float) -> list[Intervals]:
-    """Return the intervals of fits that are not cached."""
+def _find_intervals(fits: Sequence[EllipseFit], level: float) -> list[_Found]:
+    """Return the intervals of fits, those that are kept and those that are computed now."""
+    kept = [_FOUND.setdefault(fit, {}) for fit in fits]
+    new = [fit for fit, levels in zip(fits, kept, strict=True) if level not in levels]
+    for fit, found in zip(new, _compute_intervals(new, level), strict=True):
+        _FOUND[fit][level] = found
+    return [levels[level] for levels in kept]
+
+
+def _compute_intervals(fits: Sequence[EllipseFit], level: float) -> list[_Found]:
+    """Return the intervals of fits whose results are not kept."""
     if not fits:
         return []
     stack = FitStack.of([_with_min_noise(fit) for fit in fits])
     critical_ratios = CriticalRatios.of(stack, level)
     known = list(map(_known_quantities, stack.fits, np.sqrt(critical_ratios.one_dof).tolist()))
-    wanted = _mask_of_ends(stack, *range(END_COUNT))
+    wanted = np.ones((len(fits), END_COUNT), dtype=bool)
     for row, quantities in zip(wanted, known, strict=True):
         if "radius" in quantities:
             row[[RADIUS_LOW, RADIUS_HIGH, RADIUS_LOW_2]] = False
         if "phi" in quantities:
             row[[PHI_LOW, PHI_HIGH, PHI_HIGH_2]] = False
     ends = find_interval_ends(stack, critical_ratios, wanted)
+    is_no_circle = ends.circle_ratios > critical_ratios.no_circle
+    is_no_circle |= ~stack.may_be_circle
     computed = map(_intervals_between, stack.fits, _split_by_fit(critical_ratios, ends))
     return [
-        intervals_of_fit._replace(**quantities)
-        for intervals_of_fit, quantities in zip(computed, known, strict=True)
+        _Found(intervals_of_fit._replace(**quantities), excluded)
+        for intervals_of_fit, quantities, excluded in zip(
+            computed, known, is_no_circle.tolist(), strict=True
+        )
     ]
-
-
-def _mask_of_ends(stack: FitStack, *ends: int) -> BoolArray:
-    """Return the mask (s, 13) of some of the 13 ends, the same for all s fits."""
-    mask = np.zeros((len(stack.fits), END_COUNT), dtype=bool)
-    mask[:, ends] = True
-    return mask
 
 
 def _with_min_noise(fit: EllipseFit) -> EllipseFit:

@@ -168,7 +168,7 @@ class CylinderSection(WithEllipse, Result):
 
     @property
     def theta_determined(self) -> bool:
-        """Whether a circle is excluded at 99.9 %, and an error of theta of 30 deg at 99 %."""
+        """Whether a circle is excluded at 99.9 %, and an error of theta of 23 deg at 95 %."""
         return theta_is_determined(self.fit)
 
     def interval(self, quantity: Quantity, level: float = 0.95) -> tuple[float, float]:
