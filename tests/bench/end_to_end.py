@@ -9,6 +9,7 @@ import csv
 import io
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tarfile
@@ -32,6 +33,8 @@ BASE = "3666f4e"
 ROOT = Path(__file__).parents[2]
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 FIRST_SEED = 930_000
+COPIES = 5
+"""Number of copies of each file, whose measurement is compared for one and for two processes."""
 PITCH_MM = 0.3
 RADIUS_MM, VISIBLE_HALF_WIDTH = 25.0, 0.9
 """Radius of the pipe of the matrix (mm), and the half width of its visible part in radii."""
@@ -110,9 +113,27 @@ def files_of_two_pipes(base, effort, folder):
     what = f"{effort.files} CSV files of two pipes, --csv --json: times faster"
     yield Number(what, old / new, low=25, note=note)
     yield Number("the same with two processes: times faster than one", alone / both, low=1.7)
+    _, start, _ = run(ROOT, "measure", next(files.iterdir()), *outputs)
+    note = f"Amdahl's law: {start:.2f} of {alone:.2f} s are the start, which one file takes, too"
+    limit = alone / (start + (alone - start) / 2)
+    yield Number("the most that two processes can be faster", limit, note=note)
     side_by_side = _wall_of_two_commands(sorted(files.iterdir()), folder)
     note = "two independent commands, each with half of the files"
     yield Number("for comparison, two commands at once", alone / side_by_side, note=note)
+    yield from _many_more_files(files, folder, outputs)
+
+
+def _many_more_files(files, folder, outputs):
+    """Yield how much faster two processes are for copies of files, where the start counts less."""
+    many = folder / "many"
+    many.mkdir()
+    for source in files.iterdir():
+        for copy in range(COPIES):
+            shutil.copy(source, many / f"{copy}_{source.name}")
+    _, alone, _ = run(ROOT, "measure", many, *outputs, "--jobs", 1)
+    _, both, _ = run(ROOT, "measure", many, *outputs, "--jobs", 2)
+    count = sum(1 for _ in many.iterdir())
+    yield Number(f"{count} files: two processes, times faster than one", alone / both, low=1.7)
 
 
 def _wall_of_two_commands(files, folder):

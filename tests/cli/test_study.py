@@ -12,7 +12,7 @@ def test_study_repeat_compares_with_the_reference(run, written, tmp_path):
     angle = np.linspace(2.6, 0.5, 160)
     circle = 19.0 * np.column_stack([np.cos(angle), np.sin(angle)]) - [0.0, 400.0]
     paths = [
-        written(circle + np.random.default_rng(k).normal(0, 0.03, circle.shape), f"{k}.csv")
+        written(circle + np.random.default_rng(20 + k).normal(0, 0.03, circle.shape), f"{k}.csv")
         for k in range(4)
     ]
     out = tmp_path / "out.json"

@@ -99,7 +99,7 @@ def test_without_a_model_noise_lies_along_y_and_may_be_half_as_large(rng):
     assert prepared.noise_is_estimated
     assert prepared.min_variance_factor == 0.5**2
     assert prepared.noise_std == pytest.approx(0.05, rel=0.15)
-    expected = prepared.noise_std**2 * np.diag([0.05, 1.0])
+    expected = prepared.noise_std**2 * np.diag([0.35**2, 1.0])
     np.testing.assert_allclose(prepared.noisy_points.covariances, [expected] * 1000)
 
 
