@@ -85,7 +85,7 @@ def refine(
     problem = weighted_problem(points @ frame.T, None, start, known_radius)
     if stds is not None:
         problem = replace(problem, stds=stds)
-    return cylinder_from_parameters(frame, minimise(problem, start))
+    return cylinder_from_parameters(frame, minimise(problem, start).parameters)
 
 
 def find_other_minima(

@@ -54,6 +54,9 @@ from lsvision.statistics.robust import mad_std
 
 MAX_TRUNCATION_ITERATIONS = 20
 """Largest number of fits with truncation; usually five are needed."""
+MAX_TILT = 0.1
+"""Tangent of the angle between axis and frame, above which a fit is repeated in the frame of its
+solution."""
 MAX_DENSITY_SIGMAS = 40.0
 """Standard deviations beyond which the density of a normal distribution is 0 in floating point."""
 
@@ -273,14 +276,21 @@ def _fit(
     known_radius: RadiusPrior | None,
     settings: CylinderFittingSettings,
 ) -> CylinderFit:
-    """Fit a cylinder to points from an initial one, with the weights recomputed before each fit."""
+    """Fit a cylinder to points from an initial one, with the weights recomputed before each fit.
+
+    The fit is not repeated if no weight depends on the cylinder.
+    """
+    has_fixed_weights = covariances is None and known_radius is None
     for _ in range(settings.reweightings + 1):
         frame = tangent_frame(cylinder.direction)
         rotated = None if covariances is None else rotate_covariances(covariances, frame)
         parameters = parameters_from_cylinder(frame, cylinder)
         prior = known_radius and _scale_prior(known_radius, points, covariances, cylinder, settings)
         problem = weighted_problem(points @ frame.T, rotated, parameters, prior)
-        cylinder = cylinder_from_parameters(frame, minimise(problem, parameters))
+        solution, has_converged = minimise(problem, parameters)
+        cylinder = cylinder_from_parameters(frame, solution)
+        if has_fixed_weights and has_converged and math.hypot(*solution[2:4]) < MAX_TILT:
+            break
     foot_points = problem.points @ frame
     return _build_fit(
         points, foot_points, cylinder, problem, settings, known_noise=covariances is not None

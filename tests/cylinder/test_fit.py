@@ -341,6 +341,17 @@ def test_the_initial_guess_selects_the_twin_of_one_section() -> None:
         assert axis_deg(fit.direction, twin.direction) < 1e-3
 
 
+def test_an_initial_guess_far_from_the_axis_leads_to_the_same_fit(rng) -> None:
+    points = surface(PIPE, np.linspace(0.0, 60.0, 6), np.linspace(0.0, 4.0, 40))
+    points += rng.normal(0, 0.05, points.shape)
+    near = fit_cylinder(points, initial_guess=PIPE)
+    for side in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)):
+        far = Cylinder(PIPE.point, PIPE.direction + 0.6 * np.array(side), 25.0)
+        fit = fit_cylinder(points, initial_guess=far)
+        assert abs(fit.radius - near.radius) < 1e-6 * near.radius_std
+        assert axis_deg(fit.direction, near.direction) < 1e-6 * math.degrees(near.direction_std)
+
+
 def test_a_noisy_plane_raises_an_error() -> None:
     rng = np.random.default_rng(1)
     points = np.column_stack([rng.uniform(-50, 50, (200, 2)), np.zeros(200)])
