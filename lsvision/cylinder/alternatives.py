@@ -8,6 +8,7 @@ both is a range of directions that fit less well, so that a fit from one does no
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -22,19 +23,17 @@ from lsvision.cylinder.problem import (
     weighted_problem,
 )
 from lsvision.ellipse.problem import RadiusPrior
-from lsvision.errors import DegenerateGeometry, FitFailed
+from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import BoolArray, Cylinder, FloatArray, IntArray, Points, tangent_frame
 from lsvision.geometry.arrays import measure_extent
 from lsvision.statistics.robust import SIGNIFICANT_SIGMAS, mad_std, median
 
+AnyCylinder = TypeVar("AnyCylinder", Cylinder, CylinderFit)
 MAX_CHI2_INCREASE = 9.0
 """Increase of chi^2, that of 3 standard deviations of one parameter, up to which another cylinder
 fits as well."""
 MAX_CANDIDATE_INCREASE = 100.0
 """Increase of chi^2 of a cylinder with equal weights above which it fits worse with any weights."""
-TILTS_DEG = (1.5, 3.0, 6.0, 12.0, 24.0, 48.0)
-"""Tilts of the initial guesses for another minimum, to four sides. Half way between two minima the
-fit is worst, so that one guess within a factor of 1.4 of the other minimum suffices."""
 MIN_ANGLE = math.radians(0.05)
 """Angle below which two cylinders are the same minimum. Units: rad."""
 PLANARITY_TOLERANCE = 1e-9
@@ -47,27 +46,6 @@ MIN_NORMAL_COSINE = math.cos(math.radians(45.0))
 UNSCALED_VARIANCE = 1e-18
 """Variance of errors of which only the direction is known: so small that it causes no bias. Unit:
 square of the extent of the points."""
-
-
-def tilted_guesses(points: Points, cylinder: Cylinder) -> list[Cylinder]:
-    """Return cylinders tilted along both principal axes of the error of the direction.
-
-    The points (n, 3) determine the direction best along one and least along the other; another
-    minimum is along the second one from one cylinder, but not always from the other. The tilts
-    are `TILTS_DEG`, to both sides, about the axis point nearest to the centroid.
-    """
-    frame = tangent_frame(cylinder.direction)
-    parameters = parameters_from_cylinder(frame, cylinder)
-    _, jacobian = weighted_problem(points @ frame.T, None, parameters, None).evaluate(parameters)
-    covariance = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)[2:4, 2:4]
-    principal_axes = np.linalg.eigh(covariance)[1].T @ frame[:2]
-    centroid = points.mean(axis=0)
-    pivot = cylinder.point + cylinder.direction * ((centroid - cylinder.point) @ cylinder.direction)
-    return [
-        Cylinder(pivot, np.cos(t) * cylinder.direction + np.sin(t) * side, cylinder.radius)
-        for t in np.radians(TILTS_DEG)
-        for side in (*principal_axes, *-principal_axes)
-    ]
 
 
 def refine(
@@ -88,27 +66,19 @@ def refine(
     return cylinder_from_parameters(frame, minimise(problem, start).parameters)
 
 
-def find_other_minima(
-    points: Points, cylinder: Cylinder, known_radius: RadiusPrior | None
-) -> list[Cylinder]:
-    """Return the other least-squares cylinders found by tilting one that fits the points (n, 3)."""
-    origin, found = points.mean(axis=0), [cylinder]
-    for guess in tilted_guesses(points, cylinder):
-        centred = Cylinder(guess.point - origin, guess.direction, guess.radius)
-        try:
-            refined = refine(points - origin, centred, known_radius)
-        except FitFailed:
-            continue
-        found.append(Cylinder(refined.point + origin, refined.direction, refined.radius))
-    return distinct_cylinders(found)[1:]
+def distinct_cylinders(cylinders: Sequence[AnyCylinder]) -> list[AnyCylinder]:
+    """Return the cylinders, or fits, without those parallel to an earlier one."""
+    directions = np.array([cylinder.direction for cylinder in cylinders]).reshape(-1, 3)
+    return [cylinders[k] for k in distinct_directions(directions)]
 
 
-def distinct_cylinders(cylinders: Sequence[Cylinder]) -> list[Cylinder]:
-    """Return the cylinders without those parallel to an earlier one."""
-    distinct = list[Cylinder]()
-    for cylinder in cylinders:
-        if all(angle_between_axes(cylinder, other) > MIN_ANGLE for other in distinct):
-            distinct.append(cylinder)
+def distinct_directions(directions: FloatArray) -> list[int]:
+    """Return the indices of the axes, unit vectors (k, 3), not parallel to an earlier one."""
+    is_parallel = 1 - (directions @ directions.T) ** 2 <= math.sin(MIN_ANGLE) ** 2
+    distinct = list[int]()
+    for k, row in enumerate(is_parallel):
+        if not row[distinct].any():
+            distinct.append(k)
     return distinct
 
 
@@ -224,6 +194,8 @@ def find_equivalent(
 
 def sort_by_chi2(fits: Sequence[CylinderFit], comparison: CylinderComparison) -> list[CylinderFit]:
     """Return fits to the same points, the best one first."""
+    if len(fits) == 1:
+        return list(fits)
     chi2 = comparison.chi2([fit.cylinder for fit in fits])
     return [fits[k] for k in np.argsort(chi2, kind="stable")]
 

@@ -7,8 +7,8 @@ from lsvision.cylinder.alternatives import (
     CylinderComparison,
     distinct_cylinders,
     refine,
-    tilted_guesses,
 )
+from lsvision.cylinder.other_minima import tilted_minima
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import DegenerateGeometry, FitFailed
 from lsvision.geometry import (
@@ -90,7 +90,7 @@ def guess_cylinders(comparison: CylinderComparison) -> list[Cylinder]:
         )
     best = cylinders[_index_of_best(cylinders, subset)]
     inliers = subset.subset(_find_inliers(best, subset))
-    cylinders += _refine_all(tilted_guesses(inliers.points, best), inliers)
+    cylinders += tilted_minima(inliers.points, best, inliers.known_radius)
     best = cylinders.pop(_index_of_best(cylinders, subset))
     if subset.covariances is None:
         _require_no_wider_arc(subset, best, cylinders)

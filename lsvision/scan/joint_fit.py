@@ -18,12 +18,12 @@ from lsvision.cylinder.alternatives import (
     MAX_CANDIDATE_INCREASE,
     CylinderComparison,
     find_equivalent,
-    find_other_minima,
     keep_equivalent,
     sort_by_chi2,
 )
 from lsvision.cylinder.fit import CylinderFittingSettings, fit_cylinder
 from lsvision.cylinder.fit_result import CylinderFit
+from lsvision.cylinder.other_minima import find_other_minima
 from lsvision.detection.acceptance import UNDETERMINABLE
 from lsvision.ellipse.prior_check import CONTRADICTION_FRACTION, CONTRADICTION_SIGMAS
 from lsvision.ellipse.problem import RadiusPrior

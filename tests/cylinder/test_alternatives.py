@@ -7,10 +7,10 @@ from lsvision.cylinder.alternatives import (
     CylinderComparison,
     angle_between_axes,
     find_equivalent,
-    find_other_minima,
     in_plane_covariances,
 )
 from lsvision.cylinder.fit import CylinderFittingSettings, fit_cylinder
+from lsvision.cylinder.other_minima import find_other_minima
 from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import Cylinder, Pose
 
