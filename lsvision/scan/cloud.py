@@ -6,6 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
+from lsvision.cylinder.problem import rotate_covariances
 from lsvision.detection.profile_preparation import prepare_profile
 from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import BoolArray, FloatArray, IntArray, Points, Pose
@@ -116,7 +117,7 @@ def build_cloud(
         prepared = prepare_profile(profile, (sensor or profile.noise) if noise_known else None)
         axes = pose.rotation[:, :2]
         valid = prepared.valid_indices if has_enough_points(profile) else np.zeros(0, np.int64)
-        covariances = axes @ prepared.noisy_points[valid].covariances @ axes.T
+        covariances = rotate_covariances(prepared.noisy_points[valid].covariances, axes)
         points, columns = pose.apply(prepared.points[valid]), prepared.sensor_columns[valid]
         section_arrays.append((points, covariances, np.full(len(valid), section), columns))
     points, covariances, point_sections, indices = (

@@ -17,6 +17,7 @@ import numpy as np
 from lsvision.cylinder.alternatives import (
     MAX_CANDIDATE_INCREASE,
     CylinderComparison,
+    distinct_cylinders,
     find_equivalent,
     keep_equivalent,
     sort_by_chi2,
@@ -35,6 +36,7 @@ from lsvision.scan.point_assignment import (
     PointAssignmentSettings,
     assign_points,
     fit_section_shifts,
+    measure_point_distances,
 )
 from lsvision.scan.scan_result import ScanRejection
 from lsvision.scan.single_section import fit_of_single_section
@@ -219,8 +221,7 @@ def _find_twin(
     """Return the first of other cylinders that fits all points as well as the fit; None without."""
     cloud, known_radius = joint_fit.cloud, joint_fit.known_radius
     rows = np.arange(len(cloud))
-    initial_guesses = [fit.cylinder for fit in others]
-    fits, _ = _fit_all(cloud, rows, initial_guesses, known_radius, settings)
+    fits, _ = _fit_all(cloud, rows, [fit.cylinder for fit in others], known_radius, settings)
     comparison = _comparison(cloud, rows, known_radius, settings)
     return find_equivalent(joint_fit.fit, [fit.cylinder for fit in fits], comparison)
 
@@ -247,7 +248,7 @@ def fit_twins(
     fits, failure = _fit_all(cloud, rows, _initial_guesses(track), known_radius, settings)
     if failure is not None and not fits:
         raise failure
-    comparison = _comparison(cloud, rows, known_radius, settings)
+    fits, comparison = distinct_cylinders(fits), _comparison(cloud, rows, known_radius, settings)
     best = sort_by_chi2(fits, comparison)[0].cylinder
     minima = find_other_minima(comparison.points, best, known_radius)
     minima = [c for c in minima if comparison.increase(c, best) < MAX_CANDIDATE_INCREASE]
@@ -341,11 +342,12 @@ def _assign_and_fit(
 
     `rows` are the points of the cloud with which the first shifts of the sections are estimated.
     """
-    for _ in range(settings.max_iterations):
-        section_fit = fit_section_shifts(cloud, cylinder, rows, free_radius=False)
+    for iteration in range(settings.max_iterations):
+        distances = measure_point_distances(cloud, cylinder, rows)
+        section_fit = fit_section_shifts(distances, free_radius=False)
         shifts, assignment = np.zeros((len(cloud.poses), 2)), settings.point_assignment
         if section_fit.reduced_chi2 > settings.max_straight_reduced_chi2:
-            section_fit = fit_section_shifts(cloud, cylinder, rows, free_radius=True)
+            section_fit = fit_section_shifts(distances, free_radius=True)
             shifts = section_fit.interpolate(len(cloud.poses))
             # On a bent tube, residuals at the arc ends come from the bend and not from a weld.
             assignment = replace(assignment, max_trimmed_points=0)
@@ -353,11 +355,14 @@ def _assign_and_fit(
         rows = assign_points(
             cloud, section_fit.cylinder, shifts, section_fit.noise_factor, assignment
         )
-        fit = _fit(cloud, rows, cylinder, known_radius, settings)
-        cylinder = fit.cylinder
-        if np.array_equal(rows, previous_rows):
+        is_unchanged = np.array_equal(rows, previous_rows)
+        if iteration == 0 or not is_unchanged:
+            fit = _fit(cloud, rows, cylinder, known_radius, settings)
+            cylinder = fit.cylinder
+        if is_unchanged:
             break
-    section_fit = fit_section_shifts(cloud, cylinder, rows, free_radius=True)
+    distances = measure_point_distances(cloud, cylinder, rows)
+    section_fit = fit_section_shifts(distances, free_radius=True)
     return JointFit(fit, cloud.subset(rows), section_fit.normalised_rms, known_radius=known_radius)
 
 
