@@ -8,7 +8,7 @@ import numpy as np
 
 from lsvision.geometry import FloatArray, IntArray
 from lsvision.laser_line.image_array import Image
-from lsvision.statistics.robust import mad_std
+from lsvision.statistics.robust import MAD_TO_STD, mad_std
 
 FIXED_POINT = 32
 """Response of the integer filter to a stripe of 1 DN (digital number, grey level) in an 8-bit
@@ -81,9 +81,7 @@ def find_line_candidates(
     """
     response, unit = _apply_matched_filter(signal, sigma)
     sample = response[::NOISE_SAMPLE_STEP, ::NOISE_SAMPLE_STEP]
-    # 16-bit numbers take five times as long to partition.
-    noise_std = mad_std(sample.astype(np.promote_types(response.dtype, np.int32)))
-    threshold = max(min_score * unit, DETECTION_SIGMAS * noise_std)
+    threshold = max(min_score * unit, DETECTION_SIGMAS * _noise_std(sample))
     columns, rows = _find_maxima(response, threshold, max(1, round(sigma)))
     scores = response[rows, columns].astype(np.float64) / unit
     kept = _highest_of_each_column(columns, scores, per_column)
@@ -91,6 +89,18 @@ def find_line_candidates(
     shape = (signal.shape[0], signal.shape[1])
     peaks = _subpixel_peaks(response, columns, rows)
     return LineCandidates(columns, peaks, scores, threshold / unit, shape)
+
+
+def _noise_std(sample: Image) -> float:
+    """Return the robust standard deviation of responses about zero; whole numbers are counted.
+
+    Counting takes a quarter of the time of partitioning, and yields the same median.
+    """
+    if sample.dtype.kind != "i":
+        return mad_std(sample)
+    up_to = np.bincount(np.abs(sample.ravel())).cumsum()
+    middle = (sample.size - 1) // 2, sample.size // 2
+    return MAD_TO_STD * float(np.searchsorted(up_to, middle, side="right").mean())
 
 
 def _find_maxima(response: Image, threshold: float, radius: int) -> tuple[IntArray, IntArray]:
@@ -106,25 +116,35 @@ def _find_maxima(response: Image, threshold: float, radius: int) -> tuple[IntArr
     limit = math.floor(threshold) if response.dtype.kind == "i" else threshold
     parts = range(0, len(values), PART_PIXELS)
     peaks = np.concatenate([np.flatnonzero(values[k : k + PART_PIXELS] > limit) + k for k in parts])
+    heights = values.take(peaks)
     for step in range(1, radius + 1):
         for shift in (-step * width, step * width):
-            columns = peaks % width
-            neighbours = np.clip(peaks + shift, columns, (height - 1) * width + columns)
-            peaks = peaks[values[peaks] >= values[neighbours]]
-    rows, columns = np.divmod(peaks, width)
-    columns, rows = np.divmod(np.sort(columns * height + rows), height)
-    return columns, rows
+            neighbours = peaks + shift
+            # Beyond the border the pixel at the border; `peaks` are ordered.
+            start, stop = np.searchsorted(neighbours, (0, len(values)))
+            neighbours[:start] %= width
+            neighbours[stop:] = neighbours[stop:] % width + (height - 1) * width
+            kept = np.flatnonzero(heights >= values.take(neighbours))
+            peaks, heights = peaks.take(kept), heights.take(kept)
+    rows = peaks // width
+    by_column = np.sort((peaks - rows * width) * height + rows, kind="stable")
+    columns = by_column // height
+    return columns, by_column - columns * height
 
 
 def _highest_of_each_column(
     columns: IntArray, scores: FloatArray, max_count: int
 ) -> IntArray | slice:
     """Return the indices of the highest-scoring candidates of each column, in ascending order."""
-    if np.bincount(columns, minlength=1).max() <= max_count:
+    crowded = np.bincount(columns, minlength=1) > max_count
+    if not crowded.any():
         return slice(None)
-    order = np.lexsort((-scores, columns))
-    rank = np.arange(len(order)) - np.searchsorted(columns, columns)
-    return np.sort(order[rank < max_count])
+    kept = ~crowded[columns]
+    others = np.flatnonzero(~kept)
+    order = others[np.lexsort((-scores[others], columns[others]))]
+    rank = np.arange(len(others)) - np.searchsorted(columns[others], columns[others])
+    kept[order[rank < max_count]] = True
+    return np.flatnonzero(kept)
 
 
 def _apply_matched_filter(signal: Image, sigma: float) -> tuple[Image, float]:

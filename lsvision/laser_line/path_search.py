@@ -164,13 +164,14 @@ def _links(
     links = []
     for step in steps:
         first, second = _pairs(column_starts, candidates.columns + step)
-        rise = rows[second] - rows[first]
-        kept = np.abs(rise) <= settings.max_row_step * step
+        rise = rows.take(second) - rows.take(first)
+        near = np.flatnonzero(np.abs(rise) <= settings.max_row_step * step)
+        first, second, rise = first.take(near), second.take(near), rise.take(near)
         if step > 1:
             turn, onward = next_rise[first] - rise / step, rise - next_rise[first]
             added = settings.slope_cost * step / (step - 1) * turn**2
-            kept &= (added >= saved[first]) | (np.abs(onward) > settings.max_row_step * (step - 1))
-        first, second, rise = first[kept], second[kept], rise[kept]
+            kept = (added >= saved[first]) | (np.abs(onward) > settings.max_row_step * (step - 1))
+            first, second, rise = first[kept], second[kept], rise[kept]
         if step == 1:
             next_rise[first], saved[first] = rise, empty_cost - candidate_costs[second]
         cost = settings.slope_cost * rise**2 / step + candidate_costs[second]
