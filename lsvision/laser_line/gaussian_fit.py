@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from lsvision.geometry import BoolArray, FloatArray, IntArray
+from lsvision.geometry import BoolArray, FloatArray
 from lsvision.laser_line.stripe_windows import Stripes, Windows
 from lsvision.statistics.robust import median
 
@@ -24,6 +24,10 @@ px."""
 SQUARE_RANGE, MAX_CONSTANT = (-0.5, 0.2), 0.7
 """Coefficients of x^2 and of 1 that are added at most to the logarithm of a Gaussian in a step: its
 width changes by a factor of 0.7 to 1.3. Larger steps lead away from a faint stripe."""
+HANKEL = np.add.outer(np.arange(3), np.arange(3))
+"""Order of the moment of S^2 in each element of the normal matrix."""
+UNIT_POSITION = np.array([[0.0], [1.0], [0.0], [0.0]])
+"""Right side whose solution is the column of the covariance that belongs to the position."""
 GAUSS_NEWTON_DAMPING = 1e-9
 """Diagonal added to a normal matrix, relative to its trace: it may be singular."""
 MAX_SHIFT_PX = 1.0
@@ -178,53 +182,63 @@ def _fit_gaussians(
     """
     weights = np.ascontiguousarray(np.where(windows.saturated, 0.0, 1 / variances).T)
     values = np.ascontiguousarray(windows.values.T)
+    sums = np.stack([weights.sum(axis=0), np.einsum("wn,wn->n", weights, values)])
+    powers = windows.offsets.astype(np.float64) ** np.arange(5)[:, None]
     parameters, last_step, std = initial.copy(), *np.full((2, initial.shape[1]), np.inf)
     moving = np.arange(initial.shape[1])
     for _ in range(GAUSS_NEWTON_ITERATIONS):
         current = parameters[:, moving]
-        step, std[moving] = _gauss_newton_step(windows.offsets, values, weights, current)
+        step, std[moving] = _gauss_newton_step(powers, values, weights, sums, current)
         parameters[:, moving] = changed = _change_logarithm(current, step)
         moved = np.abs(changed - current)[1:3]
         last_step[moving] = moved[0]
-        unfinished = ~(moved < CONVERGED_STEP_PX).all(axis=0)
-        moving = moving[unfinished]
-        if not len(moving):
+        unfinished = np.flatnonzero(~(moved < CONVERGED_STEP_PX).all(axis=0))
+        if not len(unfinished):
             break
-        values, weights = values[:, unfinished], weights[:, unfinished]
+        if len(unfinished) < len(moving):
+            moving = moving[unfinished]
+            values, weights, sums = (
+                array.take(unfinished, axis=1) for array in (values, weights, sums)
+            )
     return parameters, last_step, std
 
 
 def _gauss_newton_step(
-    offsets: IntArray, values: FloatArray, weights: FloatArray, parameters: FloatArray
+    powers: FloatArray,
+    values: FloatArray,
+    weights: FloatArray,
+    sums: FloatArray,
+    parameters: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the step (4, n) of n fits, and the std of their positions (n,).
 
     A step is a change of the logarithm of the Gaussian by c0 + c1 x + c2 x^2, with x = (k - m) / q,
     and of B. The derivatives of the model by A c0, A c1, A c2 and B are S, S x, S x^2 and 1, with
     S = exp(-x^2 / 2): the normal equations consist of moments of S and S^2 over the pixels.
-    `values` and `weights` are (w, n).
+    `powers` (5, w) are those of the pixels' offsets, `values` and `weights` are (w, n), and `sums`
+    (2, n) are those of the weights and of the weighted values.
     """
     height, position, width, background = parameters
     # In place: new arrays of this size take more time than what is computed in them.
-    shape = offsets[:, None] - position
-    shape /= width
-    np.exp(np.multiply(np.square(shape, out=shape), -0.5, out=shape), out=shape)
-    weighted = weights * shape
-    first = _moments(weighted, offsets, position, width, 2)
-    second = _moments(np.multiply(weighted, shape, out=shape), offsets, position, width, 4)
-    light = _moments(np.multiply(weighted, values, out=shape), offsets, position, width, 2)
-    total = weights.sum(axis=0)
+    products = np.empty((3, *values.shape))
+    second, first, light = products
+    np.subtract(powers[1][:, None], position, out=second)
+    second /= width
+    np.exp(np.multiply(np.square(second, out=second), -0.5, out=second), out=second)
+    np.multiply(weights, second, out=first)
+    second *= first
+    np.multiply(first, values, out=light)
+    second, first, light = _moments(products, powers, position, width)
+    first, light = first[:3], light[:3]
     system = np.empty((4, 6, len(position)))
-    for row in range(3):
-        system[row, :3] = second[row : row + 3]
+    system[:3, :3] = second[HANKEL]
     system[:3, 3] = system[3, :3] = first
-    system[3, 3] = total
+    system[3, 3] = sums[0]
     system[:3, 4] = light - height * second[:3] - background * first
-    sums = np.einsum("wn,wn->n", weights, values)
-    system[3, 4] = sums - height * first[0] - background * total
-    system[:, 5] = np.array([0.0, 1.0, 0.0, 0.0])[:, None]
-    diagonal = np.arange(4)
-    system[diagonal, diagonal] += GAUSS_NEWTON_DAMPING * system[diagonal, diagonal].sum(axis=0)
+    system[3, 4] = sums[1] - height * first[0] - background * sums[0]
+    system[:, 5] = UNIT_POSITION
+    diagonal = system.reshape(-1, len(position))[::7]  # every seventh of 4 x 6 elements
+    diagonal += GAUSS_NEWTON_DAMPING * diagonal.sum(axis=0)
     step, covariance = np.moveaxis(_solve(system), 1, 0)
     step[:3] /= height
     return step, np.sqrt(covariance[1]) * np.abs(width / height)
@@ -238,10 +252,10 @@ def _change_logarithm(parameters: FloatArray, step: FloatArray) -> FloatArray:
     """
     height, position, width, background = parameters
     constant, linear, square = step[:3]
-    narrowing = 1 - 2 * np.clip(square, *SQUARE_RANGE)
+    narrowing = 1 - 2 * _clip(square, *SQUARE_RANGE)
     # The position moves by half the width at most, so that the fit stays at its stripe.
-    shift = np.clip(linear / narrowing, -0.5, 0.5)
-    growth = np.clip(constant, -MAX_CONSTANT, MAX_CONSTANT) + 0.5 * narrowing * shift**2
+    shift = _clip(linear / narrowing, -0.5, 0.5)
+    growth = _clip(constant, -MAX_CONSTANT, MAX_CONSTANT) + 0.5 * narrowing * shift**2
     return np.stack(
         [
             height * np.exp(growth),
@@ -252,14 +266,23 @@ def _change_logarithm(parameters: FloatArray, step: FloatArray) -> FloatArray:
     )
 
 
+def _clip(values: FloatArray, low: float, high: float) -> FloatArray:
+    """Return values (n,) limited to a range: `np.clip` takes three times as long for few values."""
+    limited: FloatArray = np.minimum(np.maximum(values, low), high)
+    return limited
+
+
 def _moments(
-    weights: FloatArray, offsets: IntArray, position: FloatArray, width: FloatArray, order: int
+    weights: FloatArray, powers: FloatArray, position: FloatArray, width: FloatArray
 ) -> FloatArray:
-    """Return the sums (order + 1, n) over the pixels of weights (w, n) times powers of x."""
-    moments: FloatArray = offsets.astype(np.float64) ** np.arange(order + 1)[:, None] @ weights
-    for done in range(order):
-        moments[done + 1 :] -= position * moments[done:-1]
-    return moments / width ** np.arange(order + 1)[:, None]
+    """Return the sums (k, 5, n) over the pixels of k weights (k, w, n) times powers of x."""
+    moments: FloatArray = powers @ weights
+    last = len(powers) - 1
+    for done in range(last):
+        moments[:, done + 1 :] -= position * moments[:, done:last]
+    squared = width * width
+    moments /= np.stack([np.ones_like(width), width, squared, squared * width, squared * squared])
+    return moments
 
 
 def _solve(system: FloatArray) -> FloatArray:
