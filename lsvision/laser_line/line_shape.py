@@ -70,13 +70,11 @@ def compute_line_shape(rows: FloatArray, light: FloatArray, relative_std: FloatA
     fade_std = noise / np.sqrt(2)
     fade_std[[0, -1]] *= 2  # an end has one step, not the mean of two
     abrupt = np.abs(local_fade) > np.maximum(EDGE_FADE, EDGE_SIGMAS * fade_std)
-    slope, curvature, fade = np.full((3, len(rows)), np.nan)
-    for piece in _smooth_runs(~abrupt):
-        slope[piece] = _derivative(rows[piece], DEGREE, 1)[0]
-        curvature[piece] = _derivative(rows[piece], DEGREE, 2)[0]
-        fade[piece], gain = _derivative(log_light[piece], FADE_DEGREE, 1)
-        fade_std[piece] = gain * noise[piece]
-    edge = np.isnan(slope)
+    edge, pieces = _smooth_runs(~abrupt)
+    slope = _derivative(rows, pieces, DEGREE, 1)[0]
+    curvature = _derivative(rows, pieces, DEGREE, 2)[0]
+    fade, gain = _derivative(log_light, pieces, FADE_DEGREE, 1)
+    fade_std = np.where(edge, fade_std, gain * noise)
     fade[edge] = _fade_at_edges(before[edge], after[edge])
     edge_std = EDGE_STD_FRACTION * np.maximum(np.abs(before), np.abs(after))
     edge_std[[0, -1]] /= EDGE_STD_FRACTION  # an end has a neighbour on one side only
@@ -93,24 +91,37 @@ def _fade_at_edges(before: FloatArray, after: FloatArray) -> FloatArray:
     return np.sign(before) * np.sqrt(np.maximum(before * after, 0.0))
 
 
-def _smooth_runs(smooth: BoolArray) -> list[IntArray]:
-    """Return the indices of each run of smooth points that is at least as long as a window."""
-    indices = np.flatnonzero(smooth)
-    pieces = np.split(indices, np.flatnonzero(np.diff(indices) > 1) + 1)
-    return [piece for piece in pieces if len(piece) >= WINDOW]
+def _smooth_runs(smooth: BoolArray) -> tuple[BoolArray, IntArray]:
+    """Return the points (n,) outside of smooth runs of at least a window, and the runs' spans.
+
+    The spans (k, 2) are the first and the last index of each run.
+    """
+    changes = np.flatnonzero(np.diff(smooth, prepend=False, append=False))
+    spans = changes.reshape(-1, 2) - np.array([0, 1])
+    spans = spans[spans[:, 1] - spans[:, 0] >= WINDOW - 1]
+    steps = np.zeros(len(smooth) + 1, np.int8)
+    steps[spans[:, 0]] = 1
+    steps[spans[:, 1] + 1] = -1
+    return steps[:-1].cumsum() == 0, spans
 
 
-def _derivative(values: FloatArray, degree: int, order: int) -> tuple[FloatArray, FloatArray]:
-    """Return the 1st or 2nd derivative (n,) of local polynomials, and its std for stds of 1."""
+def _derivative(
+    values: FloatArray, spans: IntArray, degree: int, order: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return the 1st or 2nd derivative (n,) of local polynomials, and its std for stds of 1.
+
+    Both hold in the runs with the given `spans` (k, 2) only, from first to last index.
+    """
     filters, gains = _filters(degree, order)
-    half, last = WINDOW // 2, len(values) - WINDOW
-    inner = np.correlate(values, filters[half], mode="valid")
-    derivative = np.concatenate(
-        [filters[:half] @ values[:WINDOW], inner, filters[half + 1 :] @ values[last:]]
-    )
-    return derivative, np.concatenate(
-        [gains[:half], np.full(last + 1, gains[half]), gains[half + 1 :]]
-    )
+    half = WINDOW // 2
+    window = np.arange(WINDOW)
+    derivative, std = np.full(len(values), np.nan), np.full(len(values), gains[half])
+    derivative[half:-half] = np.correlate(values, filters[half], mode="valid")
+    first_windows, last_windows = spans[:, :1], spans[:, 1:] - (WINDOW - 1)
+    for first, at in ((first_windows, window[:half]), (last_windows, window[half + 1 :])):
+        derivative[first + at] = values[first + window] @ filters[at].T
+        std[first + at] = gains[at]
+    return derivative, std
 
 
 @lru_cache
