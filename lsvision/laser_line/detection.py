@@ -176,7 +176,8 @@ def find_line(image: LineImage, settings: LineSettings) -> DetectedLine:
         line = locate_line(image, ridge.columns, ridge.rows, sigma, settings)
         longest = max(longest, len(path.indices))
         reason = _rejection_reason(line, longest, _rival_ratio(candidates, path))
-        width = float(np.nanmedian(line.stripes.sigmas)) if line.stripes.found.any() else np.inf
+        sigmas = line.stripes.sigmas
+        width = median(sigmas[~np.isnan(sigmas)]) if line.stripes.found.any() else np.inf
         if reason is None and width <= MAX_WIDTH_SIGMAS * sigma:
             second = _second_line_fraction(candidates, path, sigma, settings)
             return replace(add_rounding_errors(image, line), second_line_fraction=second)

@@ -205,8 +205,8 @@ def _sizes_by_shift(coefficients: Image) -> Image:
     """Return the sums (n, 8, 8) of sizes by the shifts of rows and columns, clipped."""
     sizes = np.minimum(np.abs(coefficients), MAX_COEFFICIENT)
     count, rows, columns = sizes.shape
-    by_shift = sizes.reshape(count, BLOCK, rows // BLOCK, BLOCK, columns // BLOCK)
-    sums: Image = by_shift.sum(axis=(2, 4))
+    by_row = sizes.reshape(count, BLOCK, rows // BLOCK, columns).sum(axis=2)
+    sums: Image = by_row.reshape(count, BLOCK, BLOCK, columns // BLOCK).sum(axis=3)
     return sums
 
 

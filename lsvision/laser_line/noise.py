@@ -97,17 +97,21 @@ def estimate_pixel_noise(
     columns = np.broadcast_to(windows.columns[inside, None], rows.shape)
     at = rows.ravel(), columns.ravel() + np.arange(-2, 3)[:, None]
     along = image.signal_at(*at)
-    # At full scale pixels have no noise, and just below it only one side of it.
-    raw = image.raw_channel[at].mean(axis=0)
-    below = raw < MAX_SAMPLE_LEVEL * image.full_scale
-    if np.count_nonzero(below) >= MIN_SAMPLES:
-        along = along[:, below]
     level = along.mean(axis=0)
+    # At full scale pixels have no noise, and just below it only one side of it.
+    is_raw = image.raw_channel is image.signal and not image.colours
+    raw = level if is_raw else image.raw_channel[at].mean(axis=0)
+    below = np.flatnonzero(raw < MAX_SAMPLE_LEVEL * image.full_scale)
+    if len(below) >= MIN_SAMPLES:
+        along, level = along.take(below, axis=1), level[below]
     scatter = np.abs(FOURTH_DIFFERENCE @ along)
     # Bins of equal size: the few brightest pixels that do not fill a bin are omitted.
     order = np.argsort(level, kind="stable")[: len(level) // BINS * BINS].reshape(BINS, -1)
     means = level[order].mean(axis=1)
-    variances = np.maximum((MAD_TO_STD * np.median(scatter[order], axis=1)) ** 2, rounding_variance)
+    in_bins = np.sort(scatter[order], axis=1)
+    middle = (order.shape[1] - 1) // 2, order.shape[1] // 2
+    medians = in_bins[:, middle].mean(axis=1)
+    variances = np.maximum((MAD_TO_STD * medians) ** 2, rounding_variance)
     # Relative residuals: the error of a bin's variance is proportional to it.
     design = np.column_stack([np.ones_like(means), np.maximum(means, 0.0)]) / variances[:, None]
     from scipy.optimize import nnls

@@ -66,9 +66,9 @@ class Windows:
         std = np.zeros(len(clipped))
         at = np.flatnonzero(clipped)
         if len(at):
-            values = self.values[at]
-            step = np.abs(np.diff(values, axis=1)).max(axis=1)
-            height = values.max(axis=1) - self.backgrounds[at]
+            values = self.values.T.take(at, axis=1)  # as stored: whole rows are compared
+            step = np.abs(np.diff(values, axis=0)).max(axis=0)
+            height = values.max(axis=0) - self.backgrounds[at]
             alias = np.where(step > HARD_EDGE_STEP * height, HARD_EDGE_ALIAS, CLIPPING_ALIAS)
             end = clipped[at] / 2
             weight = end * np.exp(-0.5 * (end / sigma) ** 2)
