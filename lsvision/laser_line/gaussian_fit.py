@@ -8,7 +8,7 @@ halo of scattered light, it is not fitted.
 """
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,8 @@ from lsvision.statistics.robust import median
 
 GAUSS_NEWTON_ITERATIONS = 15
 """Largest number of damped Gauss-Newton steps: 3 to 5 are usual, 7 where pixels are clipped."""
+USUAL_ITERATIONS = 7
+"""Steps after which the finished fits of clipped stripes are judged: most have converged then."""
 CONVERGED_STEP_PX = 1e-4
 """Step of position and width below which a fit has converged: the next one is far smaller. Units:
 px."""
@@ -95,43 +97,111 @@ def locate_by_gaussian_fit(windows: Windows, start: Stripes, variances: FloatArr
     initial = start.pixels[usable, 1] - fitted.centre_rows
     initial_widths = start.sigmas[usable]
     guess = np.stack([np.ones_like(heights), initial, initial_widths, fitted.backgrounds])
-    parameters, step, std = _fit_gaussians(fitted, guess, variances)
-    height, position, width, _ = parameters
-    width_ratio = width / initial_widths
-    good = (height > 0) & (np.abs(position - initial) < MAX_SHIFT_PX)
-    good &= (width_ratio > SIGMA_RATIO_RANGE[0]) & (width_ratio < SIGMA_RATIO_RANGE[1])
-    max_step = np.where(clipped, MAX_CLIPPED_LAST_STEP_STDS, MAX_LAST_STEP_STDS) * std
-    converged = np.abs(step) <= np.maximum(max_step, CONVERGED_STEP_PX)
-    fits = converged & _flanks_have_light(fitted, noise) & (width >= MIN_FITTED_WIDTH_PX)
-    if not _are_gaussians(fitted, parameters, noise, clipped & good & fits):
-        fits &= ~clipped
-    weights = _position_weights(fitted, position, width, variances)
-    std *= np.sqrt(_weighted_mean(noise / variances, weights))
-    skew = ((fitted.offsets - position[:, None]) / width[:, None]) ** 2 - 3
+    unknown = np.full(len(heights), np.inf)
+    fits = _Fits(guess, unknown, unknown, np.full(len(heights), True))
+    fits = _fit_gaussians(fitted, fits, variances, USUAL_ITERATIONS)
+    if clipped.all() and _rest_cannot_be_gaussians(fitted, fits, guess, noise):
+        return stripes.replace_at(np.flatnonzero(usable), start.select(usable))
+    remaining = GAUSS_NEWTON_ITERATIONS - USUAL_ITERATIONS
+    fits = _fit_gaussians(fitted, fits, variances, remaining)
+    good, valid = _near_start(fits, guess), _are_valid(fitted, fits, noise)
+    if not _are_gaussians(_misfits(fitted, fits, noise, clipped & good & valid)):
+        valid &= ~clipped
+    found = _stripes_of(fitted, fits, noise, variances)
+    found = replace(found, heights=heights * found.heights).select(good & valid)
+    stripes = stripes.replace_at(np.flatnonzero(usable)[good & valid], found)
+    kept = usable.copy()
+    kept[usable] = ~valid
+    return stripes.replace_at(np.flatnonzero(kept), start.select(kept))
+
+
+@dataclass(frozen=True, eq=False)
+class _Fits:
+    """Fits of n Gaussians, in units of the heights of the stripes that they start from.
+
+    Parameters
+    ----------
+    parameters : (4, n) ndarray
+        A, m (in px from the central pixel), q (in px) and B.
+    last_step, std : (n,) ndarray
+        Last change of m, and its standard deviation. Units: px.
+    moving : (n,) ndarray of bool
+        Whether a fit has not converged.
+    """
+
+    parameters: FloatArray
+    last_step: FloatArray
+    std: FloatArray
+    moving: BoolArray
+
+
+def _stripes_of(windows: Windows, fits: _Fits, noise: FloatArray, variances: FloatArray) -> Stripes:
+    """Return the fits as n stripes, with heights relative to those that they start from.
+
+    `variances` (n, w) are those by which the fits were weighted, `noise` those of the pixels.
+    """
+    height, position, width, _ = fits.parameters
+    weights = _position_weights(windows, position, width, variances)
+    std = fits.std * np.sqrt(_weighted_mean(noise / variances, weights))
+    skew = ((windows.offsets - position[:, None]) / width[:, None]) ** 2 - 3
+    clipped = windows.saturated.any(axis=1)
     shifts = np.where(clipped, _weighted_mean(skew, weights) / (6 * width**2), np.nan)
-    pixels = np.column_stack([fitted.columns, fitted.centre_rows + position])
-    found = Stripes(pixels, std, heights * height, width, shifts).select(good & fits)
-    stripes = stripes.replace_at(np.flatnonzero(usable)[good & fits], found)
-    at = np.flatnonzero(usable)[~fits]
-    return stripes.replace_at(at, start.select(at))
+    pixels = np.column_stack([windows.columns, windows.centre_rows + position])
+    return Stripes(pixels, std, height, width, shifts)
 
 
-def _are_gaussians(
-    windows: Windows, parameters: FloatArray, noise: FloatArray, which: BoolArray
-) -> bool:
-    """Return whether noise explains the residuals of most fits of a mask (n,); True for no fits.
+def _near_start(fits: _Fits, initial: FloatArray) -> BoolArray:
+    """Return whether each fit (n,) has stayed near its start, the parameters `initial` (4, n)."""
+    height, position, width, _ = fits.parameters
+    ratio = width / initial[2]
+    near = (height > 0) & (np.abs(position - initial[1]) < MAX_SHIFT_PX)
+    near &= (ratio > SIGMA_RATIO_RANGE[0]) & (ratio < SIGMA_RATIO_RANGE[1])
+    return np.asarray(near)
+
+
+def _are_valid(windows: Windows, fits: _Fits, noise: FloatArray) -> BoolArray:
+    """Return whether each fit (n,) has converged to a stripe with flanks, not too narrow a one."""
+    clipped = windows.saturated.any(axis=1)
+    max_step = np.where(clipped, MAX_CLIPPED_LAST_STEP_STDS, MAX_LAST_STEP_STDS) * fits.std
+    converged = np.abs(fits.last_step) <= np.maximum(max_step, CONVERGED_STEP_PX)
+    wide = fits.parameters[2] >= MIN_FITTED_WIDTH_PX
+    valid: BoolArray = converged & wide & _flanks_have_light(windows, noise)
+    return valid
+
+
+def _misfits(windows: Windows, fits: _Fits, noise: FloatArray, which: BoolArray) -> FloatArray:
+    """Return the mean squares (k,) of the residuals over their noise, of the fits of a mask (n,).
 
     `values` of the windows are relative to the heights, and so are the variances `noise`.
     """
-    if not which.any():
-        return True
     windows, noise = windows.select(which), noise[which]
-    height, position, width, background = parameters[:, which, None]
+    height, position, width, background = fits.parameters[:, which, None]
     x = (windows.offsets - position) / width
     residuals = windows.values - height * np.exp(-0.5 * x**2) - background
-    free = np.maximum((~windows.saturated).sum(axis=1) - len(parameters), 1)
+    free = np.maximum((~windows.saturated).sum(axis=1) - len(fits.parameters), 1)
     relative = np.where(windows.saturated, 0.0, residuals**2 / (noise + TOLERATED_RESIDUAL**2))
-    return math.sqrt(median(relative.sum(axis=1) / free)) < MAX_MISFIT
+    misfits: FloatArray = relative.sum(axis=1) / free
+    return misfits
+
+
+def _are_gaussians(misfits: FloatArray) -> bool:
+    """Return whether noise explains the residuals of most fits, by `_misfits`; True for none."""
+    return not len(misfits) or math.sqrt(median(misfits)) < MAX_MISFIT
+
+
+def _rest_cannot_be_gaussians(
+    windows: Windows, fits: _Fits, initial: FloatArray, noise: FloatArray
+) -> bool:
+    """Return whether clipped stripes are no Gaussians, whatever the unfinished fits will yield.
+
+    False if all fits have finished.
+    """
+    unfinished = np.count_nonzero(fits.moving)
+    if not unfinished:
+        return False
+    which = ~fits.moving & _near_start(fits, initial) & _are_valid(windows, fits, noise)
+    misfits = _misfits(windows, fits, noise, which)
+    return not _are_gaussians(np.append(misfits, np.zeros(unfinished)))
 
 
 def _flanks_have_light(windows: Windows, variances: FloatArray) -> BoolArray:
@@ -173,34 +243,33 @@ def _weighted_mean(values: FloatArray, weights: FloatArray) -> FloatArray:
     return mean
 
 
-def _fit_gaussians(
-    windows: Windows, initial: FloatArray, variances: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the parameters A, m, q, B (4, n) of the fits, the last step and the std of m (n,).
-
-    `initial` (4, n) are the parameters to start from. A fit ends once it has converged.
-    """
-    weights = np.ascontiguousarray(np.where(windows.saturated, 0.0, 1 / variances).T)
-    values = np.ascontiguousarray(windows.values.T)
+def _fit_gaussians(windows: Windows, fits: _Fits, variances: FloatArray, iterations: int) -> _Fits:
+    """Continue the moving ones of fits, each until it has converged, by at most `iterations`."""
+    moving = np.flatnonzero(fits.moving)
+    if not len(moving):
+        return fits
+    weights = np.where(windows.saturated.T, 0.0, 1 / variances.T).take(moving, axis=1)
+    values = windows.values.T.take(moving, axis=1)
     sums = np.stack([weights.sum(axis=0), np.einsum("wn,wn->n", weights, values)])
     powers = windows.offsets.astype(np.float64) ** np.arange(5)[:, None]
-    parameters, last_step, std = initial.copy(), *np.full((2, initial.shape[1]), np.inf)
-    moving = np.arange(initial.shape[1])
-    for _ in range(GAUSS_NEWTON_ITERATIONS):
-        current = parameters[:, moving]
+    parameters, last_step, std = fits.parameters.copy(), fits.last_step.copy(), fits.std.copy()
+    for _ in range(iterations):
+        if not len(moving):
+            break
+        current = parameters.take(moving, axis=1)
         step, std[moving] = _gauss_newton_step(powers, values, weights, sums, current)
         parameters[:, moving] = changed = _change_logarithm(current, step)
         moved = np.abs(changed - current)[1:3]
         last_step[moving] = moved[0]
         unfinished = np.flatnonzero(~(moved < CONVERGED_STEP_PX).all(axis=0))
-        if not len(unfinished):
-            break
         if len(unfinished) < len(moving):
             moving = moving[unfinished]
             values, weights, sums = (
                 array.take(unfinished, axis=1) for array in (values, weights, sums)
             )
-    return parameters, last_step, std
+    still_moving = np.zeros(len(std), dtype=bool)
+    still_moving[moving] = True
+    return _Fits(parameters, last_step, std, still_moving)
 
 
 def _gauss_newton_step(

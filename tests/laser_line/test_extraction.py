@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import curve_fit
 
+from lsvision.laser_line import gaussian_fit
 from lsvision.laser_line.extraction import LineSettings, extract_laser_line
 from lsvision.laser_line.line_image import prepare_line_image
 from lsvision.laser_line.noise import estimate_pixel_noise
@@ -127,6 +128,27 @@ def test_an_overexposed_line_has_no_columns_far_beyond_the_std_of_their_fit():
         errors.append((line.pixels[:, 1] - truth) / line.std)
     assert np.isfinite(errors).mean() > 0.99
     assert np.nanmean(np.power(errors, 4)) < 6  # 3 for normal errors
+
+
+@pytest.mark.parametrize("usual_iterations", [3, gaussian_fit.USUAL_ITERATIONS])
+def test_fits_that_end_early_because_no_gaussian_fits_change_nothing(usual_iterations, monkeypatch):
+    # In speckle the clipped stripes are no Gaussians, and their fits take the most steps.
+    image, steps, change = cluttered(1).image, [], gaussian_fit._change_logarithm
+
+    def counted(parameters, step):
+        steps.append(len(step))
+        return change(parameters, step)
+
+    monkeypatch.setattr(gaussian_fit, "_change_logarithm", counted)
+    monkeypatch.setattr(gaussian_fit, "USUAL_ITERATIONS", usual_iterations)
+    line, taken = extract_laser_line(image), len(steps)
+    monkeypatch.setattr(gaussian_fit, "USUAL_ITERATIONS", gaussian_fit.GAUSS_NEWTON_ITERATIONS)
+    assert extract_laser_line(image) == line
+    assert line.saturated.any()
+    assert usual_iterations <= taken <= gaussian_fit.GAUSS_NEWTON_ITERATIONS
+    if usual_iterations == gaussian_fit.USUAL_ITERATIONS:
+        assert taken == usual_iterations
+    assert len(steps) - taken == gaussian_fit.GAUSS_NEWTON_ITERATIONS
 
 
 @pytest.mark.parametrize("peak", [180, 400, 1200])
