@@ -102,7 +102,8 @@ def correct_line_blur(
     thickening = None
     if sheet_growth is not None:
         along_sheet = line.pixels[:, [1 - across, across]] @ sheet
-        thickening = 2 * sheet_growth * (along_sheet - np.nanmedian(along_sheet))
+        middle = median(along_sheet[~np.isnan(along_sheet)])
+        thickening = 2 * sheet_growth * (along_sheet - middle)
     # A colour mosaic has a point in every second column: all lengths in steps between points.
     steps = np.diff(line.pixels[:, 1 - across])
     pitch = median(steps[np.isfinite(steps)])

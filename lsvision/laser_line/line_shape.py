@@ -63,7 +63,8 @@ def compute_line_shape(rows: FloatArray, light: FloatArray, relative_std: FloatA
     """
     log_light = np.log(light)
     steps = np.diff(log_light)
-    before, after = np.append(steps[0], steps), np.append(steps, steps[-1])
+    padded = np.concatenate([steps[:1], steps, steps[-1:]])
+    before, after = padded[:-1], padded[1:]
     local_fade = (before + after) / 2
     factor = mad_std(np.diff(steps) / relative_std[1:-1])
     noise = factor / np.sqrt(6) * relative_std  # 6: the variance of a second difference
@@ -96,7 +97,9 @@ def _smooth_runs(smooth: BoolArray) -> tuple[BoolArray, IntArray]:
 
     The spans (k, 2) are the first and the last index of each run.
     """
-    changes = np.flatnonzero(np.diff(smooth, prepend=False, append=False))
+    padded = np.zeros(len(smooth) + 2, dtype=bool)
+    padded[1:-1] = smooth
+    changes = np.flatnonzero(padded[1:] != padded[:-1])
     spans = changes.reshape(-1, 2) - np.array([0, 1])
     spans = spans[spans[:, 1] - spans[:, 0] >= WINDOW - 1]
     steps = np.zeros(len(smooth) + 1, np.int8)

@@ -168,13 +168,15 @@ def _links(
         near = np.flatnonzero(np.abs(rise) <= settings.max_row_step * step)
         first, second, rise = first.take(near), second.take(near), rise.take(near)
         if step > 1:
-            turn, onward = next_rise[first] - rise / step, rise - next_rise[first]
+            next_of_first = next_rise.take(first)
+            turn, onward = next_of_first - rise / step, rise - next_of_first
             added = settings.slope_cost * step / (step - 1) * turn**2
-            kept = (added >= saved[first]) | (np.abs(onward) > settings.max_row_step * (step - 1))
-            first, second, rise = first[kept], second[kept], rise[kept]
+            needed = np.abs(onward) > settings.max_row_step * (step - 1)
+            kept = np.flatnonzero((added >= saved.take(first)) | needed)
+            first, second, rise = first.take(kept), second.take(kept), rise.take(kept)
         if step == 1:
             next_rise[first], saved[first] = rise, empty_cost - candidate_costs[second]
-        cost = settings.slope_cost * rise**2 / step + candidate_costs[second]
+        cost = settings.slope_cost * rise**2 / step + candidate_costs.take(second)
         links.append((first, second, cost + empty_cost * (step - 1)))
     starts, stops, costs = (np.concatenate(each) for each in zip(*links, strict=True))
     return starts, stops, costs
@@ -185,7 +187,7 @@ def _pairs(column_starts: IntArray, columns: IntArray) -> tuple[IntArray, IntArr
     low = column_starts[columns]
     counts = column_starts[columns + 1] - low
     first = np.repeat(np.arange(len(low)), counts)
-    second = np.arange(len(first)) + (low - np.cumsum(counts) + counts)[first]
+    second = np.arange(len(first)) + np.repeat(low - np.cumsum(counts) + counts, counts)
     return first, second
 
 

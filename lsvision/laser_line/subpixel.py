@@ -12,6 +12,7 @@ Steger's ridge
 
 import itertools
 import math
+from functools import lru_cache
 
 import numpy as np
 
@@ -131,18 +132,25 @@ def _tail_factors(
 
     if len(offsets) <= 2 * END_PIXELS:  # the whole window is background
         return np.ones_like(width_ratio), np.ones_like(width_ratio)
-    widths = sigma * np.linspace(*TABULATED_WIDTHS)
-    ends = np.concatenate([offsets[:END_PIXELS], offsets[-END_PIXELS:]])
-    tails = np.exp(-0.5 * (ends[:, None] / widths) ** 2).mean(axis=0)
-    kept = 1 - tails * np.hypot(sigma, widths) / widths
-    ratios = sigma**2 / (sigma**2 + widths**2) / kept
-    apparent_widths = sigma * np.sqrt(1 / ratios - 1)
+    ratios, width_factors, light_factors = _tabulated_factors(len(offsets) // 2, sigma)
     found = np.isfinite(width_ratio)
     smooth = np.ones_like(width_ratio)
     if found.any():
         smooth[found] = median_filter(width_ratio[found], MEDIAN_SPAN, mode="nearest")
-    width_factor = np.interp(smooth, ratios[::-1], (widths / apparent_widths)[::-1])
-    return width_factor, np.interp(smooth, ratios[::-1], 1 / kept[::-1])
+    width_factor = np.interp(smooth, ratios, width_factors)
+    return width_factor, np.interp(smooth, ratios, light_factors)
+
+
+@lru_cache
+def _tabulated_factors(half_width: int, sigma: float) -> tuple[FloatArray, ...]:
+    """Return ascending ratios of widths (k,) with the factors of `_tail_factors` for each."""
+    widths = sigma * np.linspace(*TABULATED_WIDTHS)
+    ends = np.arange(half_width - END_PIXELS + 1, half_width + 1)
+    tails = np.exp(-0.5 * (ends[:, None] / widths) ** 2).mean(axis=0)
+    kept = 1 - tails * np.hypot(sigma, widths) / widths
+    ratios = sigma**2 / (sigma**2 + widths**2) / kept
+    apparent_widths = sigma * np.sqrt(1 / ratios - 1)
+    return ratios[::-1], (widths / apparent_widths)[::-1], 1 / kept[::-1]
 
 
 def _tilt(offsets: IntArray, position: FloatArray, sigma: float) -> FloatArray:
