@@ -358,7 +358,8 @@ def _solve(system: FloatArray) -> FloatArray:
     """Return the solutions (k, j, n) of n positive definite systems, matrix beside right sides."""
     size = len(system)
     for k in range(size):
-        row = system[k, k:] / system[k, k]
-        system[:, k:] -= system[:, k, None] * row
-        system[k, k:] = row
+        # Columns up to k are those of the unit matrix by now: nobody reads them.
+        row = system[k, k + 1 :] / system[k, k]
+        system[:, k + 1 :] -= system[:, k, None] * row
+        system[k, k + 1 :] = row
     return system[:, size:]
