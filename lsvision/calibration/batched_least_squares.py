@@ -9,7 +9,18 @@ from lsvision.calibration.rotations import find_nearest_rotations, rotations_fro
 from lsvision.geometry import FloatArray, IntArray
 
 MAX_STEPS = 40
-"""Maximum number of iterations."""
+"""Maximum number of iterations: one that has not converged by then keeps a high cost."""
+INITIAL_DAMPING, MIN_DAMPING, MAX_DAMPING = 1e-3, 1e-12, 1e9
+"""Damping added to the diagonal of the normal equations, which is scaled to 1: in the first step,
+and its bounds."""
+DAMPING_DECREASE, DAMPING_INCREASE = 5.0, 6.0
+"""Divisor of the damping after a step that decreased the cost, factor on it after another."""
+CONVERGED_DAMPING = 1e8
+"""Damping above which no step decreases the cost: the solution has converged."""
+RIDGE = 1e-13
+"""Part of the diagonal, scaled to 1, that keeps a singular system solvable at any damping."""
+MIN_DIAGONAL = 1e-12
+"""Smallest diagonal element that is divided by: that of an unknown that no pose determines."""
 BLOCK_STATES = 300
 """Number of initial guesses solved at once: the arrays of thousands leave the processor's cache."""
 RELATIVE_COST_TOLERANCE = 1e-10
@@ -18,7 +29,8 @@ PERFECT_COST = 1e-20
 """Cost below which there is nothing to improve: data without noise."""
 
 SEARCH_ROBOT_STD_MM = 0.2
-"""Standard deviation of the robot that is assumed in the search. Units: mm."""
+"""Standard deviation of the robot that is assumed in the search, before one can be estimated: an
+average six-axis arm. Units: mm."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,10 +58,10 @@ def solve_least_squares(
     a pose. The solutions are in the order of the guesses; one that did not converge keeps a high
     cost.
     """
-    starts = range(BLOCK_STATES, len(states), BLOCK_STATES)
+    boundaries = range(BLOCK_STATES, len(states), BLOCK_STATES)
     blocks = [
         _solve_block(observations, states.select(block), _rows(whitening, block), max_steps)
-        for block in np.split(np.arange(len(states)), starts)
+        for block in np.split(np.arange(len(states)), boundaries)
     ]
     rotations, translations, targets, costs = (
         np.concatenate(arrays) for arrays in zip(*blocks, strict=True)
@@ -61,7 +73,7 @@ def _solve_block(
     observations: Observations, states: States, whitening: FloatArray, max_steps: int
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return rotations, translations, targets and costs of the solutions; changes `states`."""
-    damping = np.full(len(states), 1e-3)
+    damping = np.full(len(states), INITIAL_DAMPING)
     system = _whitened_system(observations, states, whitening)
     active = np.arange(len(states))
     for _ in range(max_steps):
@@ -70,9 +82,8 @@ def _solve_block(
         trial = _apply_steps(observations, states.select(active), steps)
         trial_system = _whitened_system(observations, trial, _rows(whitening, active))
         improved = trial_system[2] < costs
-        damping[active] = np.clip(
-            np.where(improved, damping[active] / 5, damping[active] * 6), 1e-12, 1e9
-        )
+        factors = np.where(improved, 1 / DAMPING_DECREASE, DAMPING_INCREASE)
+        damping[active] = np.clip(damping[active] * factors, MIN_DAMPING, MAX_DAMPING)
         updated = active[improved]
         _replace(states, updated, trial.select(np.flatnonzero(improved)))
         for array, trial_array in zip(system, trial_system, strict=True):
@@ -80,7 +91,7 @@ def _solve_block(
         decrease = np.where(improved, costs - trial_system[2], np.inf)
         converged = (
             (decrease <= RELATIVE_COST_TOLERANCE * costs)
-            | (damping[active] > 1e8)
+            | (damping[active] > CONVERGED_DAMPING)
             | (costs < PERFECT_COST)
         )
         active = active[~converged]
@@ -141,7 +152,7 @@ def prior_jacobian_and_residuals(
     jacobian[:, range(size), range(6, 6 + size)] = np.tile(weights, groups)
     if not weights.any():
         return jacobian, np.zeros((count, size))
-    # A target with a prior is described by its step coordinates.
+    # Targets with a prior are those whose numbers are their step coordinates.
     return jacobian, ((states.targets - mean) * weights).reshape(count, size)
 
 
@@ -160,11 +171,11 @@ def _damped_steps(jacobian: FloatArray, residual: FloatArray, damping: FloatArra
     transposed = np.swapaxes(jacobian, -1, -2)
     gram = transposed @ jacobian
     size = gram.shape[-1]
-    diagonal = np.maximum(np.einsum("sii->si", gram), 1e-12)
+    diagonal = np.maximum(np.einsum("sii->si", gram), MIN_DIAGONAL)
     # Scaled to a unit diagonal: columns in mm and rad would make the matrix ill-conditioned.
     scale = 1 / np.sqrt(diagonal)
     gram = gram * scale[:, :, None] * scale[:, None, :]
-    gram[:, range(size), range(size)] += damping[:, None] + 1e-13
+    gram[:, range(size), range(size)] += damping[:, None] + RIDGE
     steps = np.linalg.solve(gram, -(transposed @ residual[..., None]) * scale[..., None])
     damped: FloatArray = steps[..., 0] * scale
     return damped

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from lsvision.calibration.board_shape import SHAPE_TERMS, BoardShape
-from lsvision.calibration.camera_uncertainty import intrinsics_jacobian
+from lsvision.calibration.camera_uncertainty import free_intrinsics_jacobian
 from lsvision.calibration.target import TargetView
 from lsvision.geometry import BoolArray, FloatArray, Pose
 from lsvision.sensors.camera import Camera
@@ -69,16 +69,16 @@ def fit_bent_board(
     from the residuals.
     """
     shape = BoardShape.of(np.concatenate([view.points for view in views]))
-    transfer = intrinsics_jacobian(camera, free)
-    problem = _Problem(views, shape, transfer)
+    free_jacobian = free_intrinsics_jacobian(camera, free)
+    problem = _Problem(views, shape, free_jacobian)
     state, normal = _minimise(problem, _State.of(camera, poses))
     dof = 2 * sum(len(view.points) for view in views) - 6 * len(views) - len(normal.reduced)
     covariance = invert_normal_matrix(normal.reduced) * (normal.chi2 / max(dof, 1))
-    free_intrinsics = transfer.shape[1]
+    free_intrinsics = free_jacobian.shape[1]
     return BentBoardFit(
         state.camera(camera),
         [Pose(cv2.Rodrigues(vector[:3])[0], vector[3:]) for vector in state.poses],
-        transfer @ covariance[:free_intrinsics, :free_intrinsics] @ transfer.T,
+        free_jacobian @ covariance[:free_intrinsics, :free_intrinsics] @ free_jacobian.T,
         shape,
         state.bow,
         np.sqrt(covariance.diagonal()[free_intrinsics:]),
@@ -146,16 +146,16 @@ class _NormalEquations:
 class _Problem:
     """Least-squares problem in pixels.
 
-    `transfer` is the Jacobian (4 + k, m) of all intrinsics by the m free ones.
+    `free_jacobian` is the Jacobian (4 + k, m) of all intrinsics by the m free ones.
     """
 
     views: Sequence[TargetView]
     shape: BoardShape
-    transfer: FloatArray
+    free_jacobian: FloatArray
 
     def linearise(self, state: _State) -> _NormalEquations:
         """Return the normal equations at a state."""
-        size = self.transfer.shape[1] + SHAPE_TERMS
+        size = self.free_jacobian.shape[1] + SHAPE_TERMS
         reduced, gradient, pose_equations, chi2 = np.zeros((size, size)), np.zeros(size), [], 0.0
         for view, vector in zip(self.views, state.poses, strict=True):
             pose_jacobian, common_jacobian, error = self._linearise_view(state, view, vector)
@@ -180,7 +180,7 @@ class _Problem:
         )
         height_jacobian = jacobian[:, 3:6] @ cv2.Rodrigues(vector[:3])[0][:, 2]
         terms = np.repeat(self.shape.terms(view.points[:, :2]), 2, axis=0)
-        intrinsics_jacobian = jacobian[:, 6 : 6 + len(state.intrinsics)] @ self.transfer
+        intrinsics_jacobian = jacobian[:, 6 : 6 + len(state.intrinsics)] @ self.free_jacobian
         common_jacobian = np.column_stack([intrinsics_jacobian, height_jacobian[:, None] * terms])
         error = view.pixels.ravel() - np.asarray(projected).ravel()
         return jacobian[:, :6], common_jacobian, error
@@ -188,8 +188,8 @@ class _Problem:
     def apply_step(self, state: _State, step: tuple[FloatArray, FloatArray]) -> _State:
         """Return the state after a step of the common parameters and of the poses (v, 6)."""
         common_step, pose_steps = step
-        free_intrinsics = self.transfer.shape[1]
-        intrinsics = state.intrinsics + self.transfer @ common_step[:free_intrinsics]
+        free_intrinsics = self.free_jacobian.shape[1]
+        intrinsics = state.intrinsics + self.free_jacobian @ common_step[:free_intrinsics]
         bow = state.bow + common_step[free_intrinsics:]
         return _State(intrinsics, state.poses + pose_steps, bow)
 

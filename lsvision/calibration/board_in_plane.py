@@ -12,7 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.calibration.board_pose import estimate_board_pose, guess_camera_from_board
+from lsvision.calibration.board_pose import (
+    DEFAULT_FOCAL_RATIO,
+    estimate_board_pose,
+    guess_camera_from_board,
+)
 from lsvision.calibration.target import Target, TargetView, board_homography, find_target
 from lsvision.calibration.views import require_size, rms_distance
 from lsvision.errors import DegenerateGeometry
@@ -22,11 +26,9 @@ from lsvision.results.result import Result
 from lsvision.sensors.camera import Camera
 from lsvision.sensors.light_section import LightSection
 
-DEFAULT_FOCAL_LENGTH = 1.2
-"""Focal length in image widths that is assumed where the image does not determine it."""
 MAX_FOCAL_LENGTH_FACTOR = 4.0
-"""Factor by which an estimated focal length differs from the default at most; beyond it, as for a
-board parallel to the image, it is taken as not determined."""
+"""Factor by which an estimated focal length differs from the default one at most; beyond it, as for
+a board parallel to the image, it is taken as not determined."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -166,7 +168,7 @@ def _camera_centre(homography: FloatArray, view: TargetView) -> FloatArray:
     A = np.array([a1 * a2 + b1 * b2, a1**2 + b1**2 - a2**2 - b2**2])
     C = np.array([c1 * c2, c1**2 - c2**2])
     inverse_square = -float(A @ C) / max(float(A @ A), 1e-300)
-    focal = DEFAULT_FOCAL_LENGTH * width
+    focal = DEFAULT_FOCAL_RATIO * width
     estimate = inverse_square**-0.5 if inverse_square > 0 else math.inf
     if 1 / MAX_FOCAL_LENGTH_FACTOR < estimate / focal < MAX_FOCAL_LENGTH_FACTOR:
         focal = estimate

@@ -22,12 +22,16 @@ MIN_CORNERS = 6
 """Smallest number of corners of a pose: three determine it, and the residuals of the others its
 covariance."""
 
+DEFAULT_FOCAL_RATIO = 1.2
+"""Focal length, relative to the image's width, of a camera that is not calibrated: a field of view
+of 45 deg. If it is 30 to 60 deg, a tilt of 20 deg is estimated as 13 to 27 deg."""
+
 MIN_SPREAD_RATIO = 1e-3
-"""Smallest ratio of the second to the first singular value of corners that do not lie on one line.
-"""
+"""Smallest ratio of the spread (singular value) of corners across their main direction to that
+along it; below, they count as lying on one line, which does not determine a pose."""
 
 STOPPING_CRITERIA = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 200, 1e-12)
-"""Of OpenCV's refinement of a pose: maximum number of iterations, and smallest relative change. Its
+"""Maximum number of iterations, and smallest relative change, of OpenCV's refinement of a pose. Its
 own 20 iterations are too few for small boards, whose minimum is a curved valley."""
 
 COVARIANCE_FLOOR = 1e-14

@@ -22,7 +22,7 @@ class BoardShape:
 
     Parameters
     ----------
-    middle, half : (2,) ndarray
+    middle, half_extent : (2,) ndarray
         Middle and half of the extent of the corners, board plane. Units: mm.
 
     Examples
@@ -33,7 +33,7 @@ class BoardShape:
     """
 
     middle: FloatArray
-    half: FloatArray
+    half_extent: FloatArray
 
     @classmethod
     def of(cls, corners: Points) -> "BoardShape":
@@ -43,7 +43,7 @@ class BoardShape:
 
     def terms(self, points: Points) -> FloatArray:
         """Return the derivatives (n, 3) of the heights at points (n, 2) by the parameters."""
-        scaled = (points - self.middle) / self.half
+        scaled = (points - self.middle) / self.half_extent
         return np.column_stack([1 - scaled**2, scaled.prod(axis=1)])
 
     def heights(self, points: Points, parameters: FloatArray) -> FloatArray:
@@ -52,9 +52,9 @@ class BoardShape:
 
     def slopes(self, points: Points, parameters: FloatArray) -> FloatArray:
         """Return dz/dx and dz/dy of the board at points (n, 2)."""
-        scaled = (points - self.middle) / self.half
+        scaled = (points - self.middle) / self.half_extent
         scaled_slopes = -2 * parameters[:2] * scaled + parameters[2] * scaled[:, ::-1]
-        slopes: FloatArray = scaled_slopes / self.half
+        slopes: FloatArray = scaled_slopes / self.half_extent
         return slopes
 
     def bend(self, corners: Points, parameters: FloatArray) -> Points:
@@ -64,14 +64,14 @@ class BoardShape:
         return bent
 
 
-def determine_shape(corners: Points) -> bool:
+def is_shape_determined(corners: Points) -> bool:
     """Return whether corners (n, 3) determine all parameters: not those of two rows or columns."""
     terms = BoardShape.of(corners).terms(corners[:, :2])
     return bool(np.linalg.matrix_rank(terms) == SHAPE_TERMS)
 
 
-def bow_warning(parameters: FloatArray, std: FloatArray) -> list[str]:
-    """Return a warning about a board that is not flat; an empty list if it may be flat.
+def bow_warnings(parameters: FloatArray, std: FloatArray) -> list[str]:
+    """Return the warning about a board that is not flat, in a list; empty if it may be flat.
 
     `parameters` and `std` (3,) are bow along x, along y, and twist, with standard deviations, in
     mm.

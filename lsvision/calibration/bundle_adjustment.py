@@ -29,8 +29,8 @@ HUBER_THRESHOLD = 3.0
 """Normalised residual above which the Huber loss is linear, which limits the influence of a bad
 view."""
 
-GROUPS, MIN_GROUP_SIZE = 4, 40
-"""Number of groups of line points by predicted std, and smallest size of one."""
+MAX_GROUPS, MIN_GROUP_SIZE = 4, 40
+"""Largest number of groups of line points by predicted std, and smallest size of one."""
 
 LINE_DOWNWEIGHTING = 1e4
 """Factor on the line's std with which the corners alone determine camera and boards."""
@@ -113,8 +113,8 @@ def adjust_bundle(
         corner_fit.view_stds,
     )
     vector, information = _minimise(problem, 1e-9)
-    corner, line = problem.residuals_in_pixels(vector)
-    if not _is_consistent(corner, line, corner_fit):
+    corner_residuals, line_residuals = problem.residuals_in_pixels(vector)
+    if not _is_consistent(corner_residuals, line_residuals, corner_fit):
         if refinement.bow:
             # Where the line does not lie on the boards, it does not determine their bow.
             flat_boards = replace(corner_fit.state, bow=np.zeros(SHAPE_TERMS))
@@ -124,8 +124,8 @@ def adjust_bundle(
     covariance, bow_std = _plane_covariance_and_bow_std(problem, information)
     return BundleAdjustmentResult(
         problem.state(vector),
-        problem.split_corners(corner),
-        problem.split_lines(line),
+        problem.split_corners(corner_residuals),
+        problem.split_lines(line_residuals),
         covariance,
         bow_std,
         line_inconsistent=False,
@@ -168,15 +168,15 @@ def _fit_corners(
         [corner_std] * len(views),
     )
     vector, _ = _minimise(problem, 1e-6)
-    corner, line = problem.residuals_in_pixels(vector)
+    corner_residuals, line_residuals = problem.residuals_in_pixels(vector)
     # Poses, camera and bow absorb a part of the noise, a large one where there are few corners.
     fitted = problem.size - len(problem.plane_columns())
-    dof_factor = np.sqrt(corner.size / max(corner.size - fitted, 1))
+    dof_factor = np.sqrt(corner_residuals.size / max(corner_residuals.size - fitted, 1))
     return _CornerFit(
         problem.state(vector),
-        _mad_std(corner),
-        [dof_factor * _huber_std(values) for values in problem.split_corners(corner)],
-        estimate_line_noise(views, problem.split_lines(line)),
+        _mad_std(corner_residuals),
+        [dof_factor * _huber_std(values) for values in problem.split_corners(corner_residuals)],
+        estimate_line_noise(views, problem.split_lines(line_residuals)),
     )
 
 
@@ -185,13 +185,15 @@ def _with_line_stds(views: Sequence[LaserView], stds: Iterable[FloatArray]) -> l
     return [replace(view, line_std=std) for view, std in zip(views, stds, strict=True)]
 
 
-def _is_consistent(corner: Points, line: FloatArray, corner_fit: _CornerFit) -> bool:
+def _is_consistent(
+    corner_residuals: Points, line_residuals: FloatArray, corner_fit: _CornerFit
+) -> bool:
     """Return whether joint residuals in px are as small as those of corners and line alone."""
     # The second term is the noise of the ratio for few corners.
-    max_std_ratio = MAX_CORNER_STD_RATIO + 2 / np.sqrt(corner.size)
-    if _mad_std(corner) > corner_fit.std * max_std_ratio:
+    max_std_ratio = MAX_CORNER_STD_RATIO + 2 / np.sqrt(corner_residuals.size)
+    if _mad_std(corner_residuals) > corner_fit.std * max_std_ratio:
         return False
-    normalised = line / np.concatenate(corner_fit.line_noise.point_stds)
+    normalised = line_residuals / np.concatenate(corner_fit.line_noise.point_stds)
     return _mad_std(normalised) <= MAX_LINE_STD_RATIO
 
 
@@ -204,11 +206,11 @@ def _solve_plane_only(
     # Only for its residuals, in px: the standard deviation of the corners is not used.
     fixed = Refinement(camera=False, bow=False)
     problem = BundleAdjustmentProblem(views, state, fixed, [1.0] * len(views))
-    corner, line = problem.residuals_in_pixels(np.zeros(problem.size))
+    corner_residuals, line_residuals = problem.residuals_in_pixels(np.zeros(problem.size))
     return BundleAdjustmentResult(
         state,
-        problem.split_corners(corner),
-        problem.split_lines(line),
+        problem.split_corners(corner_residuals),
+        problem.split_lines(line_residuals),
         _cluster_robust_covariance(state, laser_points),
         np.zeros(SHAPE_TERMS),
         line_inconsistent=True,
@@ -345,7 +347,7 @@ def _deviations_from_trend(view: LaserView, residuals: FloatArray) -> FloatArray
 
 def _stds_by_predicted_std(predicted_stds: FloatArray, deviations: FloatArray) -> FloatArray:
     """Return the std of each point: that of the group with similar predicted std."""
-    groups = max(1, min(GROUPS, len(predicted_stds) // MIN_GROUP_SIZE))
+    groups = max(1, min(MAX_GROUPS, len(predicted_stds) // MIN_GROUP_SIZE))
     edges = np.quantile(predicted_stds, np.arange(1, groups) / groups)
     group = np.searchsorted(edges, predicted_stds)
     stds = np.empty(len(predicted_stds))

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from lsvision.calibration.board_pose import estimate_board_pose, pose_difference
-from lsvision.calibration.hand_eye_json import check_covariance
+from lsvision.calibration.covariance_check import check_covariance
 from lsvision.calibration.target import TargetView
 from lsvision.geometry import BoolArray, FloatArray, Pose
 from lsvision.sensors.camera import Camera
@@ -32,7 +32,7 @@ def intrinsics_covariance(
     parameter is not `free` (4 + k,). If fy is free and fx is not, fx is a fixed multiple of fy.
     Camera and poses (``camera_from_board``) are those calibrated from the views.
     """
-    transfer = intrinsics_jacobian(camera, free)
+    free_jacobian = free_intrinsics_jacobian(camera, free)
     information, chi2 = np.zeros((len(free), len(free))), 0.0
     for view, pose in zip(views, poses, strict=True):
         projected, jacobian = cv2.projectPoints(
@@ -44,13 +44,13 @@ def intrinsics_covariance(
         cross = pose_jacobian.T @ intrinsics_jacobians
         information -= cross.T @ np.linalg.solve(pose_jacobian.T @ pose_jacobian, cross)
         chi2 += float(((np.asarray(projected).reshape(-1, 2) - view.pixels) ** 2).sum())
-    reduced = transfer.T @ information @ transfer
+    reduced = free_jacobian.T @ information @ free_jacobian
     inverse = invert_normal_matrix(reduced)
     dof = 2 * sum(len(view.points) for view in views) - 6 * len(views) - len(reduced)
-    return transfer @ inverse @ transfer.T * (chi2 / max(dof, 1))
+    return free_jacobian @ inverse @ free_jacobian.T * (chi2 / max(dof, 1))
 
 
-def intrinsics_jacobian(camera: Camera, free: BoolArray) -> FloatArray:
+def free_intrinsics_jacobian(camera: Camera, free: BoolArray) -> FloatArray:
     """Return the Jacobian (4 + k, m) of all intrinsics by the m free intrinsics.
 
     If fy is free and fx is not, fx is a fixed multiple of fy.

@@ -14,11 +14,11 @@ RECOMMENDED_VIEWS = 10
 RECOMMENDED_TILT = np.radians(25.0)
 """A warning is given if no board's normal is tilted by more than this from the mean normal: the
 error of the focal length is twice as large at 15 deg, and ten times at 5 deg. Units: rad."""
-CELLS = 5
+CELLS_PER_SIDE = 5
 """Number of cells along each side of the image, by which the coverage by corners is measured."""
 RECOMMENDED_COVERAGE = 0.6
 """Fraction of the cells with corners below which a warning is given."""
-PLAUSIBLE_DISTANCE = (20.0, 20_000.0)
+PLAUSIBLE_DISTANCE_MM = (20.0, 20_000.0)
 """Range of plausible board distances; outside it the target's size was probably not given in mm.
 Units: mm."""
 MAX_ASPECT_DEVIATION = 0.02
@@ -62,10 +62,13 @@ def _view_warnings(count: int, tilt: float) -> list[str]:
 
 
 def covered_cells(size: tuple[int, int], views: Sequence[TargetView]) -> BoolArray:
-    """Return a (CELLS, CELLS) mask of the image's cells that contain a corner, top row first."""
+    """Return the mask of the image's cells that contain a corner, top row first.
+
+    Its shape is (CELLS_PER_SIDE, CELLS_PER_SIDE).
+    """
     pixels = np.concatenate([view.pixels for view in views])
-    u, v = np.floor(pixels / size * CELLS).clip(0, CELLS - 1).astype(int).T
-    covered = np.zeros((CELLS, CELLS), dtype=bool)
+    u, v = np.floor(pixels / size * CELLS_PER_SIDE).clip(0, CELLS_PER_SIDE - 1).astype(int).T
+    covered = np.zeros((CELLS_PER_SIDE, CELLS_PER_SIDE), dtype=bool)
     covered[v, u] = True
     return covered
 
@@ -85,7 +88,7 @@ def _scale_warnings(camera: Camera, poses: Sequence[Pose]) -> list[str]:
     """Return warnings about implausible distance or aspect ratio."""
     warnings = []
     distance = float(np.median([np.linalg.norm(pose.translation) for pose in poses]))
-    near, far = PLAUSIBLE_DISTANCE
+    near, far = PLAUSIBLE_DISTANCE_MM
     if not near < distance < far:
         warnings.append(
             f"the boards are {distance:.3g} mm from the camera, which is implausible: give the "

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.calibration.board_pose import guess_camera_from_board
-from lsvision.calibration.camera_warnings import CELLS, covered_cells
+from lsvision.calibration.board_pose import DEFAULT_FOCAL_RATIO, guess_camera_from_board
+from lsvision.calibration.camera_warnings import CELLS_PER_SIDE, covered_cells
 from lsvision.calibration.laser_line_on_board import LineOnBoardSettings, find_laser_view
 from lsvision.calibration.lens_blur import estimate_blur_from_views
 from lsvision.calibration.target import (
@@ -44,12 +44,10 @@ REQUESTED_TILT = np.radians(20.0)
 """Requested tilt of a hand-held board towards each of its four sides. Units: rad."""
 REQUESTED_DEPTH_RATIO = 1.15
 """Requested ratio of the farthest to the nearest distance of the board."""
-FOCAL_GUESS = 1.2
-"""Assumed focal length of a camera that is not calibrated yet, relative to the image's width: a
-field of view of 45 deg. If it is 30 to 60 deg, a tilt of 20 deg is estimated as 13 to 27 deg."""
-# Side of the board that is nearer, image axis along which its normal (z) is tilted, and sign.
 _SIDES = (("right", 0, 1), ("left", 0, -1), ("lower", 1, 1), ("upper", 1, -1))
+"""Side of the board that is nearer, image axis along which its normal (z) is tilted, and sign."""
 _ROWS, _COLUMNS = ("upper", "middle", "lower"), ("left", "middle", "right")
+"""Names of parts of the image, from top to bottom and from left to right."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -254,9 +252,9 @@ def missing_views(views: Sequence[TargetView], pairs: int) -> tuple[str, ...]:
 
 
 def rough_camera(size: tuple[int, int]) -> Camera:
-    """Return an approximate camera without distortion, of focal length `FOCAL_GUESS`."""
+    """Return an approximate camera without distortion, of `DEFAULT_FOCAL_RATIO`."""
     width, height = size
-    focal = FOCAL_GUESS * width
+    focal = DEFAULT_FOCAL_RATIO * width
     matrix = np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]])
     return Camera(matrix, np.zeros(0), size)
 
@@ -265,7 +263,7 @@ def _empty_areas(views: Sequence[TargetView]) -> list[str]:
     """Return the corners, sides and the middle of the image without any corner of a board."""
     covered = covered_cells(views[0].size, views)
     # Blocks of cells along a side: the first cell, all between, and the last cell.
-    blocks = np.array([0, *[1] * (CELLS - 2), 2])
+    blocks = np.array([0, *[1] * (CELLS_PER_SIDE - 2), 2])
     return [
         " ".join(dict.fromkeys((row_name, column_name)))
         for row, row_name in enumerate(_ROWS)

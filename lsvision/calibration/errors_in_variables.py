@@ -37,7 +37,7 @@ ROBOT_RATIO_PRIOR = 10.0
 """Standard deviation, as a factor, of the log-normal prior of the ratio of the robot's errors of
 position and orientation, about that of `NOMINAL_ROBOT_STD`."""
 MIN_COVARIANCE_DOF = 4.0
-"""Degrees of freedom of Student's t of which the variance of the variance becomes infinite."""
+"""Degrees of freedom up to which the variances mixed in Student's t have no finite variance."""
 MIN_VARIANCE = 1e-6
 """Smallest relative variance of a variance that is divided by."""
 LOG_LIKELIHOOD_CUTOFF = 12.0

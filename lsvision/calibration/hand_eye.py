@@ -16,9 +16,9 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.calibration.board_observations import BoardObservations
+from lsvision.calibration.covariance_check import check_covariance
 from lsvision.calibration.errors_in_variables import NOMINAL_ROBOT_STD, ErrorsInVariablesFit
 from lsvision.calibration.hand_eye_checks import estimate_board_scale
-from lsvision.calibration.hand_eye_json import check_covariance
 from lsvision.calibration.hand_eye_result import HandEye, HandEyeSettings
 from lsvision.calibration.hand_eye_solver import ResultContext, build_hand_eye, solve_hand_eye
 from lsvision.calibration.observations import Mounting, RejectedPose, Sphere, stack_flange_poses
@@ -40,9 +40,10 @@ EXACT_RADIUS_STD = 1e-4
 EXACT_BOARD_VARIANCE = 1e-12
 """Variance (mm^2, rad^2) of boards without stated covariances: the robot's is far larger."""
 MIN_SPHERE_POSES, MIN_KNOWN_SPHERE_POSES = 6, 5
-"""Smallest number of poses that show a sphere of unknown and of known radius, and of inliers."""
+"""Smallest number of poses that show a sphere of unknown and of known radius, and of inliers among
+them. Each gives a circle, three numbers; the sensor and the sphere have 11 or 10 unknowns."""
 MIN_PLANE_POSES, MIN_PLANE_INLIERS = 8, 6
-"""Smallest number of poses that show a plane, and of inliers among them."""
+"""Smallest number of poses that show a plane, and of inliers among them: each gives two numbers."""
 MIN_BOARD_POSES, MIN_BOARD_INLIERS = 4, 3
 """Smallest number of poses that show a board, and of inliers among them."""
 

@@ -72,7 +72,8 @@ def describe_residuals(residual_rms: float, robot_std: tuple[float, float]) -> s
 def describe_height_scale(scale: Scale, *, radius_is_given: bool) -> str:
     """Return the warning about wrong heights of a sensor, with the remedy."""
     factor, std = scale
-    radius = "the given radius (calibrate without it, it is estimated then), " * radius_is_given
+    given = "the given radius (calibrate without it, it is estimated then), "
+    radius = given if radius_is_given else ""
     return (
         f"the sensor's heights must be multiplied by {factor:.3f} +/- {std:.3f}: check {radius}"
         "their unit and the sensor's own calibration; away from the working point, positions and "

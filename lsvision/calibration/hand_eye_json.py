@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, get_args
 import numpy as np
 import numpy.typing as npt
 
+from lsvision.calibration.covariance_check import check_covariance
 from lsvision.calibration.observations import Mounting, RejectedPose, Sensor, Sphere
 from lsvision.errors import UnreadableFile
 from lsvision.files.atomic_files import write_atomic
@@ -23,13 +24,13 @@ if TYPE_CHECKING:
 HandEyeClass = TypeVar("HandEyeClass", bound="HandEye")
 
 SCHEMA = "lsvision/hand-eye/1"
+"""Name and version of the file's format."""
 MAX_VALUE = 1e9
 """Largest number of a hand-eye file: 1000 km, in mm; larger ones overflow later."""
 MIN_DEGREES_OF_FREEDOM = 2.0
-"""Degrees of freedom at which Student's t has no variance."""
-SYMMETRY_TOLERANCE = 1e-6
-"""Largest asymmetry or negative eigenvalue of a covariance, relative to its largest entry."""
+"""Degrees of freedom up to which Student's t has no variance."""
 UNITS = {"length": "mm", "angle": "rad", "covariance": "translation mm, left-hand rotation rad"}
+"""Units of the file's numbers, written into it."""
 
 
 def write_hand_eye(
@@ -168,33 +169,6 @@ def _check_numbers(hand_eye: "HandEye") -> None:
         )
 
 
-def check_covariance(covariance: npt.NDArray[np.float64]) -> None:
-    """Raise ValueError unless a matrix is finite, symmetric and positive semi-definite.
-
-    Rounding errors are tolerated.
-
-    Examples
-    --------
-    >>> check_covariance(np.diag([1.0, -1.0]))
-    Traceback (most recent call last):
-        ...
-    ValueError: expected a positive semi-definite covariance, got eigenvalues from -1 to 1
-    """
-    largest = float(np.abs(covariance).max(initial=0.0))
-    if not largest <= MAX_VALUE:
-        raise ValueError(f"expected covariances below {MAX_VALUE:g}, got {largest:g}")
-    asymmetry = float(np.abs(covariance - covariance.T).max(initial=0.0))
-    if asymmetry > SYMMETRY_TOLERANCE * largest:
-        raise ValueError(f"expected a symmetric covariance, got entries {asymmetry:.3g} apart")
-    eigenvalues = np.linalg.eigvalsh(covariance)
-    low, high = float(eigenvalues.min(initial=0.0)), float(eigenvalues.max(initial=0.0))
-    if low < -SYMMETRY_TOLERANCE * largest:
-        raise ValueError(
-            "expected a positive semi-definite covariance, got eigenvalues from "
-            f"{low:.3g} to {high:.3g}"
-        )
-
-
 def _scale_from_document(value: Any) -> tuple[float, float] | None:
     """Return a scale and its standard deviation; None where the file states none."""
     if value is None:
@@ -204,7 +178,7 @@ def _scale_from_document(value: Any) -> tuple[float, float] | None:
 
 
 def _dof_from_document(value: Any) -> float:
-    """Return the degrees of freedom; infinite where the file states none, as earlier ones."""
+    """Return the degrees of freedom; infinite where the file states none (older files)."""
     dof = math.inf if value is None else float(value)
     if not dof > MIN_DEGREES_OF_FREEDOM:
         raise ValueError(f"expected degrees_of_freedom above {MIN_DEGREES_OF_FREEDOM:g}, got {dof}")

@@ -23,7 +23,7 @@ from lsvision.calibration.hand_eye_checks import (
 from lsvision.calibration.hand_eye_json import read_hand_eye, write_hand_eye
 from lsvision.calibration.observations import Mounting, RejectedPose, Sensor, Sphere
 from lsvision.calibration.pose_outliers import OutlierSettings
-from lsvision.calibration.result_tables import cells_of_rows, hand_eye_record, hand_eye_rows
+from lsvision.calibration.result_tables import cells_from_rows, hand_eye_record, hand_eye_rows
 from lsvision.calibration.rotations import cross_matrices
 from lsvision.calibration.sphere_arc import SphereArcSettings
 from lsvision.geometry import FloatArray, Plane, Pose
@@ -288,8 +288,8 @@ class HandEye(Result):
             raise ValueError(f"expected a point of shape (3,) or (2,), got {coordinates.shape}")
         p[: len(coordinates)] = coordinates
         lever_arm = self.mount_from_sensor.rotation @ p
-        transfer = np.concatenate([np.eye(3), -cross_matrices(lever_arm)], axis=1)
-        covariance: FloatArray = transfer @ self.covariance @ transfer.T
+        point_jacobian = np.concatenate([np.eye(3), -cross_matrices(lever_arm)], axis=1)
+        covariance: FloatArray = point_jacobian @ self.covariance @ point_jacobian.T
         return covariance
 
     def std_at(self, point: npt.ArrayLike) -> float:
@@ -375,7 +375,7 @@ class HandEye(Result):
         )
 
     def _cells(self) -> list[tuple[str, ...]]:
-        return cells_of_rows(hand_eye_rows(self))
+        return cells_from_rows(hand_eye_rows(self))
 
     def _notes(self) -> list[str]:
         left_out = [f"left out: pose {pose.index}: {pose.reason}" for pose in self.rejected]

@@ -40,10 +40,10 @@ MAX_NOISE_RATIO = 4.0
 MAX_ROBOT_STD_SCALE = 40.0
 """Largest standard deviation of a robot that is accepted, in units of `NOMINAL_ROBOT_STD`: 2 mm and
 0.4 deg. Wrong conventions and shuffled pairs give 300 and more."""
-MIN_LIMIT_MM = 3.0
-"""Rms residual up to which a calibration is accepted at any noise; its covariance grows with the
-residuals. Units: mm."""
-CHECKS = (
+MIN_RMS_LIMIT_MM = 3.0
+"""Smallest limit of the rms residual that is not set by the caller, whatever the noise; the
+covariance grows with the residuals. Units: mm."""
+MISMATCH_REMEDY = (
     "check the order of the pairs, the convention and unit of the poses, the mounting (eye in "
     "hand, eye to hand), and the size of the target"
 )
@@ -149,11 +149,11 @@ def _require_consistent_poses(
         raise CalibrationFailed(
             f"{finding}, and {min_inliers} poses that agree are needed: add poses, or repeat those "
             f"that disagree ({outliers}, counted from 0), with the robot standing still; if they "
-            f"disagree again, {CHECKS}"
+            f"disagree again, {MISMATCH_REMEDY}"
         )
     raise CalibrationFailed(
-        f"{finding}, more than {limit_name.format(limit)}: {CHECKS}; for a less accurate robot "
-        "increase the limit --max-residual (in Python max_residual_rms)"
+        f"{finding}, more than {limit_name.format(limit)}: {MISMATCH_REMEDY}; for a less accurate "
+        "robot increase the limit --max-residual (in Python max_residual_rms)"
     )
 
 
@@ -170,7 +170,9 @@ def _explained_residual_rms(
         )
     )
     factor = MAX_ROBOT_STD_SCALE if settings.robot_std is None else MAX_NOISE_RATIO
-    return max(float(np.hypot(factor * robot**0.5, MAX_NOISE_RATIO * sensor**0.5)), MIN_LIMIT_MM)
+    return max(
+        float(np.hypot(factor * robot**0.5, MAX_NOISE_RATIO * sensor**0.5)), MIN_RMS_LIMIT_MM
+    )
 
 
 def _find_mistake(
@@ -220,7 +222,7 @@ def build_hand_eye(
         rejected=tuple(sorted([*rejected, *context.unobserved_poses], key=lambda pose: pose.index)),
         target=target,
         working_point=context.working_point,
-        robot_std=_estimate_robot_std(fit, settings),
+        robot_std=_scale_robot_std(fit, settings),
         ambiguity_ratio=ratio,
         least_determined_std=least_determined_std,
         least_determined_direction=direction,
@@ -230,10 +232,8 @@ def build_hand_eye(
     )
 
 
-def _estimate_robot_std(
-    fit: ErrorsInVariablesFit, settings: HandEyeSettings
-) -> tuple[float, float]:
-    """Return the std of the robot's position (mm) and rotation (rad) in each axis."""
+def _scale_robot_std(fit: ErrorsInVariablesFit, settings: HandEyeSettings) -> tuple[float, float]:
+    """Return the robot's std of position (mm) and rotation (rad) per axis, scaled by the fit."""
     robot_std = np.array(settings.robot_std or NOMINAL_ROBOT_STD)
     factors = fit.robot_std_scales if settings.robot_std is None else np.sqrt(fit.variance_factor)
     position, rotation = robot_std * factors

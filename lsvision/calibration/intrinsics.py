@@ -14,7 +14,12 @@ import numpy.typing as npt
 
 from lsvision.calibration import result_tables
 from lsvision.calibration.bent_board import BentBoardFit, fit_bent_board
-from lsvision.calibration.board_shape import SHAPE_TERMS, BoardShape, bow_warning, determine_shape
+from lsvision.calibration.board_shape import (
+    SHAPE_TERMS,
+    BoardShape,
+    bow_warnings,
+    is_shape_determined,
+)
 from lsvision.calibration.camera_uncertainty import intrinsics_covariance
 from lsvision.calibration.camera_warnings import check_camera
 from lsvision.calibration.target import (
@@ -194,7 +199,7 @@ class CameraCalibration(Result):
         return f"{width} x {height} px from {len(self.views)} views, rms {self.rms_px:.3f} px"
 
     def _cells(self) -> list[tuple[str, ...]]:
-        return result_tables.cells_of_rows(result_tables.camera_rows(self))
+        return result_tables.cells_from_rows(result_tables.camera_rows(self))
 
     def _notes(self) -> list[str]:
         return result_tables.rejection_lines(self.rejected, self.outliers, self.warnings)
@@ -280,7 +285,7 @@ def fit_camera(
         calibrated_views,
         sources.rejected,
         tuple(outliers),
-        (*check_camera(camera, std, views, poses), *bow_warning(solution.bow, solution.bow_std)),
+        (*check_camera(camera, std, views, poses), *bow_warnings(solution.bow, solution.bow_std)),
         solution.covariance,
         solution.bow,
         solution.bow_std,
@@ -290,7 +295,7 @@ def fit_camera(
 def _solve(
     views: Sequence[TargetView], settings: CameraSettings
 ) -> tuple[BentBoardFit, FloatArray]:
-    """Return camera, poses and board by least squares, and the stds of the parameters (4 + k,).
+    """Return camera, poses and board by least squares, and the standard deviations (4 + k,).
 
     The board is flat if its shape is not estimated.
     """
@@ -299,7 +304,7 @@ def _solve(
     corners = np.concatenate([view.points for view in views])
     camera, free = Camera(matrix, distortion, views[0].size), std > 0
     free[0] &= not settings.fixed_aspect  # which makes fx a multiple of fy
-    if not settings.bent_board or len(views) < MIN_BOW_VIEWS or not determine_shape(corners):
+    if not settings.bent_board or len(views) < MIN_BOW_VIEWS or not is_shape_determined(corners):
         covariance, flat = intrinsics_covariance(camera, views, poses, free), np.zeros(SHAPE_TERMS)
         return BentBoardFit(camera, poses, covariance, BoardShape.of(corners), flat, flat), std
     bent = fit_bent_board(camera, views, poses, free)

@@ -186,7 +186,7 @@ def _extract(window: npt.ArrayLike, settings: LineOnBoardSettings) -> LaserLine:
     try:
         return extract_laser_line(window, _extraction_settings(settings))
     except NoLaserLine as error:
-        # Without a remedy of its own, the finding contains the remedy.
+        # An empty remedy means that the finding itself says what to do.
         raise NoLaserLine(error.finding, error.remedy and LINE_REMEDY) from error
 
 
@@ -199,14 +199,15 @@ def _extraction_settings(settings: LineOnBoardSettings) -> LineSettings:
 class _LineOutside:
     """Straight line outside the board: distance from the pattern (squares), brightness (DN)."""
 
-    squares: float
+    distance_squares: float
     intensity: float
 
     def message(self, margin: float) -> str:
         """Return the message that the line is outside of `margin` squares, with the remedy."""
+        distance = self.distance_squares
         return (
-            f"no laser line within {margin:g} squares of the pattern, but one {self.squares:.1f} "
-            f"squares beside it: set margin (--margin) to {math.ceil(self.squares)} if the board "
+            f"no laser line within {margin:g} squares of the pattern, but one {distance:.1f} "
+            f"squares beside it: set margin (--margin) to {math.ceil(distance)} if the board "
             "is flat and white that far; else move the board until the line crosses its pattern"
         )
 
@@ -265,7 +266,7 @@ def _find_indices_on_board(
     )
     if background is not None:
         change = _change_across_line(background, line, usable)
-        usable[usable] &= _on_uniform_background(
+        usable[usable] &= _is_on_uniform_background(
             background, change, pixels[usable], settings.max_background_variation
         )
     usable[usable] &= _line_inliers(camera, pixels[usable], settings.max_line_deviation_px)
@@ -326,7 +327,7 @@ def _change_across_line(
     return change
 
 
-def _on_uniform_background(
+def _is_on_uniform_background(
     grey: npt.NDArray[np.uint8],
     change: npt.NDArray[np.int16],
     pixels: Points,

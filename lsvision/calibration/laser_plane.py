@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.calibration.board_shape import SHAPE_TERMS, bow_warning
+from lsvision.calibration.board_shape import SHAPE_TERMS, bow_warnings
 from lsvision.calibration.bundle_adjustment import BundleAdjustmentResult, adjust_bundle
 from lsvision.calibration.bundle_adjustment_problem import (
     BundleAdjustmentState,
@@ -63,12 +63,12 @@ RECOMMENDED_TILT = np.radians(25.0)
 error is 7 times larger. Units: rad."""
 
 MIN_ON_PATTERN_FRACTION = 0.6
-"""Smallest fraction of line points within the outline of the corners with which the bow is fitted.
-"""
+"""Smallest fraction of line points within the outline of the corners with which the bow is fitted:
+beyond the outline its shape is extrapolated."""
 
 MIN_CROSSING_FRACTION = 0.2
-"""Fraction of line points within the outline of the corners up to which the line counts as lying
-beside the pattern."""
+"""Smallest fraction of line points within the outline of the corners of a line that crosses the
+pattern; with fewer it lies in the margin beside it."""
 
 TWO_VIEWS_STD_FACTOR = 3.0
 """Factor on the standard deviations of a plane from two views, none of which reveals an error of
@@ -395,4 +395,4 @@ def _warnings(solution: BundleAdjustmentResult, count: int, tilt: float) -> list
             "the laser line is inconsistent with the boards and was not used for them: let it "
             "fall on the flat pattern, not saturated, and keep the board still between images"
         )
-    return warnings + bow_warning(solution.state.bow, solution.bow_std)
+    return warnings + bow_warnings(solution.state.bow, solution.bow_std)

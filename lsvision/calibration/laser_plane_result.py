@@ -9,7 +9,7 @@ import numpy as np
 
 from lsvision.calibration.bundle_adjustment_problem import LaserView
 from lsvision.calibration.result_tables import (
-    cells_of_rows,
+    cells_from_rows,
     common_record,
     laser_plane_rows,
     rejection_lines,
@@ -133,7 +133,7 @@ class LaserPlaneCalibration(Result):
         )
 
     def _cells(self) -> list[tuple[str, ...]]:
-        return cells_of_rows(laser_plane_rows(self))
+        return cells_from_rows(laser_plane_rows(self))
 
     def _notes(self) -> list[str]:
         return rejection_lines(self.rejected, self.outliers, self.warnings)

@@ -28,11 +28,12 @@ Sensor = Literal["section", "camera"]
 MIN_ROTATION = np.radians(2.0)
 """Smallest angle between two flange poses that counts as a rotation; robots have errors of 0.01 deg
 and more. Units: rad."""
-MIN_SECOND_AXIS = 0.03
+MIN_SECOND_AXIS_RATIO = 0.03
 """Smallest ratio of the rotation about a second axis to that about the main axis, such as tilts of
 1 deg together with rotations of 30 deg."""
 MM_PER_RADIAN = 100.0
-"""Length in mm that is equivalent to one radian where translation and rotation are compared."""
+"""Length in mm that is equivalent to one radian where translation and rotation are compared: the
+size of targets and of distances from the flange to the view."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,10 +227,10 @@ def stack_flange_poses(
     inverse = np.swapaxes(R, -1, -2)
     # A left-hand error (dt, w) changes the inverse pose to t' = -R't - R'dt + R'(w x t) and
     # (1 - [R'w]x) R'.
-    transfer = np.zeros((len(t), 1, 6, 6))
-    transfer[:, 0, :3, :3], transfer[:, 0, 3:, 3:] = -inverse, -inverse
-    transfer[:, 0, :3, 3:] = -inverse @ cross_matrices(t)
-    covariances = transfer @ covariances @ np.swapaxes(transfer, -1, -2)
+    inverse_jacobian = np.zeros((len(t), 1, 6, 6))
+    inverse_jacobian[:, 0, :3, :3], inverse_jacobian[:, 0, 3:, 3:] = -inverse, -inverse
+    inverse_jacobian[:, 0, :3, 3:] = -inverse @ cross_matrices(t)
+    covariances = inverse_jacobian @ covariances @ np.swapaxes(inverse_jacobian, -1, -2)
     return FlangePoses(inverse, -(inverse @ t[..., None])[..., 0], covariances)
 
 
@@ -258,7 +259,7 @@ def require_rotation(base_from_flanges: Sequence[Pose]) -> None:
             "the sensor's position is not determined; add poses tilted 20 to 35 deg about two axes"
         )
     axis, second_axis_ratio = _find_main_axis(relative_rotations)
-    if second_axis_ratio < MIN_SECOND_AXIS:
+    if second_axis_ratio < MIN_SECOND_AXIS_RATIO:
         raise DegenerateGeometry(
             f"the flange rotated about one axis, ({axis[0]:.2f}, {axis[1]:.2f}, {axis[2]:.2f}) "
             "of the flange, only: the sensor's position along it is not determined; add poses "

@@ -15,9 +15,12 @@ OUTLIER_SIGMAS = 3.5
 with normally distributed errors."""
 MIN_POINTS = 20
 """Smallest number of points on a line; the same as for the arc of a sphere."""
-_HINT = "check that the plane is in view"
+_REMEDY = "check that the plane is in view"
+"""Remedy for a profile without the line."""
 _MAX_REJECTION_ITERATIONS = 20
+"""Maximum number of selections of the inliers; two or three are needed."""
 _TRIAL_LINES = 200
+"""Number of random pairs of points, through which lines are tried."""
 _MIN_OUTLIER_DISTANCE_MM = 1e-6
 """Distance below which a point is never an outlier: exact data have deviations by rounding only."""
 _VARIANCE_FLOOR_MM2 = 1e-12
@@ -64,7 +67,7 @@ def find_plane_line(profile: Profile) -> PlaneLine:
     """
     points = profile.points[np.isfinite(profile.points[:, 0])]
     if len(points) < MIN_POINTS:
-        raise TooFewPoints("profile of the plane", len(points), MIN_POINTS, _HINT)
+        raise TooFewPoints("profile of the plane", len(points), MIN_POINTS, _REMEDY)
     inliers = _least_median_inliers(points)
     for _ in range(_MAX_REJECTION_ITERATIONS):
         midpoint, direction, normal = _fit_line(points[inliers])
@@ -73,7 +76,7 @@ def find_plane_line(profile: Profile) -> PlaneLine:
         limit = max(OUTLIER_SIGMAS * std, _MIN_OUTLIER_DISTANCE_MM)
         previous, inliers = inliers, np.abs(distance) <= limit
         if inliers.sum() < MIN_POINTS:
-            raise TooFewPoints("line of the plane", int(inliers.sum()), MIN_POINTS, _HINT)
+            raise TooFewPoints("line of the plane", int(inliers.sum()), MIN_POINTS, _REMEDY)
         if np.array_equal(previous, inliers):
             break
     midpoint, direction, normal = _fit_line(points[inliers])

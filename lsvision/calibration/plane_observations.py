@@ -188,7 +188,8 @@ class PlanePlanningTarget:
     @property
     def requirement(self) -> str:
         """Requirement on a pose, for an error message."""
-        return "see the plate from its front, within 60 deg,"
+        slope = np.degrees(MAX_LINE_SLOPE)
+        return f"see the plate from its front, within {slope:.0f} deg,"
 
     @property
     def viewing_rotation(self) -> FloatArray:

@@ -23,7 +23,7 @@ Row = tuple[str, str, str]
 """Name, number with one sigma, unit."""
 
 
-def cells_of_rows(rows: Sequence[Row]) -> list[tuple[str, ...]]:
+def cells_from_rows(rows: Sequence[Row]) -> list[tuple[str, ...]]:
     """Return the cells of a table, its header first."""
     return [("", "value", "unit"), *rows]
 

@@ -94,13 +94,14 @@ class SphereArc:
 
 
 DEFAULT_SETTINGS = SphereArcSettings()
-_HINT = "check that the sphere is in view, and that no larger arc of another object is"
+_REMEDY = "check that the sphere is in view, and that no larger arc of another object is"
+"""Remedy for a profile without the arc."""
 MAX_SCORED_POINTS = 700
 """Largest number of points with which hypotheses are scored."""
 HEIGHT_SCALE_STEP = 0.1
 """Relative change of the heights for the difference quotients of a circle."""
 OUTLIER_SIGMAS = 3.5
-"""Distance in robust standard deviations beyond which a point is an outlier."""
+"""Distance in robust standard deviations beyond which a point is an outlier; as in `plane_line`."""
 
 
 def find_sphere_arc(
@@ -131,7 +132,7 @@ def find_sphere_arc(
     indices = np.flatnonzero(np.isfinite(profile.points[:, 0]))
     points = profile.points[indices]
     if len(points) < settings.min_points:
-        raise TooFewPoints("profile of the sphere", len(points), settings.min_points, _HINT)
+        raise TooFewPoints("profile of the sphere", len(points), settings.min_points, _REMEDY)
     circle = _best_hypothesis(points, max_radius, settings)
     tolerance = settings.tolerance
     variances = np.ones(len(points))
@@ -180,7 +181,7 @@ def _best_hypothesis(
         else:
             best: FloatArray = circle
             return best
-    raise failure or TooFewPoints("best arc of the sphere", 0, settings.min_points, _HINT)
+    raise failure or TooFewPoints("best arc of the sphere", 0, settings.min_points, _REMEDY)
 
 
 def _near_triples(count: int, trials: int, rng: np.random.Generator) -> IntArray:
@@ -238,12 +239,14 @@ def _require_arc(
 ) -> None:
     """Raise an error unless the inliers are an arc."""
     if inliers.sum() < settings.min_points:
-        raise TooFewPoints("best arc of the sphere", int(inliers.sum()), settings.min_points, _HINT)
+        raise TooFewPoints(
+            "best arc of the sphere", int(inliers.sum()), settings.min_points, _REMEDY
+        )
     coverage = _angular_coverage(points[inliers], circle)
     if coverage < settings.min_coverage:
         raise CalibrationFailed(
             f"the best arc of the sphere covers {math.degrees(coverage):.0f} deg and "
-            f"{math.degrees(settings.min_coverage):.0f} deg are needed: {_HINT}"
+            f"{math.degrees(settings.min_coverage):.0f} deg are needed: {_REMEDY}"
         )
 
 

@@ -31,21 +31,22 @@ from lsvision.calibration.rotations import (
 from lsvision.errors import CalibrationFailed, DegenerateGeometry
 from lsvision.geometry import BoolArray, FloatArray, IntArray, Pose
 
-ARC = np.radians(np.linspace(-60.0, 60.0, 61))
+PLANNED_ARC_ANGLES = np.radians(np.linspace(-60.0, 60.0, 61))
 """Angles of the points of a planned arc, from the section's Y. Units: rad."""
 MAX_CUT_OFFSET = 0.95
 """Distance of a planned cut from the sphere's centre, in radii, beyond which the arc is too small
 to be found."""
-MIN_OFFSET = 0.15
-"""Smallest root mean square distance of the sections from the sphere's centre, in radii."""
+MIN_RMS_OFFSET_RATIO = 0.15
+"""Smallest root mean square distance of the sections from the sphere's centre, in radii: cuts
+through the centre do not tell on which side of it they lie."""
 MAX_RADIUS_RATIO = 1.1
 """Ratio of the largest cut to the given radius, above which the radius is wrong: sensors whose
 heights are scaled wrong by several per cent occur."""
 MIN_RADIUS_RATIO = 0.3
 """Ratio of the largest cut to the given radius, below which the radius is wrong: the cuts would all
 be farther from the centre than `MAX_CUT_OFFSET`."""
-MIN_SPREAD = 0.05
-"""Smallest range of the sphere's positions in the view, in radii."""
+MIN_SPREAD_RATIO = 0.05
+"""Smallest range of the sphere's positions in the view, in radii of the largest cut."""
 HEIGHT_SCALE_PRIOR_STD = 0.1
 """Standard deviation of the prior on the scale of the heights; almost uninformative."""
 
@@ -208,21 +209,21 @@ def require_distinct_cuts(circles: FloatArray, radius: float | None) -> None:
     measured = float(circles[:, 2].max())
     largest = measured if radius is None else radius
     offset = float(np.sqrt(np.mean(np.clip(1 - (circles[:, 2] / largest) ** 2, 0, None))))
-    too_small = offset < MIN_OFFSET and measured > MAX_RADIUS_RATIO * largest
+    too_small = offset < MIN_RMS_OFFSET_RATIO and measured > MAX_RADIUS_RATIO * largest
     if too_small or measured < MIN_RADIUS_RATIO * largest:
         raise CalibrationFailed(
             f"cuts of the sphere have radii of up to {measured:.4g} mm, "
             f"{'more' if too_small else 'far less'} than the given radius of {largest:g} mm: check "
             "it, or leave it out to have it estimated"
         )
-    if offset < MIN_OFFSET:
+    if offset < MIN_RMS_OFFSET_RATIO:
         raise DegenerateGeometry(
             f"the cuts pass the sphere's centre at {offset:.2f} radii (rms): the sensor's pose "
             "across its laser plane is not determined; add poses that cut the sphere 0.3 to 0.85 "
             "radii beside its centre, on both sides"
         )
     spread = float(np.linalg.norm(np.ptp(circles[:, :2], axis=0)))
-    if spread < MIN_SPREAD * largest:
+    if spread < MIN_SPREAD_RATIO * largest:
         raise DegenerateGeometry(
             f"the sphere is at the same position in all profiles (to {spread:.2g} mm): "
             "only the cuts determine the sensor's rotation; add poses with the sphere left, "
@@ -305,11 +306,11 @@ class SpherePlanningTarget:
 
 
 def _predict_height_scale_gradients(heights: FloatArray, circle_radii: FloatArray) -> FloatArray:
-    """Return `SphereObservations.height_scale_gradients` of arcs over `ARC`."""
+    """Return `SphereObservations.height_scale_gradients` of arcs over `PLANNED_ARC_ANGLES`."""
     # Points r (sin, cos) whose heights grow by s move outwards by s r cos^2; a circle that
     # shifts in y and grows moves its points outwards by y cos + r.
-    design = np.column_stack([np.cos(ARC), np.ones(len(ARC))])
-    shift, growth = np.linalg.lstsq(design, np.cos(ARC) ** 2, rcond=None)[0]
+    design = np.column_stack([np.cos(PLANNED_ARC_ANGLES), np.ones(len(PLANNED_ARC_ANGLES))])
+    shift, growth = np.linalg.lstsq(design, np.cos(PLANNED_ARC_ANGLES) ** 2, rcond=None)[0]
     gradients = np.zeros((len(circle_radii), 2, 3))
     gradients[:, 0, 1] = shift * circle_radii + heights - heights.mean()
     gradients[:, 0, 2] = growth * circle_radii

@@ -19,7 +19,7 @@ quarter circle to 0.03 % of the radius."""
 MARGIN = 10.0
 """White border around the pattern, which the detection needs. Units: mm."""
 
-RULER_LENGTH = 100.0
+BAR_LENGTH = 100.0
 """Length of the bar for checking the printer's scale. Units: mm."""
 
 FOOTER_HEIGHT = 14.0
@@ -27,7 +27,7 @@ FOOTER_HEIGHT = 14.0
 from the edge of the sheet, on which most printers cannot print. Units: mm."""
 
 PAPERS = ((210.0, 297.0), (297.0, 420.0), (420.0, 594.0), (594.0, 841.0), (841.0, 1189.0))
-"""A4 to A0; printers scale a page that is not of a paper size. Units: mm."""
+"""Short and long side of A4 to A0; printers scale a page that is not of a paper size. Units: mm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,18 +218,18 @@ def _layout_page(
 ) -> PageLayout:
     """Return the shapes centred on the smallest paper, with bar and text below."""
     width, height = _smallest_paper(
-        max(size[0], RULER_LENGTH) + 2 * MARGIN, size[1] + 2 * MARGIN + FOOTER_HEIGHT
+        max(size[0], BAR_LENGTH) + 2 * MARGIN, size[1] + 2 * MARGIN + FOOTER_HEIGHT
     )
     left, top = (width - size[0]) / 2, (height - size[1] - FOOTER_HEIGHT) / 2
     centred = [replace(shape, x=shape.x + left, y=shape.y + top) for shape in shapes]
     bar_top = top + size[1] + MARGIN
-    ruler = [
-        Rectangle(MARGIN, bar_top + 2, RULER_LENGTH, 0.4),
+    bar = [
+        Rectangle(MARGIN, bar_top + 2, BAR_LENGTH, 0.4),
         Rectangle(MARGIN, bar_top, 0.2, 4.4),
-        Rectangle(MARGIN + RULER_LENGTH - 0.2, bar_top, 0.2, 4.4),
+        Rectangle(MARGIN + BAR_LENGTH - 0.2, bar_top, 0.2, 4.4),
     ]
     text = f"{text}. Print at 100 %; the bar is 100 mm."
-    return PageLayout(width, height, (*centred, *ruler), text, (MARGIN, bar_top + 8))
+    return PageLayout(width, height, (*centred, *bar), text, (MARGIN, bar_top + 8))
 
 
 def _smallest_paper(width: float, height: float) -> tuple[float, float]:

@@ -19,7 +19,7 @@ View = TypeVar("View")
 MIN_OUTLIER_PX = 0.15
 """Rms residual up to which a view is never an outlier, whatever the others have: good views have
 0.05 to 0.3 px. Units: px."""
-MAX_REPEATED = 2
+MAX_LISTED_PER_REASON = 2
 """Largest number of images with the same reason for rejection that are listed one by one."""
 MIN_TILT = np.radians(5.0)
 """Boards are parallel if no two of their normals differ by this angle. Units: rad."""
@@ -140,7 +140,7 @@ def _describe_rejections(rejected: Sequence[RejectedView]) -> list[str]:
         images.setdefault(view.reason, []).append(view.index)
     texts = []
     for reason, indices in images.items():
-        if len(indices) > MAX_REPEATED:
+        if len(indices) > MAX_LISTED_PER_REASON:
             texts.append(", ".join(f"image {index}" for index in indices) + f": {reason}")
         else:
             texts += [f"image {index}: {reason}" for index in indices]

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lsvision.calibration.camera_warnings import CELLS, covered_cells
+from lsvision.calibration.camera_warnings import CELLS_PER_SIDE, covered_cells
 from lsvision.calibration.hand_eye_result import HandEye
 from lsvision.calibration.intrinsics import CameraCalibration
 from lsvision.calibration.laser_plane_result import LaserPlaneCalibration
@@ -39,12 +39,14 @@ def draw_coverage(calibration: CameraCalibration) -> "Figure":
     for view in calibration.views:
         left.plot(*view.target_view.pixels.T, ".", markersize=3)
     width, height = calibration.camera.size
+    cell_width, cell_height = width / CELLS_PER_SIDE, height / CELLS_PER_SIDE
     for row, column in np.argwhere(
         ~covered_cells(calibration.camera.size, [v.target_view for v in calibration.views])
     ):
-        corner = (column * width / CELLS, row * height / CELLS)
-        left.add_patch(Rectangle(corner, width / CELLS, height / CELLS, color=OUTLIER, alpha=0.15,
-                                 linewidth=0))  # fmt: skip
+        corner = (column * cell_width, row * cell_height)
+        left.add_patch(
+            Rectangle(corner, cell_width, cell_height, color=OUTLIER, alpha=0.15, linewidth=0)
+        )
     left.set(xlim=(0, width), ylim=(height, 0), xlabel="u / px", ylabel="v / px", aspect="equal",
              title="Detected points, one colour per view")  # fmt: skip
     residuals = np.concatenate([view.residuals for view in calibration.views])

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.calibration.camera_warnings import CELLS, covered_cells
+from lsvision.calibration.camera_warnings import CELLS_PER_SIDE, covered_cells
 from lsvision.calibration.hand_eye_result import HandEye
 from lsvision.calibration.intrinsics import CameraCalibration
 from lsvision.calibration.laser_plane_result import CalibratedLaserView, LaserPlaneCalibration
@@ -65,9 +65,9 @@ def camera_page(calibration: CameraCalibration, page: ReportContent) -> str:
     pictures = [
         (
             svg_element(draw_coverage(calibration)),
-            f"Corners of all views: they lie in {100 * covered:.0f} % of the {CELLS} x {CELLS} "
-            "cells of the image. In the shaded ones the lens is extrapolated. Right: residuals of "
-            "all corners.",
+            f"Corners of all views: they lie in {100 * covered:.0f} % of the "
+            f"{CELLS_PER_SIDE} x {CELLS_PER_SIDE} cells of the image. In the shaded ones the "
+            "lens is extrapolated. Right: residuals of all corners.",
         ),
         (
             svg_element(draw_bars(names, [("rms", sizes)], outliers, "rms, px")),

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from lsvision.calibration.board_in_plane import DEFAULT_FOCAL_LENGTH, calibrate_board_in_plane
+from lsvision.calibration.board_in_plane import calibrate_board_in_plane
+from lsvision.calibration.board_pose import DEFAULT_FOCAL_RATIO
 from lsvision.calibration.target import Chessboard, TargetNotFound
 from lsvision.errors import CalibrationFailed
 from lsvision.laser_line.extraction import LineSettings
@@ -112,7 +113,7 @@ def test_a_board_parallel_to_the_image_leaves_the_default_focal_length(turn):
         target = Detected(points, scale * points[:, :2] @ [[c, s], [-s, c]] + (303.3, 251.7))
         found = calibrate_board_in_plane(np.zeros((480, 640), dtype=np.uint8), target)
         lengths = found.light_section.camera.matrix[[0, 1], [0, 1]]
-        np.testing.assert_allclose(lengths, DEFAULT_FOCAL_LENGTH * 640, rtol=1e-6)
+        np.testing.assert_allclose(lengths, DEFAULT_FOCAL_RATIO * 640, rtol=1e-6)
 
 
 class Detected:

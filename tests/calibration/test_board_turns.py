@@ -109,7 +109,7 @@ def test_covariances_are_those_of_the_turned_poses():
     np.testing.assert_allclose(shifts.T @ shifts, seen.covariance, rtol=1e-3)
 
 
-def test_poses_that_do_not_tell_the_turn_are_refused():
+def test_poses_that_do_not_tell_the_turn_are_rejected():
     spin = [rotation_from_vector(np.array([0, 0, np.radians(angle)])) for angle in (0, 0, 0, 0, 90)]
     board = Pose(np.diag([1.0, -1.0, -1.0]), (0.0, 0.0, 300.0))
     flanges = [Pose(turn, (10.0 * k, 0.0, 0.0)) for k, turn in enumerate(spin)]
