@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-SPACE = (0.54, 0.02, 0.45, 0.82)
+DRAWING_AREA = (0.54, 0.02, 0.45, 0.82)
 """Left, bottom, width and height of the 3D drawing, as fractions of the figure."""
 MAX_BAR_LABELS = 24
 """Largest number of names below the bars; of more groups only every second, third, ... is named."""
@@ -95,7 +95,7 @@ def draw_laser_plane(calibration: LaserPlaneCalibration, board: FloatArray) -> "
     """
     figure = new_figure((9.5, 4.6))
     side = figure.add_axes((0.075, 0.13, 0.4, 0.73))
-    space: Any = figure.add_axes(SPACE, projection="3d")
+    space: Any = figure.add_axes(DRAWING_AREA, projection="3d")
     outlines = [view.camera_from_board.apply(board)[[0, 1, 2, 3, 0]] for view in calibration.views]
     for outline in outlines:
         side.plot(outline[:, 2], outline[:, 1], color=BOARD, linewidth=0.8)
@@ -111,7 +111,7 @@ def draw_laser_plane(calibration: LaserPlaneCalibration, board: FloatArray) -> "
              title="From the side: boards grey, laser red")  # fmt: skip
     side.invert_yaxis()
     scale_axes(space, ("x / mm", "z / mm", "−y / mm"))
-    fit_into_area(space, SPACE)
+    fit_into_area(space, DRAWING_AREA)
     _title_space(figure, "In space; triangle: camera")
     return figure
 
@@ -122,7 +122,7 @@ def draw_poses(calibration: HandEye, flanges: Sequence[Pose]) -> "Figure":
     `flanges` are ``base_from_flange`` of each observation, also of the rejected ones.
     """
     figure = new_figure((9.5, 4.6))
-    space: Any = figure.add_axes(SPACE, projection="3d")
+    space: Any = figure.add_axes(DRAWING_AREA, projection="3d")
     view = figure.add_axes((0.075, 0.13, 0.4, 0.73))
     sensors, centre = _sensor_poses(calibration, flanges), _target_point(calibration, flanges)
     left_out = {pose.index for pose in calibration.rejected}
@@ -137,7 +137,7 @@ def draw_poses(calibration: HandEye, flanges: Sequence[Pose]) -> "Figure":
     space.scatter(*centre, color="black")
     frame = "robot's base" if calibration.mounting == "eye_in_hand" else "flange"
     scale_axes(space, ("x / mm", "y / mm", "z / mm"))
-    fit_into_area(space, SPACE)
+    fit_into_area(space, DRAWING_AREA)
     _title_space(figure, f"Sensor (X red, Y green, Z blue) in the\n{frame} frame; target black")
     _draw_view(view, targets_in_view, left_out, calibration)
     return figure
@@ -145,7 +145,7 @@ def draw_poses(calibration: HandEye, flanges: Sequence[Pose]) -> "Figure":
 
 def _title_space(figure: "Figure", title: str) -> None:
     """Write a title above the 3D drawing, at the height of the title of the 2D drawing."""
-    left, _, width, _ = SPACE
+    left, _, width, _ = DRAWING_AREA
     figure.text(left + width / 2, 0.885, title, ha="center", va="bottom", fontsize=12)
 
 

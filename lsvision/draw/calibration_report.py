@@ -26,16 +26,17 @@ from lsvision.geometry import FloatArray, Points, Pose
 from lsvision.geometry.arrays import rms
 from lsvision.results.html import html_environment
 
-_NONE: FloatArray = np.empty((0, 2))
+_NO_POINTS: FloatArray = np.empty((0, 2))
+"""Points of a board without corners or without a line."""
 
 
 class _Detections(NamedTuple):
     """Points found in a photo with their residuals; the fields of the same names of `ViewPhoto`."""
 
-    corners: Points = _NONE
-    corner_residuals: FloatArray = _NONE
-    line: Points = _NONE
-    line_residuals: FloatArray = _NONE
+    corners: Points = _NO_POINTS
+    corner_residuals: FloatArray = _NO_POINTS
+    line: Points = _NO_POINTS
+    line_residuals: FloatArray = _NO_POINTS
 
 
 @dataclass(frozen=True)

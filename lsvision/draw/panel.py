@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 HEADING = "black"
 """Colour of headings, by which they are recognised and written in bold."""
-LEFT, TOP, LINE_HEIGHT = 0.685, 0.865, 0.0225
+PANEL_LEFT, PANEL_TOP, PANEL_LINE_HEIGHT = 0.685, 0.865, 0.0225
 """Left and top of the panel and height of its lines, as fractions of the figure."""
 MAX_COLUMNS, MAX_LINES = 48, 31
 """Number of characters of a line, and of lines, that fit."""
@@ -85,9 +85,10 @@ def draw_panel(
         ]
     for row, (line, colour) in enumerate(lines):
         weight = "bold" if colour == HEADING else "normal"
-        figure.text(LEFT, TOP - row * LINE_HEIGHT, with_minus_signs(line), color=colour, fontsize=9,
-                    va="top", family="monospace", weight=weight, parse_math=False)  # fmt: skip
-    figure.text(LEFT, 0.085, SYMBOLS, color="0.3", fontsize=8, va="bottom", parse_math=False)
+        top = PANEL_TOP - row * PANEL_LINE_HEIGHT
+        figure.text(PANEL_LEFT, top, with_minus_signs(line), color=colour, fontsize=9, va="top",
+                    family="monospace", weight=weight, parse_math=False)  # fmt: skip
+    figure.text(PANEL_LEFT, 0.085, SYMBOLS, color="0.3", fontsize=8, va="bottom", parse_math=False)
 
 
 def _cylinder_lines(cylinders: Sequence[CylinderSection]) -> list[tuple[str, str]]:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 SIZE_INCH, DPI = (13.0, 8.0), 110
 """Width and height of the figure, and resolution of the PNG (1 / inch)."""
-DRAWING = (0.03, 0.03, 0.66, 0.83)
+DRAWING_AREA = (0.03, 0.03, 0.66, 0.83)
 """Left, bottom, width, height of the drawing with all its labels, as fractions of the figure."""
 MAX_POINTS = 6000
 """Largest number of measured points drawn; more would overlap."""
@@ -39,7 +39,7 @@ Vertical = Literal["y", "z"]
 MIN_FACING = -0.3
 """Smallest horizontal component of the mean outward normal of the measured sides towards the
 viewer; below it the cylinders would be seen from behind, and the view is turned."""
-PANEL_LEFT, PANEL_TOP, LINE_HEIGHT = 0.715, 0.86, 0.024
+PANEL_LEFT, PANEL_TOP, PANEL_LINE_HEIGHT = 0.715, 0.86, 0.024
 """Left and top of the panel and height of its lines, as fractions of the figure."""
 MAX_FULL_CYLINDERS, MAX_CYLINDERS = 4, 9
 """Number of cylinders up to which the panel has all values of each, and largest number of cylinders
@@ -99,9 +99,9 @@ def draw_scan(
         set_title(ax, title)
         return get_figure(ax)
     figure = new_figure(SIZE_INCH, dpi=DPI)
-    axes = figure.add_axes(DRAWING, projection="3d")
+    axes = figure.add_axes(DRAWING_AREA, projection="3d")
     _draw_in_space(axes, scan, points, vertical)
-    fit_into_area(axes, DRAWING)
+    fit_into_area(axes, DRAWING_AREA)
     figure.suptitle(format_summary_title(len(scan.cylinders), 0, title), x=0.03, y=0.96, ha="left",
                     fontsize=13, parse_math=False)  # fmt: skip
     figure.legend(*axes.get_legend_handles_labels(), loc="upper left", bbox_to_anchor=(0.02, 0.925),
@@ -196,7 +196,7 @@ def _draw_panel(figure: "Figure", scan: ScanMeasurement) -> None:
         lines = _value_lines(tube) if full else _value_lines(tube)[:2]
         figure.text(PANEL_LEFT + 0.025, y, with_minus_signs("\n".join(lines)), fontsize=9.5,
                     va="top", family="monospace", parse_math=False)  # fmt: skip
-        y -= LINE_HEIGHT * (len(lines) + 1.5)
+        y -= PANEL_LINE_HEIGHT * (len(lines) + 1.5)
     left_out = len(scan.cylinders) - MAX_CYLINDERS
     if left_out > 0:
         figure.text(PANEL_LEFT, y, f"... {left_out} more: see the table", fontsize=9.5, va="top")

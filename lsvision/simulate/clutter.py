@@ -34,6 +34,7 @@ MIN_RANGE_MM, MAX_RANGE_MM = 330.0, 560.0
 
 Centre = tuple[float, float]
 ORIGIN = (0.0, 0.0)
+"""Centre of a shape before it is moved into the scene. Units: mm."""
 DrawShape = Callable[[np.random.Generator], Prism]
 """Function that draws a random shape at `ORIGIN`."""
 

@@ -23,9 +23,9 @@ NOTHING = -1
 MAX_COLUMN_STEP = 8
 """Largest step between consecutive points of an uninterrupted arc, over lost columns or jumps in
 between. Units: columns."""
-VISIBLE_ARC = math.radians(60.0)
+MIN_VISIBLE_ARC = math.radians(60.0)
 """Smallest angle about the axis of an uninterrupted arc of a visible tube. Units: rad."""
-VISIBLE_POINTS = 15
+MIN_VISIBLE_POINTS = 15
 """Smallest number of points on that arc."""
 
 
@@ -127,7 +127,7 @@ class TubeTruth(WithEllipse):
     @property
     def visible(self) -> bool:
         """Whether the arc (60 deg, 15 points) is large enough to expect a detection."""
-        return self.arc >= VISIBLE_ARC and self.arc_points >= VISIBLE_POINTS
+        return self.arc >= MIN_VISIBLE_ARC and self.arc_points >= MIN_VISIBLE_POINTS
 
 
 @dataclass(frozen=True, eq=False)

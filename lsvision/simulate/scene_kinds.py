@@ -2,7 +2,7 @@
 
 Tubes have a radius of 10-40 mm, a tilt phi of 0-40 deg and any theta by default. The tubes of a
 pair touch in the section. Random scenes are drawn until the visible arc of every tube is at least
-`MIN_VISIBLE_ARC` for an ideal sensor; the truth records the actual arcs, which noise and lost
+`MIN_RANDOM_SCENE_ARC` for an ideal sensor; the truth records the actual arcs, which noise and lost
 points may shorten.
 """
 
@@ -27,7 +27,7 @@ MAX_PHI_DEG = 80.0
 """Largest tilt of a random tube; the axis ratio of its section is then almost six."""
 NOISE_MM = (0.02, 0.1)
 """Range of the noise's standard deviation at the reference range. Units: mm."""
-MIN_VISIBLE_ARC = math.radians(80.0)
+MIN_RANDOM_SCENE_ARC = math.radians(80.0)
 """Smallest visible arc of every tube of a random scene, for an ideal sensor. Units: rad."""
 MAX_BULGE = 0.11
 """Largest bulge of a weld bead (see `weld_bead`); a larger one spans an arc of more than 50 deg and
@@ -232,7 +232,7 @@ def _draw_visible(
         solids = [Tube.of(e.radius, e.theta, e.phi, e.centre) for e in ellipses]
         scene = Scene((*solids, *draw_clutter(ellipses, rng)))
         section = simulate_section(scene, SCENE_SENSOR, settings, rng=np.random.default_rng(0))
-        if all(tube.arc >= MIN_VISIBLE_ARC and tube.visible for tube in section.truth.tubes):
+        if all(tube.arc >= MIN_RANDOM_SCENE_ARC and tube.visible for tube in section.truth.tubes):
             return scene
     raise DegenerateGeometry(
         f"{MAX_DRAWS} random scenes drawn and in none are all tubes visible to the sensor, whose "

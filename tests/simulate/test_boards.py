@@ -8,7 +8,7 @@ import pytest
 from lsvision.simulate.boards import MAX_DRAWS, BoardScene, _draw_crossed_pose, simulate_boards
 
 
-def test_a_laser_that_crosses_no_board_is_refused(rng):
+def test_a_laser_that_crosses_no_board_is_rejected(rng):
     far = replace(BoardScene(), distance=3000.0)  # the laser plane passes 1.5 m above it
     with pytest.raises(ValueError, match=f"got none in {MAX_DRAWS} poses; move the laser"):
         simulate_boards(far, 1, rng=rng)

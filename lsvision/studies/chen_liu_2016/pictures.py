@@ -32,6 +32,7 @@ WIDTH_INCH = 4.6
 """Width of a figure; on a phone its letters have about the size of the text. Units: inch."""
 BLUE, GREEN, PURPLE, _ = CYLINDERS
 ORANGE, GREY = REJECTED[0], "0.45"
+"""Colours of methods and of lines without one."""
 
 # Beginning of an id in SVG, or of a reference to one.
 _ID_OR_REFERENCE = re.compile(r'(\bid="|url\(#|href="#)')
@@ -236,7 +237,7 @@ def draw_smoothing(steps: StepExample) -> str:
         plot_residuals(points[~inliers], "x", color=PURPLE, label="left out as jumps")
     along, over_x = "smoothed along the arc (lsvision)", "smoothed as y over x (the paper's text)"
     plot_residuals(steps.homogenised.points, "-", color=BLUE, lw=1.6, label=along)
-    plot_residuals(steps.literal, "-", color=ORANGE, lw=1.6, label=over_x)
+    plot_residuals(steps.homogenised_over_x, "-", color=ORANGE, lw=1.6, label=over_x)
     axes.axhline(0.0, color=GREEN, lw=0.8, label="the true pipe")
     axes.set(xlabel="X / mm", ylabel="off the true ellipse / mm")
     _draw_legend_above(axes)

@@ -61,9 +61,9 @@ class ExperimentSizes:
     def __post_init__(self) -> None:
         if set(self.runs) != set(METHODS) or min(self.runs.values()) < 0:
             raise ValueError(f"expected runs >= 0 of {', '.join(METHODS)}, got {dict(self.runs)}")
-        for name, least in (("timing_scenes", 1), ("repeats", 2), ("ablation_scenes", 1)):
-            if not getattr(self, name) >= least:
-                raise ValueError(f"expected {name} >= {least}, got {getattr(self, name)}")
+        for name, minimum in (("timing_scenes", 1), ("repeats", 2), ("ablation_scenes", 1)):
+            if not getattr(self, name) >= minimum:
+                raise ValueError(f"expected {name} >= {minimum}, got {getattr(self, name)}")
 
     @classmethod
     def quick(cls) -> Self:

@@ -25,7 +25,9 @@ ERROR_NAMES = {
     "theta_deg": "θ error, degrees",
     "phi_deg": "φ error, degrees",
 }
+"""Headings of the errors of each quantity."""
 QUANTITY_NAMES = {"radius_mm": "radius, mm", "theta_deg": "θ, °", "phi_deg": "φ, °"}
+"""Heading of each quantity."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,9 +22,8 @@ from lsvision.studies.chen_liu_2016.paper_pipeline import (
     largest_window_residual,
     smooth_profile_paper,
 )
+from lsvision.studies.chen_liu_2016.scenes import SEARCH_RANGE_MM
 
-RADIUS_RANGE = (10.0, 40.0)
-"""Search range of the radius. Units: mm."""
 MIN_COMPONENT_POINTS = 10
 """Smallest number of points of a connected component."""
 KIND, SEED = "welded_complex", 2
@@ -38,8 +37,8 @@ WINDOW_STEP = 2
 def detect_arcs(profile: PreparedProfile) -> tuple[list[IdentifiedArc], list[Candidate]]:
     """Return the identified arcs of a profile, and the candidates from which they grew."""
     components = connected_components(build_range_image(profile), MIN_COMPONENT_POINTS)
-    (candidates,) = find_candidates([profile], [components], [RADIUS_RANGE])
-    ((arcs, _),) = identify_arcs([profile], [candidates], [RADIUS_RANGE])
+    (candidates,) = find_candidates([profile], [components], [SEARCH_RANGE_MM])
+    ((arcs, _),) = identify_arcs([profile], [candidates], [SEARCH_RANGE_MM])
     return arcs, candidates
 
 
@@ -66,7 +65,7 @@ class StepExample:
         Arc after smoothing.
     homogenised : HomogenisedArc
         Arc after homogenising.
-    literal : (m, 2) ndarray
+    homogenised_over_x : (m, 2) ndarray
         Arc smoothed and homogenised over x, as in the paper's text. Units: mm.
     """
 
@@ -78,7 +77,7 @@ class StepExample:
     screened: ScreenedArc
     smoothed: SmoothedArc
     homogenised: HomogenisedArc
-    literal: Points
+    homogenised_over_x: Points
 
 
 def run_steps(*, noise_mm: float) -> StepExample:
@@ -106,14 +105,14 @@ def run_steps(*, noise_mm: float) -> StepExample:
     ordered_points = points[np.argsort(points[:, 0], kind="stable")]
     return StepExample(
         section=section,
-        measurement=measure_cylinders(section.profile, radius=RADIUS_RANGE),
+        measurement=measure_cylinders(section.profile, radius=SEARCH_RANGE_MM),
         profile=profile,
         windows=_compute_windows(profile),
         identified=identified,
         screened=screened,
         smoothed=smoothed,
         homogenised=homogenised,
-        literal=homogenise_profile_paper(smooth_profile_paper(ordered_points)),
+        homogenised_over_x=homogenise_profile_paper(smooth_profile_paper(ordered_points)),
     )
 
 
@@ -121,6 +120,6 @@ def _compute_windows(profile: PreparedProfile) -> FloatArray:
     """Return middle x and largest abs(r_j) of the paper's k windows (Figure 6), (k, 2) in mm."""
     points = profile.points[profile.valid_indices]
     num = PaperSettings().window_points(len(points))
-    radius = float(np.sqrt(RADIUS_RANGE[0] * RADIUS_RANGE[1]))
+    radius = float(np.sqrt(SEARCH_RANGE_MM[0] * SEARCH_RANGE_MM[1]))
     windows = [points[i : i + num] for i in range(0, len(points) - num + 1, WINDOW_STEP)]
     return np.array([[w[num // 2, 0], largest_window_residual(w, radius)] for w in windows])
