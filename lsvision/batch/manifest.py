@@ -9,7 +9,13 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from lsvision import __version__
-from lsvision.batch.measure_file import TEMPORARY, BatchJob, FileOutcome, FileTask, file_version
+from lsvision.batch.measure_file import (
+    TEMPORARY_PREFIX,
+    BatchJob,
+    FileOutcome,
+    FileTask,
+    file_version,
+)
 from lsvision.errors import LsvisionError, UnreadableFile, UnwritableFile
 from lsvision.results.summaries import counted
 
@@ -170,7 +176,7 @@ class Manifest:
         except LsvisionError:
             self._file.close()
             raise
-        for leftover in self._folder.rglob(f"{TEMPORARY}*.part"):
+        for leftover in self._folder.rglob(f"{TEMPORARY_PREFIX}*.part"):
             leftover.unlink(missing_ok=True)
         return self
 
@@ -256,7 +262,7 @@ def _lock_file(file: TextIO, folder: Path) -> None:
         ) from None
 
 
-def summary(status: Status, names: Iterable[str] = ()) -> str:
+def format_summary(status: Status, names: Iterable[str] = ()) -> str:
     """Return the counts of a batch in one line.
 
     They are those of the files `names`, or else of all files of the batch: those of the last run,

@@ -15,7 +15,7 @@ from lsvision.batch.measure_group import measure_group, require_measurement
 from lsvision.batch.result_table import result_table
 from lsvision.ellipse.section import compute_intervals
 from lsvision.errors import LsvisionError, UnreadableFile, UnwritableFile
-from lsvision.files.limited_reading import MAX_SIZE, size_limit
+from lsvision.files.limited_reading import MAX_FILE_BYTES, size_limit
 from lsvision.io.profiles.reading import ProfileFile, require_plausible_units
 from lsvision.io.profiles.settings import ReadOptions, ReadSettings
 from lsvision.io.profiles.streaming import ProfilePart, iterate_profiles
@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     from lsvision.measure import Measurement
 
 _READING_DEFAULTS = {setting.name: setting.default for setting in fields(ReadSettings)}
-TEMPORARY = ".lsvision."
+"""Default of each setting of reading."""
+TEMPORARY_PREFIX = ".lsvision."
 """Beginning of the name of an output that is being written."""
 
 
@@ -94,7 +95,7 @@ class FileTask:
     output: Path
     name: str
     job: BatchJob
-    max_size: int = MAX_SIZE
+    max_size: int = MAX_FILE_BYTES
 
 
 @dataclass(frozen=True)
@@ -165,7 +166,7 @@ def _write_results(task: FileTask) -> FileOutcome:
     """Measure a file part by part, write its output, and return the counts and notes."""
     profiles = cylinders = rejections = 0
     notes: dict[str, None] = {}  # in place of a set, which has no order
-    temporary = task.output.with_name(f"{TEMPORARY}{secrets.token_hex(8)}.part")
+    temporary = task.output.with_name(f"{TEMPORARY_PREFIX}{secrets.token_hex(8)}.part")
     writer = None
     try:
         for part in iterate_profiles(task.source, **task.job.reading):
@@ -179,7 +180,7 @@ def _write_results(task: FileTask) -> FileOutcome:
             cylinders += sum(len(m.cylinders) for m in measured if m is not None)
             rejections += sum(len(m.rejections) for m in measured if m is not None)
         if writer is None:
-            raise UnreadableFile(f"{task.source}: it holds no profile")
+            raise UnreadableFile(f"{task.source}: it holds no profile: check its export")
         _finish_output(writer, temporary, task.output)
     finally:
         temporary.unlink(missing_ok=True)

@@ -12,10 +12,10 @@ if TYPE_CHECKING:
     from lsvision.inspection.job import Job
     from lsvision.measure import Measurement
 
-PLACE_COLUMNS = ("source", "profile", "cylinder")
+LOCATION_COLUMNS = ("source", "profile", "cylinder")
 """Columns that state which cylinder a row is, before those with its quantities."""
-INTEGERS, FLAGS = ("profile", "cylinder", "points"), ("theta_determined",)
-"""Columns of integers, and columns of true or false. Of the other columns of `PLACE_COLUMNS` and
+INTEGER_COLUMNS, FLAG_COLUMNS = ("profile", "cylinder", "points"), ("theta_determined",)
+"""Columns of integers, and columns of true or false. Of the other columns of `LOCATION_COLUMNS` and
 `SECTION_COLUMNS`, `source` is text and the rest are numbers."""
 
 
@@ -42,7 +42,7 @@ def result_table(
         for row in _list_rows(measurement):
             rows.append(row | {"source": source, "profile": part.first + index})
             indices.append(index)
-    names = (*PLACE_COLUMNS, *SECTION_COLUMNS)
+    names = (*LOCATION_COLUMNS, *SECTION_COLUMNS)
     decided = () if inspection is None else ("decision",)
     columns = {
         name: pa.array([row.get(name) for row in rows], type=_type_of(name)) for name in names
@@ -113,14 +113,14 @@ def _attribute_table(attributes: Sequence[Mapping[str, Any]]) -> "pa.Table":
 
 
 def _type_of(name: str) -> "pa.DataType":
-    """Return the type of a column of `PLACE_COLUMNS` or `SECTION_COLUMNS`."""
+    """Return the type of a column of `LOCATION_COLUMNS` or `SECTION_COLUMNS`."""
     import pyarrow as pa
 
     if name == "source":
         return pa.string()
-    if name in INTEGERS:
+    if name in INTEGER_COLUMNS:
         return pa.int64()
-    return pa.bool_() if name in FLAGS else pa.float64()
+    return pa.bool_() if name in FLAG_COLUMNS else pa.float64()
 
 
 def _rejections_type() -> "pa.DataType":

@@ -1,7 +1,7 @@
 """Calibrations as table rows (number with standard deviation, unit) and as records."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -39,6 +39,11 @@ def rejection_lines(
     return lines + [f"warning: {text}" for text in warnings]
 
 
+def rejection_records(views: "Iterable[RejectedView]") -> "list[Record]":
+    """Return the index of the image and the reason of each view, ready for JSON."""
+    return [{"image": view.index, "reason": view.reason} for view in views]
+
+
 def camera_rows(calibration: "CameraCalibration") -> list[Row]:
     """Return table rows of the intrinsics, with one sigma."""
     rows: list[Row] = []
@@ -55,8 +60,8 @@ def common_record(calibration: "CameraCalibration | LaserPlaneCalibration") -> "
         "board_bow_mm": json_numbers(calibration.board_bow),
         "board_bow_std_mm": json_numbers(calibration.board_bow_std),
         "views": len(calibration.views),
-        "rejected": [{"image": view.index, "reason": view.reason} for view in calibration.rejected],
-        "outliers": [{"image": view.index, "reason": view.reason} for view in calibration.outliers],
+        "rejected": rejection_records(calibration.rejected),
+        "outliers": rejection_records(calibration.outliers),
         "warnings": list(calibration.warnings),
     }
 

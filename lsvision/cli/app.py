@@ -19,7 +19,7 @@ from lsvision.files.printable import printable
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C, SIGTERM or SIGHUP: that of shells after Ctrl-C."""
-MAX_SIZE_LIMIT = 1e15
+MAX_SIZE_LIMIT_BYTES = 1e15
 """Largest --max-size. Units: bytes."""
 
 _COMMANDS = (
@@ -114,7 +114,7 @@ def _parse_size(text: str) -> int:
     """Return the number of bytes of a size such as ``500MB`` or ``8 GB``."""
     match = _SIZE.fullmatch(text.strip())
     size = float(match[1]) * _BYTES[match[2].lower()] if match else 0.0
-    if not 1 <= size <= MAX_SIZE_LIMIT:
+    if not 1 <= size <= MAX_SIZE_LIMIT_BYTES:
         raise typer.BadParameter(f"expected --max-size such as 500MB or 8GB, got {text!r}")
     return int(size)
 

@@ -29,8 +29,7 @@ from lsvision.cli.profile_options import (
 )
 from lsvision.cli.sources import find_sources, suffixes_of_profiles
 from lsvision.errors import LsvisionError
-from lsvision.files.file_kinds import is_directory
-from lsvision.files.limited_reading import STDIN
+from lsvision.files.file_kinds import STDIN, is_directory
 from lsvision.results.summaries import counted
 
 if TYPE_CHECKING:
@@ -110,11 +109,11 @@ def batch(
     from lsvision.batch.process_pool import default_jobs
     from lsvision.batch.run import plan_tasks, run_batch
 
-    measuring = build_measure_function(
+    measure_function = build_measure_function(
         radius, known_radius, known_phi_deg, sensor.parse(), paper=False
     )
     options = reading.parse()
-    job = _batch_job(measuring, options, job_file)
+    job = _batch_job(measure_function, options, job_file)
     sources, any_missing = _find_sources(files, suffixes_of_profiles(reading.dx))
     tasks = plan_tasks(sources, _root(files), out, job)
     report = _Report(len(tasks))
@@ -158,7 +157,7 @@ def _find_sources(names: Sequence[str], suffixes: frozenset[str]) -> tuple[list[
 
 
 def _batch_job(
-    measuring: "partial[list[Measurement]]", options: "ReadOptions", path: Path | None
+    measure_function: "partial[list[Measurement]]", options: "ReadOptions", path: Path | None
 ) -> "BatchJob":
     """Return the settings of the batch, from the options or from the job file `path`.
 
@@ -173,8 +172,8 @@ def _batch_job(
     from lsvision.batch.measure_file import BatchJob
 
     if path is None:
-        return BatchJob(measuring, options)
-    if any(value is not None for value in measuring.keywords.values()):
+        return BatchJob(measure_function, options)
+    if any(value is not None for value in measure_function.keywords.values()):
         raise typer.BadParameter("expected --job or options of the measurement, got both")
     from lsvision.inspection.job import Job
     from lsvision.inspection.measuring import measure_profiles_of_job
@@ -224,9 +223,9 @@ def _print_status(folder: Path) -> None:
 
 def _print_summary(status: "Status", names: Sequence[str] = ()) -> None:
     """Print the counts of the files `names`, or else of all files of a batch."""
-    from lsvision.batch.manifest import summary
+    from lsvision.batch.manifest import format_summary
 
-    typer.echo(summary(status, names))
+    typer.echo(format_summary(status, names))
 
 
 class _Report(StatusLine):

@@ -21,8 +21,7 @@ from lsvision.cli.sources import (
     suffixes_of_profiles,
 )
 from lsvision.errors import LsvisionError, UnreadableFile
-from lsvision.files.file_kinds import exists
-from lsvision.files.limited_reading import STDIN
+from lsvision.files.file_kinds import STDIN, exists
 from lsvision.files.printable import printable
 from lsvision.results.tables import text_table
 

@@ -44,7 +44,7 @@ def demo(
     profile, picture = _write_profile(out), out / "profile.png"
     typer.echo(f"$ lsvision measure {_quote(profile)} --plot {_quote(picture)}")
     pictures = Pictures(picture, several=False)
-    options = PartOptions(measuring=build_measure_function())
+    options = PartOptions(measure_function=build_measure_function())
     failed = measure_sources([profile], RunOptions(part=options, pictures=pictures))
     if failed:
         raise typer.Exit(FAILED)

@@ -15,7 +15,7 @@ from lsvision.cli.image_sources import (
 )
 from lsvision.cli.robot_frame import RobotFrame
 from lsvision.cli.sources import iterate_source, read_source
-from lsvision.files.limited_reading import MAX_SIZE
+from lsvision.files.limited_reading import MAX_FILE_BYTES
 
 if TYPE_CHECKING:
     from lsvision.batch.measure_group import MeasureFunction
@@ -33,20 +33,20 @@ to this distance, above which a warning is given."""
 class PartOptions:
     """Options for reading and measuring files; can be pickled for another process.
 
-    `measuring` has its options filled in, also the noise of `sensor`. Without `imaging`, the rig
-    and the settings for converting images to profiles, an image is an error; without `placing`
-    cylinders stay in the section frame. `verbose` lists the rejected arcs, `debug` prints
-    tracebacks; `max_size`, in bytes, is for another process, which does not inherit it.
+    `measure_function` has its options filled in, also the noise of `sensor`. Without `imaging`, the
+    rig and the settings for converting images to profiles, an image is an error; without
+    `robot_frame` cylinders stay in the section frame. `verbose` lists the rejected arcs, `debug`
+    prints tracebacks; `max_size`, in bytes, is for another process, which does not inherit it.
     """
 
-    measuring: "MeasureFunction"
+    measure_function: "MeasureFunction"
     sensor: "ProfileSensor | None" = None
     reading: "ReadOptions" = field(default_factory=dict)  # type: ignore[assignment] # no required key
     imaging: ImagingOptions | None = None
-    placing: RobotFrame | None = None
+    robot_frame: RobotFrame | None = None
     verbose: bool = False
     debug: bool = False
-    max_size: int = MAX_SIZE
+    max_size: int = MAX_FILE_BYTES
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from lsvision.cli.sources import IMAGE_SUFFIXES, VIDEO_SUFFIXES
 from lsvision.errors import LsvisionError, NoLaserLine, UnreadableFile
-from lsvision.files.limited_reading import STDIN
+from lsvision.files.file_kinds import STDIN
 
 if TYPE_CHECKING:
     from lsvision.io.profiles import ReadOptions

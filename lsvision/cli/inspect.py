@@ -13,7 +13,7 @@ from lsvision.cli.image_options import parse_imaging, reject_reading_of_images
 from lsvision.cli.image_sources import JOB, holds_images, read_image_source
 from lsvision.cli.messages import FAILED, print_error, print_lines
 from lsvision.cli.option_groups import expand_option_groups
-from lsvision.cli.outputs import STDOUT, check_outputs
+from lsvision.cli.outputs import check_outputs
 from lsvision.cli.profile_options import JsonFile, ReadingOptions
 from lsvision.cli.sources import (
     MEASURED_SUFFIXES,
@@ -24,14 +24,14 @@ from lsvision.cli.sources import (
 )
 from lsvision.cli.verdict_outputs import VerdictOutputs, VerdictPaths, make_page
 from lsvision.errors import LsvisionError
-from lsvision.files.file_kinds import is_directory
+from lsvision.files.file_kinds import STDOUT, is_directory
 from lsvision.files.printable import printable, printable_name
 from lsvision.results.summaries import counted
 
 if TYPE_CHECKING:
     from lsvision.geometry import Pose
-    from lsvision.inspection.inspected import JudgedMeasurement
     from lsvision.inspection.job import Job
+    from lsvision.inspection.judged_measurements import JudgedMeasurement
     from lsvision.io.profiles import ReadOptions
     from lsvision.measure import Measurement
     from lsvision.scan import ScanMeasurement
@@ -90,7 +90,7 @@ def inspect(
       lsvision inspect fixtures/jobs/scan_welded_pair.toml fixtures/scan_welded_pair
       lsvision inspect job.toml golden.csv --golden
     """  # noqa: D301 - the backspace makes click keep the line breaks
-    from lsvision.inspection.golden import find_blocking_reason, golden_path
+    from lsvision.inspection.golden import find_blocking_reason, golden_log_path
     from lsvision.inspection.history import read_records
     from lsvision.inspection.job import Job
 
@@ -113,8 +113,8 @@ def inspect(
     for failure in missing:
         run.fail("", failure)
     if golden:
-        raise typer.Exit(_check_golden(run, groups, golden_path(job, job_file), now))
-    log = read_records(golden_path(job, job_file), "passed") if job.golden is not None else []
+        raise typer.Exit(_check_golden(run, groups, golden_log_path(job, job_file), now))
+    log = read_records(golden_log_path(job, job_file), "passed") if job.golden is not None else []
     outputs = VerdictOutputs(
         VerdictPaths(json_file, csv_file, parquet, report),
         partial(make_page, job, run.calibration, log, now, run.failures),
@@ -316,8 +316,8 @@ def _judge_measurement(
     blocked: str,
 ) -> "JudgedMeasurement":
     """Return a measurement with its verdict and, unless it is of a scan, the remedies."""
-    from lsvision.inspection.inspected import JudgedMeasurement
     from lsvision.inspection.judge import judge
+    from lsvision.inspection.judged_measurements import JudgedMeasurement
     from lsvision.inspection.remedies import plan_remedies
     from lsvision.measure import Measurement
 
@@ -375,11 +375,11 @@ def _print_counts(
     inspected: "Sequence[JudgedMeasurement]", failures: int, *, to_stderr: bool
 ) -> int:
     """Print the number of each verdict, and return the exit code of the worst."""
-    from lsvision.inspection.decision import Decision, worst
+    from lsvision.inspection.decision import Decision, worst_decision
 
     decisions = [judged.verdict.decision for judged in inspected]
     if len(decisions) + failures > 1:
         counts = ", ".join(f"{decisions.count(kind)} {kind}" for kind in Decision)
         failed = f", {failures} could not be judged" if failures else ""
         print_lines([f"{len(decisions)} judged: {counts}{failed}"], err=to_stderr)
-    return FAILED if failures else EXIT_CODES[worst(decisions).value]
+    return FAILED if failures else EXIT_CODES[worst_decision(decisions).value]

@@ -10,8 +10,9 @@ import typer
 
 from lsvision.cli.messages import FAILED, print_error, print_lines
 from lsvision.cli.option_groups import command_group, expand_option_groups
-from lsvision.cli.outputs import STDOUT, check_outputs, write_output
+from lsvision.cli.outputs import check_outputs, write_output
 from lsvision.cli.profile_options import Radius, ReadingOptions
+from lsvision.files.file_kinds import STDOUT
 
 job = command_group("job", "Make and check a job file: the parts to measure and their limits.")
 

@@ -14,7 +14,8 @@ from lsvision.cli.image_options import (
     read_laser_off,
 )
 from lsvision.cli.messages import print_lines
-from lsvision.cli.outputs import STDOUT, check_outputs, check_picture, write_output
+from lsvision.cli.outputs import check_outputs, check_picture, write_output
+from lsvision.files.file_kinds import STDOUT
 from lsvision.files.printable import printable
 
 

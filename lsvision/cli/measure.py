@@ -22,7 +22,7 @@ from lsvision.cli.measure_files import RunOptions, measure_sources
 from lsvision.cli.measure_options import build_measure_function
 from lsvision.cli.messages import FAILED, print_error
 from lsvision.cli.option_groups import expand_option_groups
-from lsvision.cli.outputs import STDOUT, Pictures, check_outputs, check_picture
+from lsvision.cli.outputs import Pictures, check_outputs, check_picture
 from lsvision.cli.profile_options import (
     CsvFile,
     Jobs,
@@ -37,6 +37,7 @@ from lsvision.cli.profile_options import (
 from lsvision.cli.robot_options import RobotOptions, parse_robot_frame
 from lsvision.cli.sources import MEASURED_SUFFIXES, find_sources, suffixes_of_profiles
 from lsvision.errors import LsvisionError
+from lsvision.files.file_kinds import STDOUT
 from lsvision.files.limited_reading import current_size_limit
 
 
@@ -124,7 +125,9 @@ def measure(
         raise typer.BadParameter("expected files, folders or --camera INDEX, got none")
     check_picture(plot)
     noise = sensor.parse()
-    measuring = build_measure_function(radius, known_radius, known_phi_deg, noise, paper=paper)
+    measure_function = build_measure_function(
+        radius, known_radius, known_phi_deg, noise, paper=paper
+    )
     if surface_std and (paper or noise is not None):
         _reject_surface_std()
     options = reading.parse()
@@ -132,19 +135,19 @@ def measure(
     paths, missing = find_sources(files or (), suffixes)
     inputs = [*paths, *robot.files, *filter(None, (light_section, laser_off))]
     taken = check_outputs((plot,), inputs, streams=(json_file, csv_file))
-    placing = parse_robot_frame(robot)
+    robot_frame = parse_robot_frame(robot)
     sources: list[Path | LiveCamera] = [*paths]
     if camera is not None:
         sources.append(LiveCamera(camera, frames or 1))
     part = PartOptions(
-        measuring=measuring,
+        measure_function=measure_function,
         sensor=noise,
         reading=options,
         imaging=parse_imaging(
             light_section, laser, method, bayer, laser_off,
             surface_std=surface_std, frames=frames, keep_images=plot is not None,
         ),
-        placing=placing,
+        robot_frame=robot_frame,
         verbose=verbose,
         debug=ctx.find_root().params.get("debug", False),
         max_size=current_size_limit(),
@@ -212,8 +215,8 @@ def _measure_all(
     from lsvision.io.result_files import ResultFiles
 
     frame = None
-    if run.part.placing is not None:
-        frame = "flange" if run.part.placing.pose_file is None else "base"
+    if run.part.robot_frame is not None:
+        frame = "flange" if run.part.robot_frame.pose_file is None else "base"
     results = ResultFiles(json_file, csv_file, frame)
     try:
         return measure_sources(sources, replace(run, results=results))

@@ -61,7 +61,7 @@ def measure_sources(sources: Sequence[Path | LiveCamera], run: RunOptions) -> in
     """
     progress, failed = Progress(len(sources)), set[int]()
     try:
-        for number, result in _results(sources, run, progress):
+        for number, result in _iterate_results(sources, run, progress):
             progress.clear()
             if run.results is not None:
                 run.results.add(result.records)
@@ -78,7 +78,7 @@ def measure_sources(sources: Sequence[Path | LiveCamera], run: RunOptions) -> in
     return len(failed)
 
 
-def _results(
+def _iterate_results(
     sources: Sequence[Path | LiveCamera], run: RunOptions, progress: Progress
 ) -> Iterator[tuple[int, PartResult]]:
     """Yield the number of a file and a result, in the order of the files and their profiles."""
@@ -149,10 +149,10 @@ def _read_with_poses(
 
     All profiles are read first, because the number of poses must equal theirs.
     """
-    if options.placing is None or options.placing.pose_file is None:
+    if options.robot_frame is None or options.robot_frame.pose_file is None:
         return {}
     files = [read_whole(source, options) for source in sources]
-    poses = iter(options.placing.pose_file.read(sum(map(len, files))))
+    poses = iter(options.robot_frame.pose_file.read(sum(map(len, files))))
     return {
         number: replace(file, flanges=[next(poses) for _ in range(len(file))])
         for number, file in enumerate(files)

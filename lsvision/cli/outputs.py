@@ -9,13 +9,11 @@ import typer
 
 from lsvision.cli.sources import true_path
 from lsvision.errors import UnwritableFile
-from lsvision.files.file_kinds import exists, is_directory, is_regular, read_file_status
+from lsvision.files.file_kinds import STDOUT, exists, is_directory, is_regular, read_file_status
 from lsvision.files.printable import printable
 
 PICTURE_SUFFIXES = (".png", ".svg")
 """Suffixes of the formats of a picture."""
-STDOUT = Path("-")
-"""Path of standard output; the printed table then goes to standard error."""
 MAX_STEM_BYTES = 100
 """Largest part of a file's name that goes into the name of its picture."""
 

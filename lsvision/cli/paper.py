@@ -7,7 +7,8 @@ from typing import Annotated
 import typer
 
 from lsvision.cli.messages import print_lines
-from lsvision.cli.outputs import STDOUT, check_outputs, write_output
+from lsvision.cli.outputs import check_outputs, write_output
+from lsvision.files.file_kinds import STDOUT
 
 DEFAULT_REPORT_PATH = Path("report.html")
 """Default of --out, in the current folder."""

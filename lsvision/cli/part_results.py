@@ -72,7 +72,7 @@ def _measure_parts(options: PartOptions, parts: Sequence[FilePart]) -> list[Part
     from lsvision.ellipse.section import compute_intervals
 
     profiles = [profile for part in parts for _, profile in _valid_profiles(part)]
-    results = iter(measure_group(options.measuring, profiles))
+    results = iter(measure_group(options.measure_function, profiles))
     measured = [
         _complete_part(options, part, [next(results) for _ in _valid_profiles(part)])
         for part in parts
@@ -170,16 +170,16 @@ def _complete_section(
     if (
         not measurement.cylinders
         and not isinstance(part.file, ImageFile)
-        and holds_cylinders_upside_down(options.measuring, profile)
+        and holds_cylinders_upside_down(options.measure_function, profile)
     ):
         way, option = ("towards", "--no-flip") if part.file.flipped else ("away from", "--flip")
         flip_hint = (
             "cylinders are found with the sensor on the other side: if heights grow "
             f"{way} the sensor, use {option}"
         )
-    if options.placing is not None:
+    if options.robot_frame is not None:
         flange = None if part.flanges is None else part.flanges[index]
-        placed = options.placing.place(measurement.cylinders, flange)
+        placed = options.robot_frame.place(measurement.cylinders, flange)
     return _Section(index, profile, measurement, flip_hint, placed)
 
 

@@ -10,7 +10,7 @@ import typer
 from lsvision.cli.measure_options import parse_known_radius, parse_search_range
 from lsvision.cli.messages import Progress, end_on_failures, print_lines
 from lsvision.cli.option_groups import expand_option_groups
-from lsvision.cli.outputs import STDOUT, check_outputs, check_picture, write_output
+from lsvision.cli.outputs import check_outputs, check_picture, write_output
 from lsvision.cli.profile_options import (
     CsvFile,
     JsonFile,
@@ -36,6 +36,7 @@ from lsvision.cli.sources import (
     suffixes_of_profiles,
 )
 from lsvision.errors import DegenerateGeometry
+from lsvision.files.file_kinds import STDOUT
 from lsvision.files.printable import printable, printable_name
 
 if TYPE_CHECKING:

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 from lsvision.cli.messages import print_notes
 from lsvision.errors import LsvisionError, UnreadableFile
-from lsvision.files.file_kinds import is_directory
-from lsvision.files.limited_reading import STDIN
+from lsvision.files.file_kinds import STDIN, is_directory
 from lsvision.io.file_names import PROFILE_SUFFIXES, find_files
 
 if TYPE_CHECKING:
@@ -49,7 +48,10 @@ def find_sources(
     for name in names:
         if not name:  # as of an unset variable; `Path` would take it for the current folder
             failures.append(
-                UnreadableFile("expected the name of a file or folder, got an empty one")
+                UnreadableFile(
+                    "expected the name of a file or folder, got an empty one: check that the "
+                    "variable is set"
+                )
             )
             continue
         try:

@@ -12,7 +12,7 @@ import typer
 
 from lsvision.cli.messages import end_on_failures, print_error, print_lines
 from lsvision.cli.option_groups import command_group, expand_option_groups
-from lsvision.cli.outputs import STDOUT, check_outputs, write_output
+from lsvision.cli.outputs import check_outputs, write_output
 from lsvision.cli.profile_options import (
     JsonFile,
     KnownRadius,
@@ -22,6 +22,7 @@ from lsvision.cli.profile_options import (
 )
 from lsvision.cli.sources import find_sources, read_sources, suffixes_of_profiles
 from lsvision.errors import LsvisionError, UnreadableFile
+from lsvision.files.file_kinds import STDOUT
 from lsvision.results.summaries import counted
 
 if TYPE_CHECKING:
@@ -90,7 +91,7 @@ def repeat(
     _check_limits(tolerance, level)
     if not math.isfinite(reference):
         raise typer.BadParameter(f"expected a finite --reference, got {reference:g}")
-    measuring = partial(
+    measure_function = partial(
         measure_cylinders,
         radius=parse_search_range(radius),
         known_radius=parse_known_radius(known_radius),
@@ -101,7 +102,7 @@ def repeat(
     check_outputs((), sources, streams=(json_file,))
     end_on_failures(missing)
     profiles = read_sources(sources, options)
-    values, stds = _measure_quantity(profiles, quantity, reference, measuring)
+    values, stds = _measure_quantity(profiles, quantity, reference, measure_function)
     result = study_repeats(values, reference, stds=stds, tolerance=tolerance, level=level)
     unit = "deg" if quantity in ("theta", "phi") else "mm"
     _print_result(result, json_file, f"{quantity} in {unit}:")
@@ -157,7 +158,7 @@ def _measure_quantity(
     files: "Sequence[ProfileFile]",
     quantity: str,
     reference: float,
-    measuring: "Callable[[Profile], Measurement]",
+    measure_function: "Callable[[Profile], Measurement]",
 ) -> tuple[list[float], list[float]]:
     """Return the value and standard uncertainty of each profile with a cylinder, in mm or deg.
 
@@ -171,7 +172,7 @@ def _measure_quantity(
     radii: dict[str, float] = {}
     for file in files:
         for number, profile in enumerate(file.profiles):
-            measurement = measuring(profile)
+            measurement = measure_function(profile)
             estimates = [cylinder.estimates[index] for cylinder in measurement.cylinders]
             if not estimates:
                 print_error(f"{file.path}, profile {number}: no cylinder, left out")
@@ -191,11 +192,11 @@ def _report_other_cylinders(radii: dict[str, float]) -> None:
     """Print a note on each profile whose cylinder has another size than most, by its name."""
     from statistics import median
 
-    from lsvision.inspection.matching import RADIUS_TOLERANCE
+    from lsvision.inspection.matching import MAX_RADIUS_DEVIATION
 
     for name, radius in radii.items():
         usual = median(radii.values())
-        if abs(radius / usual - 1) > RADIUS_TOLERANCE:
+        if abs(radius / usual - 1) > MAX_RADIUS_DEVIATION:
             print_error(
                 f"{name}: its cylinder of radius {radius:.4g} mm counts, most have {usual:.4g} mm: "
                 "another part? Leave the profile out, or limit the search by --radius"
@@ -220,7 +221,9 @@ def _read_crossed(path: Path, value: str, part: str, operator: str) -> "FloatArr
     operators = list(dict.fromkeys(operator_name for _, operator_name in trials))
     counts = {len(values) for values in trials.values()}
     if not trials:
-        raise LsvisionError(f"{path}: expected rows with values, got none below the header")
+        raise LsvisionError(
+            f"{path}: expected rows with values, got none below the header: add them"
+        )
     if len(trials) != len(parts) * len(operators) or len(counts) != 1:
         raise LsvisionError(
             f"{path}: expected every operator to measure every part equally often, got "
@@ -242,6 +245,7 @@ def _names_text(parts: Sequence[str], operators: Sequence[str]) -> str:
 
 
 def _first_names(names: Sequence[str]) -> str:
+    """Return at most `MAX_NAMES` names."""
     more = ", ..." if len(names) > MAX_NAMES else ""
     return ", ".join(names[:MAX_NAMES]) + more
 
@@ -257,35 +261,56 @@ def _read_trials(
     stream.seek(0)
     rows = csv.DictReader(stream, delimiter=separator)
     names = [name.strip() for name in rows.fieldnames or ()]
-    for column in (value, part, operator):
+    _check_columns(path, names, (value, part, operator))
+    trials: dict[tuple[str, str], list[float]] = {}
+    for row in rows:
+        location = f"{path}, line {rows.line_num}"
+        # A short row has None in place of a cell, a long one has a list of further cells at None.
+        if any(cell.strip() for cell in row.get(None, ())):
+            raise UnreadableFile(
+                f"{location}: expected {len(names)} cells, got more: separate columns by ; if "
+                "numbers have a decimal comma"
+            )
+        cells = {str(name).strip(): str(cell or "").strip() for name, cell in row.items()}
+        if not any(cells.values()):  # below the table of a spreadsheet
+            continue
+        # A comma that does not separate columns is a decimal comma.
+        number = cells[value] if separator == "," else cells[value].replace(",", ".")
+        trial, names_of_pair = _parse_number(number), (cells[part], cells[operator])
+        if trial is None:
+            raise UnreadableFile(
+                f"{location}: expected a number in {value!r}, got {cells[value]!r}: write it, or "
+                "leave the row out"
+            )
+        if not all(names_of_pair):
+            raise UnreadableFile(
+                f"{location}: expected a name in {part!r} and in {operator!r}, got an empty cell: "
+                "write it"
+            )
+        trials.setdefault(names_of_pair, []).append(trial)
+    return trials
+
+
+def _check_columns(path: Path, names: Sequence[str], needed: Sequence[str]) -> None:
+    """Raise UnreadableFile unless a table has one column of each of the `needed` names."""
+    for column in needed:
         if names.count(column) > 1:
-            raise UnreadableFile(f"{path}: expected one column {column!r}, got several")
+            raise UnreadableFile(
+                f"{path}: expected one column {column!r}, got several: rename the others"
+            )
         if column not in names:
             raise UnreadableFile(
                 f"{path}: expected a column {column!r}, got {', '.join(names) or 'none'}: name it "
                 "with --value, --part or --operator"
             )
-    trials: dict[tuple[str, str], list[float]] = {}
-    for row in rows:
-        place = f"{path}, line {rows.line_num}"
-        # A short row has None in place of a cell, a long one has a list of further cells at None.
-        if any(cell.strip() for cell in row.get(None, ())):
-            raise UnreadableFile(
-                f"{place}: expected {len(names)} cells, got more: separate columns by ; if numbers "
-                "have a decimal comma"
-            )
-        cells = {str(name).strip(): str(cell or "").strip() for name, cell in row.items()}
-        if not any(cells.values()):  # below the table of a spreadsheet
-            continue
-        number, names_of_pair = cells[value], (cells[part], cells[operator])
-        try:
-            # A comma that does not separate columns is a decimal comma.
-            trial = float(number if separator == "," else number.replace(",", "."))
-        except ValueError:
-            trial = math.nan
-        if not math.isfinite(trial) or "_" in number:  # which separates digits in Python only
-            raise UnreadableFile(f"{place}: expected a number in {value!r}, got {number!r}")
-        if not all(names_of_pair):
-            raise UnreadableFile(f"{place}: expected a name in {part!r} and in {operator!r}")
-        trials.setdefault(names_of_pair, []).append(trial)
-    return trials
+
+
+def _parse_number(text: str) -> float | None:
+    """Return a finite number; None if the text is none."""
+    if "_" in text:  # which separates digits in Python only
+        return None
+    try:
+        number = float(text)
+    except ValueError:
+        return None
+    return number if math.isfinite(number) else None

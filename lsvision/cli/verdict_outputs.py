@@ -10,8 +10,8 @@ from lsvision.cli.outputs import write_output
 from lsvision.errors import LsvisionError
 
 if TYPE_CHECKING:
-    from lsvision.inspection.inspected import JudgedMeasurement
     from lsvision.inspection.job import Job
+    from lsvision.inspection.judged_measurements import JudgedMeasurement
     from lsvision.results.quantities import Record
 
 

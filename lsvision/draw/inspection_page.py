@@ -14,8 +14,13 @@ from lsvision.draw.measurement import draw_on_axes
 from lsvision.geometry import Ellipse
 from lsvision.inspection.capability import NOT_CLAIMED, Capability
 from lsvision.inspection.decision import Decision
-from lsvision.inspection.inspected import JudgedMeasurement, Series, collect_series, count_verdicts
 from lsvision.inspection.job import Job
+from lsvision.inspection.judged_measurements import (
+    JudgedMeasurement,
+    Series,
+    collect_series,
+    count_verdicts,
+)
 from lsvision.inspection.verdict import Verdict, explain_verdict, item_cells
 from lsvision.measure import Measurement
 from lsvision.results.html import html_environment
@@ -36,10 +41,10 @@ RADII_PER_UNIT = {"radius_mm": 1.0, "diameter_mm": 0.5}
 """Factor from a limit to a radius, for each key whose limits are drawn."""
 LEGEND_COLUMNS = 3
 """Columns of the legend of a judged profile: its picture is as wide as half a page."""
-MAX_PARTS = 20
+MAX_DRAWN_MEASUREMENTS = 20
 """Largest number of measurements with a section of their own; of more, those that are not OK come
 first."""
-MIN_TREND = 2
+MIN_TREND_MEASUREMENTS = 2
 """Smallest number of measurements for a trend and for counts of the verdicts."""
 
 
@@ -139,12 +144,12 @@ def inspection_page(inspected: Sequence[JudgedMeasurement], context: InspectionC
 
     It has no references to other files, and is laid out for screens, phones and A4 paper.
     """
-    several = len(inspected) >= MIN_TREND
+    several = len(inspected) >= MIN_TREND_MEASUREMENTS
     series = collect_series(inspected) if several else []
     shown = list(inspected)
-    if len(shown) > MAX_PARTS:
+    if len(shown) > MAX_DRAWN_MEASUREMENTS:
         shown.sort(key=lambda judged: judged.verdict.decision == Decision.OK)  # False is first
-        shown = shown[:MAX_PARTS]
+        shown = shown[:MAX_DRAWN_MEASUREMENTS]
     template = html_environment("lsvision.draw").get_template("inspection.html.j2")
     return template.render(
         context=context,

@@ -5,6 +5,9 @@ import re
 import stat
 from pathlib import Path
 
+STDIN, STDOUT = "-", Path("-")
+"""Name of standard input, and path of standard output."""
+
 
 def read_file_status(path: str | os.PathLike[str]) -> os.stat_result | None:
     """Return the status of a file, following links.

@@ -11,11 +11,10 @@ from contextvars import ContextVar
 from pathlib import Path
 
 from lsvision.errors import UnreadableFile
+from lsvision.files.file_kinds import STDIN
 
-MAX_SIZE = 2 * 10**9
+MAX_FILE_BYTES = 2 * 10**9
 """Largest file that is read without ``--max-size``. Units: bytes."""
-STDIN = "-"
-"""Path of standard input."""
 WRITER_TIMEOUT_S = 10.0
 """Longest wait until a program opens a named pipe for writing. Units: s."""
 
@@ -32,7 +31,7 @@ _MESSAGES = {  # what is wrong, and the remedy
     errno.ENXIO: "a device or socket: name a file",
 }
 
-_limit: ContextVar[int] = ContextVar("size_limit", default=MAX_SIZE)
+_limit: ContextVar[int] = ContextVar("size_limit", default=MAX_FILE_BYTES)
 
 
 @contextmanager

@@ -20,7 +20,7 @@ class Decision(StrEnum):
 
     Examples
     --------
-    >>> Decision.OK == "OK", worst([Decision.OK, Decision.UNDECIDED])
+    >>> Decision.OK == "OK", worst_decision([Decision.OK, Decision.UNDECIDED])
     (True, <Decision.UNDECIDED: 'undecided'>)
     """
 
@@ -30,9 +30,10 @@ class Decision(StrEnum):
 
 
 _SEVERITY = {Decision.OK: 0, Decision.UNDECIDED: 1, Decision.NG: 2}
+"""Rank of each decision; that on a whole is the highest of its parts."""
 
 
-def worst(decisions: Iterable[Decision]) -> Decision:
+def worst_decision(decisions: Iterable[Decision]) -> Decision:
     """Return the worst of several decisions (NG, then undecided, then OK); OK if there are none."""
     return max(decisions, key=_SEVERITY.__getitem__, default=Decision.OK)
 

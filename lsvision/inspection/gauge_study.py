@@ -23,7 +23,7 @@ POOLING_ALPHA = 0.25
 """p-value of the interaction above which it is pooled with the repeatability (AIAG)."""
 NDC_FACTOR = 1.41
 """Factor in the number of distinct categories (AIAG)."""
-SIGMAS = 6.0
+VARIATION_SIGMAS = 6.0
 """Width of the variation of a component, in standard deviations (AIAG)."""
 
 
@@ -119,7 +119,7 @@ class GaugeStudy(Result):
         """Return six stds of a component over the tolerance (%tolerance / 100); NaN without one."""
         if self.tolerance is None:
             return math.nan
-        return SIGMAS * self.component(name).std / self.tolerance
+        return VARIATION_SIGMAS * self.component(name).std / self.tolerance
 
     @property
     def distinct_categories(self) -> int | None:

@@ -14,19 +14,20 @@ from lsvision.inspection.job_tables import Golden
 from lsvision.inspection.relate import MeasuredCylinder
 from lsvision.results.quantities import Record
 
-SUFFIX = ".golden.jsonl"
+LOG_SUFFIX = ".golden.jsonl"
 """Suffix of the log's default name, after that of the job file."""
 
 Calibration = Mapping[str, Mapping[str, str | None]]
 """Date and hash of each calibration file, by its key in ``[rig]``."""
 NO_CALIBRATION: Calibration = {}
+"""Calibration of a job that names no calibration files."""
 
 
-def golden_path(job: Job, job_path: Path) -> Path:
+def golden_log_path(job: Job, job_path: Path) -> Path:
     """Return the path of the golden part's log: that of the job, else one beside the job file."""
     if job.golden is not None and job.golden.log is not None:
         return job_path.parent / job.golden.log
-    return job_path.with_name(job_path.name + SUFFIX)
+    return job_path.with_name(job_path.name + LOG_SUFFIX)
 
 
 def check_golden(

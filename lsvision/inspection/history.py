@@ -22,7 +22,7 @@ from lsvision.results.quantities import Record
 
 FIRST_HASH = "0" * 64
 """Hash that stands in the first line, which has no line before it."""
-SUFFIX = ".history.jsonl"
+HISTORY_SUFFIX = ".history.jsonl"
 """Suffix of the history's name, after that of the job file."""
 
 
@@ -103,7 +103,7 @@ def append_record(path: str | os.PathLike[str], record: Record, key: str) -> Non
 
 def history_path(job_path: Path) -> Path:
     """Return the path of the history of a job file, which is beside it."""
-    return job_path.with_name(job_path.name + SUFFIX)
+    return job_path.with_name(job_path.name + HISTORY_SUFFIX)
 
 
 def record_revision(job: Job, job_path: Path, now: datetime.datetime) -> bool:

@@ -11,13 +11,13 @@ from lsvision.inspection.job_mistakes import Location
 from lsvision.inspection.job_tables import Golden, Measure, Part, RelationLimits
 from lsvision.inspection.limits import POSSIBLE_RANGES, Limits, quantity_from_key
 
-PlacedMistake = tuple[Location, str]
+LocatedMistake = tuple[Location, str]
 """Location in the job, and what is wrong there."""
 
 
-def find_ambiguous_parts(parts: Sequence[Part]) -> list[PlacedMistake]:
+def find_ambiguous_parts(parts: Sequence[Part]) -> list[LocatedMistake]:
     """Return the mistakes of parts that have the same name or select the same cylinder."""
-    mistakes: list[PlacedMistake] = []
+    mistakes: list[LocatedMistake] = []
     for (_, first), (number, second) in itertools.combinations(enumerate(parts), 2):
         location = ("part", number)
         if first.name == second.name:
@@ -56,10 +56,10 @@ def _overlap(first: Part, second: Part) -> bool:
 
 def find_unknown_parts(
     parts: Sequence[Part], relations: Sequence[RelationLimits]
-) -> list[PlacedMistake]:
+) -> list[LocatedMistake]:
     """Return the mistakes of relations that name unknown parts."""
     names = [part.name for part in parts]
-    mistakes: list[PlacedMistake] = []
+    mistakes: list[LocatedMistake] = []
     for number, relation in enumerate(relations):
         location = ("relation", number, "between")
         first, second = relation.between
@@ -78,7 +78,7 @@ def find_limits_of_known_values(
     parts: Sequence[Part],
     relations: Sequence[RelationLimits],
     golden: Golden | None,
-) -> list[PlacedMistake]:
+) -> list[LocatedMistake]:
     """Return the mistakes of limits that a known radius or tilt of all cylinders would decide.
 
     With the known radius of a part, its radius is judged as measured without it.
@@ -87,7 +87,7 @@ def find_limits_of_known_values(
         "known_radius_mm": ("radius_mm", "diameter_mm"),
         "known_phi_deg": ("phi_deg", "angle_deg"),
     }
-    mistakes: list[PlacedMistake] = []
+    mistakes: list[LocatedMistake] = []
     for known, keys in keys_by_known.items():
         if getattr(measure, known) is None:
             continue
@@ -104,13 +104,13 @@ def find_limits_of_known_values(
 
 def find_impossible_limits(
     measure: Measure, parts: Sequence[Part], relations: Sequence[RelationLimits]
-) -> list[PlacedMistake]:
+) -> list[LocatedMistake]:
     """Return the mistakes of limits that no cylinder can meet: it would always be NG.
 
     They lie outside the possible values of their quantity, or those of radius and diameter exclude
     each other or the search range.
     """
-    mistakes: list[PlacedMistake] = []
+    mistakes: list[LocatedMistake] = []
     for location, limits in _all_limits(parts, relations):
         key = str(location[-1])
         smallest, largest = POSSIBLE_RANGES.get(key, (-math.inf, math.inf))
@@ -128,7 +128,7 @@ def find_impossible_limits(
     return mistakes
 
 
-def _find_excluded_radius(measure: Measure, part: Part, number: int) -> Iterator[PlacedMistake]:
+def _find_excluded_radius(measure: Measure, part: Part, number: int) -> Iterator[LocatedMistake]:
     """Yield the mistakes of a part whose radius cannot be within all its limits at once."""
     radius = part.radius_mm.ends if part.radius_mm is not None else None
     half = tuple(end / 2 for end in part.diameter_mm.ends) if part.diameter_mm is not None else None

@@ -29,6 +29,7 @@ _POSITION = re.compile(r"\s*\(at line (\d+), column \d+\)")
 _VARIANT = re.compile(r"(float|int|str|Limits|constrained.*|tuple\[.*)$")
 """Names that pydantic inserts into a location for the variants of a union."""
 _MAX_SHOWN_CHARACTERS = 60
+"""Largest number of characters of a wrong value that a message shows."""
 
 
 @dataclass(frozen=True)

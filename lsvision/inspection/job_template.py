@@ -55,6 +55,7 @@ undecided = "ng"  # how an output of one bit (OK or NG) shows an undecided verdi
 # tolerance_mm = 0.05
 # every_hours = 8
 """
+"""Texts of the parts of a job: head, each part, each relation, and tail."""
 
 
 def build_job_text(name: str, cylinders: Sequence[CylinderSection], tolerance: float) -> str:

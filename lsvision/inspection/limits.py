@@ -12,6 +12,7 @@ from lsvision.results.quantities import Quantity, Unit
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 """A finite number; text and booleans are rejected."""
 Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
+"""A finite number above 0."""
 
 SECTION_KEYS = ("radius_mm", "diameter_mm", "theta_deg", "phi_deg", "centre_x_mm", "centre_y_mm")
 """Limits of a part that one profile can be judged by."""

@@ -12,7 +12,7 @@ from lsvision.ellipse.section import CylinderSection
 from lsvision.inspection.job_tables import Part
 from lsvision.inspection.relate import MeasuredCylinder
 
-RADIUS_TOLERANCE = 0.2
+MAX_RADIUS_DEVIATION = 0.2
 """Relative deviation from the expected radius beyond which a cylinder is another part."""
 
 
@@ -86,10 +86,10 @@ def _match_by_radius(
     deviations = np.abs(radii / expected_radii[:, None] - 1)
     forbidden_cost = 1.0 + len(parts)  # more than all permitted deviations together
     rows, columns = linear_sum_assignment(
-        np.where(deviations > RADIUS_TOLERANCE, forbidden_cost, deviations)
+        np.where(deviations > MAX_RADIUS_DEVIATION, forbidden_cost, deviations)
     )
     return {
         parts[row].name: unassigned[column]
         for row, column in zip(rows, columns, strict=True)
-        if deviations[row, column] <= RADIUS_TOLERANCE
+        if deviations[row, column] <= MAX_RADIUS_DEVIATION
     }

@@ -25,7 +25,7 @@ KEYS_OF_RADIUS = ("radius_mm", "diameter_mm")
 """Quantities that differ, too, between those of short arcs on opposite sides, and that a known
 radius determines."""
 
-NEAR_ZERO = 0.75
+NEAR_ZERO_RATIO = 0.75
 """Ratio of the ends of phi's interval below which only the lower end may miss the true phi."""
 
 
@@ -98,7 +98,7 @@ def _interval_of_phi(section: CylinderSection, level: float) -> tuple[float, flo
     is that of the interval at the level (1 + level) / 2.
     """
     low, high = section.interval("phi", level)
-    if low < NEAR_ZERO * high:
+    if low < NEAR_ZERO_RATIO * high:
         low, _ = section.interval("phi", (1 + level) / 2)
     return low, high
 

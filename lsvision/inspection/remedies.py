@@ -18,7 +18,7 @@ from lsvision.planning import Feed, ScanPrediction, SensorView, plan_scan, plan_
 from lsvision.results.number_format import format_std
 from lsvision.sensors.profile_sensor import ProfileSensor
 
-SECTIONS = (2, 3, 5, 10, 20)
+SECTION_COUNTS = (2, 3, 5, 10, 20)
 """Numbers of sections that are tried."""
 SPACING_MM = 10.0
 """Distance of neighbouring sections of a planned scan. Units: mm."""
@@ -27,6 +27,7 @@ PLANNED_KEYS = ("radius_mm", "diameter_mm", "theta_deg", "phi_deg")
 MIN_STANDOFF_RADII = 3.0
 """Smallest distance from the sensor to the centre of a part that is planned with. Units: radii."""
 NUMBER_WORDS = {2: "two", 3: "three", 5: "five"}
+"""Words for the numbers of `SECTION_COUNTS` below ten."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +39,8 @@ class Remedy:
     item, quantity : str
         Part and key.
     sections : int, optional
-        Number of sections of a scan, `SPACING_MM` apart; None if none of `SECTIONS` is enough, or
-        nothing can be predicted.
+        Number of sections of a scan, `SPACING_MM` apart; None if none of `SECTION_COUNTS` is
+        enough, or nothing can be predicted.
     std : float
         Standard uncertainty that is predicted for this scan, in the unit of the key; NaN without
         `sections`.
@@ -90,16 +91,16 @@ def _plan_remedy(item: str, verdict: QuantityVerdict, section: CylinderSection, 
             else "no scan would decide: the value lies at the limit"
         )
         return Remedy(item, key, None, math.nan, reason)
-    needed = math.sqrt(permitted**2 - extra**2)
+    max_std = math.sqrt(permitted**2 - extra**2)
     name, unit = verdict.estimate.quantity.name, verdict.estimate.quantity.unit_text
     try:
-        scan = _find_shortest_scan(section, key, needed)
+        scan = _find_shortest_scan(section, key, max_std)
     except (LsvisionError, ValueError) as failure:
         return Remedy(item, key, None, math.nan, f"no prediction: {failure}")
     if scan is None:
         text = (
-            f"{SECTIONS[-1]} sections {SPACING_MM:g} mm apart would not decide: {name} needs ± "
-            f"{needed:.2g} {unit}"
+            f"{SECTION_COUNTS[-1]} sections {SPACING_MM:g} mm apart would not decide: {name} needs "
+            f"± {max_std:.2g} {unit}"
         )
         return Remedy(item, key, None, math.nan, text)
     sections, std = scan
@@ -113,16 +114,16 @@ def _plan_remedy(item: str, verdict: QuantityVerdict, section: CylinderSection, 
 
 
 def _find_shortest_scan(
-    section: CylinderSection, key: str, needed: float
+    section: CylinderSection, key: str, max_std: float
 ) -> tuple[int, float] | None:
-    """Return number of sections and predicted std of the shortest scan with at most `needed`.
+    """Return number of sections and predicted std of the shortest scan with at most `max_std`.
 
-    None if none of `SECTIONS` is enough. Stds are in the unit of the key.
+    None if none of `SECTION_COUNTS` is enough. Stds are in the unit of the key.
     """
     std_ratio = _std_ratio(section)
-    for sections in SECTIONS:
+    for sections in SECTION_COUNTS:
         std = std_ratio * _predict_std(section, key, sections)
-        if std <= needed:
+        if std <= max_std:
             return sections, std
     return None
 

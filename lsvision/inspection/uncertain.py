@@ -15,6 +15,7 @@ from lsvision.statistics.quantiles import squared_quantile
 QUADRATURE_NODES = 64
 """Nodes of the quadrature for the length of a vector."""
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(QUADRATURE_NODES)
+"""Nodes and weights of Gauss-Legendre quadrature from -1 to 1."""
 MAX_SIGMAS = 8.0
 """Standard deviations from the mean at which integrals over a normal distribution end."""
 MIN_STD_RATIO = 1e-9

@@ -10,11 +10,14 @@ from lsvision.inspection.decision import (
     Decision,
     QuantityVerdict,
     quantity_cells,
-    worst,
+    worst_decision,
 )
 from lsvision.inspection.job_tables import find_part
 from lsvision.results.quantities import Record
 from lsvision.results.result import Result
+
+ROW_KEYS = ("quantity", "value", "std", "low", "high", "level", "min", "max", "margin_sigmas")
+"""Keys of `QuantityVerdict.to_dict` that are columns of their own in a table."""
 
 VERDICT_SCHEMA = "lsvision.verdict/1"
 """Name and version of the JSON form of a verdict."""
@@ -51,7 +54,7 @@ class ItemVerdict(Result):
         """`decided` if it is given, else the worst decision on the quantities."""
         if self.decided is not None:
             return self.decided
-        return worst(quantity.decision for quantity in self.quantities)
+        return worst_decision(quantity.decision for quantity in self.quantities)
 
     def to_dict(self) -> Record:
         """Return name, decision, reason and quantities, ready for JSON.
@@ -168,7 +171,7 @@ class Verdict(Result):
         decisions = [item.decision for item in self.items]
         if self.additional_is_ng and self.additional:
             decisions.append(Decision.NG)
-        return worst(decisions)
+        return worst_decision(decisions)
 
     @property
     def passed(self) -> bool:
@@ -281,10 +284,7 @@ def verdict_rows(verdict: Verdict) -> list[Record]:
     return rows
 
 
-ROW_KEYS = ("quantity", "value", "std", "low", "high", "level", "min", "max", "margin_sigmas")
-"""Keys of `QuantityVerdict.to_dict` that are columns of their own in a table."""
-
-
 def _provenance_columns(provenance: Provenance) -> Record:
+    """Return the columns of a table that state job and version."""
     record = provenance.to_record()
     return {key: record[key] for key in ("job", "revision", "job_hash", "version")}

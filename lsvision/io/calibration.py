@@ -10,7 +10,7 @@ from typing import Any
 from lsvision import __version__
 from lsvision.calibration.intrinsics import CameraCalibration
 from lsvision.calibration.laser_plane_result import LaserPlaneCalibration
-from lsvision.calibration.views import RejectedView
+from lsvision.calibration.result_tables import rejection_records
 from lsvision.errors import UnwritableFile
 from lsvision.files.atomic_files import write_atomic
 from lsvision.files.limited_reading import read_bytes
@@ -43,15 +43,18 @@ def write_calibration(
     else:
         schema, values = LASER_PLANE_SCHEMA, _laser_plane_values(calibration)
     details = {
-        "rejected": _views_as_json(calibration.rejected),
-        "outliers": _views_as_json(calibration.outliers),
+        "rejected": rejection_records(calibration.rejected),
+        "outliers": rejection_records(calibration.outliers),
         "warnings": list(calibration.warnings),
         "provenance": dict(provenance),
     }
     try:
         text = format_json(schema, {**values, **details})
     except ValueError as error:
-        raise UnwritableFile(f"{path}: the calibration has numbers that are not finite") from error
+        raise UnwritableFile(
+            f"{path}: expected a calibration of finite numbers, got NaN or infinity: calibrate "
+            "again"
+        ) from error
     write_atomic(path, text)
 
 
@@ -129,7 +132,3 @@ def build_provenance(method: str, inputs: Iterable[str | os.PathLike[str]]) -> d
         "inputs": " ".join(names),
         "inputs_sha256": digest.hexdigest(),
     }
-
-
-def _views_as_json(views: Iterable[RejectedView]) -> list[dict[str, Any]]:
-    return [{"image": view.index, "reason": view.reason} for view in views]

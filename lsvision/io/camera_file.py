@@ -16,20 +16,23 @@ from lsvision.sensors.camera import Camera
 from lsvision.sensors.rig_file import SCHEMA as RIG_SCHEMA
 from lsvision.sensors.rig_file import camera_from_json, parse_document
 
-# Keys of the camera matrix, the coefficients and the size in the files of different tools.
 MATRIX_KEYS = ("camera_matrix", "cameraMatrix", "K", "k", "M1", "mtx")
+"""Keys of the camera matrix in the files of different tools."""
 DISTORTION_KEYS = (
     *("distortion_coefficients", "distCoeffs", "dist_coeffs", "dist_coeff", "distortion_coeffs"),
     *("D", "d", "D1", "dist"),
 )
+"""Keys of the distortion coefficients in the files of different tools."""
 WIDTH_KEYS, HEIGHT_KEYS = ("image_width", "width"), ("image_height", "height")
+"""Keys of the size of the images."""
 
-MAX_SIZE = 64 * 10**6
+MAX_CAMERA_FILE_BYTES = 64 * 10**6
 """Largest camera file; residuals of 100 views take 2 MB. Units: bytes."""
 
 _SCHEMAS = (CAMERA_SCHEMA, LASER_PLANE_SCHEMA, RIG_SCHEMA)
+"""Formats of lsvision that hold a camera."""
 
-MODELS = ("plumb_bob", "rational_polynomial", "")
+LENS_MODELS = ("plumb_bob", "rational_polynomial", "")
 """ROS's names of the lens models whose coefficients are those of OpenCV; empty if not stated."""
 
 _FISHEYE = re.compile(r"^[ \t]*fisheye_model:[ \t]*[1-9]", re.MULTILINE)
@@ -54,7 +57,7 @@ def read_camera(path: str | os.PathLike[str], *, size: tuple[int, int] | None = 
 
 
 def _read_text(source: Path) -> str:
-    with size_limit(min(current_size_limit(), MAX_SIZE)):
+    with size_limit(min(current_size_limit(), MAX_CAMERA_FILE_BYTES)):
         # An image is not UTF-8; it is then reported as a file without a camera.
         return read_bytes(source).decode("utf-8-sig", "replace")
 
@@ -129,14 +132,16 @@ def _camera_from_yaml(text: str, size: tuple[int, int] | None) -> Camera:
     """Return the camera of a ROS or OpenCV YAML file."""
     model = re.search(r"^[ \t]*distortion_model:[ \t]*[\"']?([^\"'\s]*)", text, re.MULTILINE)
     name = "fisheye" if _FISHEYE.search(text) else model and model.group(1)
-    if name and name not in MODELS:
+    if name and name not in LENS_MODELS:
         raise ValueError(
-            f"its lens model is {name!r}; expected {MODELS[0]} or {MODELS[1]}: "
+            f"its lens model is {name!r}; expected {LENS_MODELS[0]} or {LENS_MODELS[1]}: "
             "calibrate again with that model"
         )
     matrix = _find_numbers(text, MATRIX_KEYS, "camera matrix")
     if len(matrix) != 9:
-        raise ValueError(f"expected a camera matrix of 9 numbers, got {len(matrix)}")
+        raise ValueError(
+            f"expected a camera matrix of 9 numbers, got {len(matrix)}: write the file again"
+        )
     distortion = _find_numbers(text, DISTORTION_KEYS, "distortion coefficients")
     stated_size = _find_size(text)
     if stated_size is not None:
@@ -152,7 +157,10 @@ def _camera_from_yaml(text: str, size: tuple[int, int] | None) -> Camera:
 def _check_size(stated: tuple[int, int], expected: tuple[int, int] | None) -> None:
     """Raise ValueError if a file is for images of another size than the caller expects, if any."""
     if expected not in (None, stated):
-        raise ValueError(f"it is for images of {stated} px, not {expected}")
+        raise ValueError(
+            f"expected images of {expected[0]} x {expected[1]} px, got the camera of images of "
+            f"{stated[0]} x {stated[1]} px: give the file of the camera that took the images"
+        )
 
 
 def _find_numbers(text: str, keys: Iterable[str], quantity: str) -> list[float]:

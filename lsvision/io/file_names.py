@@ -4,8 +4,7 @@ import glob
 from pathlib import Path
 
 from lsvision.errors import UnreadableFile
-from lsvision.files.file_kinds import exists, is_directory, is_regular, natural_order
-from lsvision.files.limited_reading import STDIN
+from lsvision.files.file_kinds import STDIN, exists, is_directory, is_regular, natural_order
 
 PROFILE_SUFFIXES = frozenset(
     [

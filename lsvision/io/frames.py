@@ -19,17 +19,17 @@ from lsvision.files.limited_reading import check_readable
 Frame = npt.NDArray[Any]
 """Image (height, width), or (height, width, 3) in the order blue, green, red; 8 or 16 bit."""
 
-SILENT = 0
+OPENCV_SILENT = 0
 """LOG_LEVEL_SILENT of OpenCV 4 and 5."""
-MAX_INDEX = 2**31 - 1
+MAX_CAMERA_INDEX = 2**31 - 1
 """Largest index that OpenCV takes; a larger one is that of no camera, either."""
 FFMPEG_SILENT = ("OPENCV_FFMPEG_LOGLEVEL", "-8")
 """Environment variable that stops messages of ffmpeg, with which OpenCV reads videos."""
-GENICAM = "genicam:"
+GENICAM_PREFIX = "genicam:"
 """Prefix of the address of a GenICam camera; without an address, the only connected one."""
-MAX_DIGITS = 10
+MAX_INDEX_DIGITS = 10
 """Largest number of digits of the index of a camera; a longer name is that of a file."""
-DISCOVERY_MS, FRAME_MS = 1000, 3000
+DISCOVERY_TIMEOUT_MS, FRAME_TIMEOUT_MS = 1000, 3000
 """Time limits for the discovery of cameras, and for a frame. Units: ms."""
 
 
@@ -70,7 +70,7 @@ def capture_frames(index: int, count: int | None = None) -> Iterator[Frame]:
     LsvisionError
         If there is no such camera, or it stops sending; names the index and the remedy.
     """
-    with _open_capture(min(index, MAX_INDEX)) as capture:
+    with _open_capture(min(index, MAX_CAMERA_INDEX)) as capture:
         received = 0
         for frame in islice(_decode_frames(capture), count):
             received += 1
@@ -93,7 +93,7 @@ def _open_capture(source: str | int) -> Iterator[Any]:
     logging: Any = cv2 if hasattr(cv2, "setLogLevel") else cv2.utils.logging
     level = logging.getLogLevel()
     os.environ.setdefault(*FFMPEG_SILENT)
-    logging.setLogLevel(SILENT)
+    logging.setLogLevel(OPENCV_SILENT)
     try:
         capture = cv2.VideoCapture(source)
         try:
@@ -124,9 +124,9 @@ def open_camera(name: str) -> Iterator[Frame]:
         While frames are read: if there is no such camera or file, viva-genicam is not installed, or
         the camera stops sending.
     """
-    if name.startswith(GENICAM):
-        return _read_genicam_frames(name.removeprefix(GENICAM))
-    if name.isdecimal() and len(name) <= MAX_DIGITS and not exists(name):
+    if name.startswith(GENICAM_PREFIX):
+        return _read_genicam_frames(name.removeprefix(GENICAM_PREFIX))
+    if name.isdecimal() and len(name) <= MAX_INDEX_DIGITS and not exists(name):
         return capture_frames(int(name))
     return read_frames(name)
 
@@ -143,11 +143,11 @@ def _read_genicam_frames(address: str) -> Iterator[Frame]:
     try:
         with library.connect_gige(device) as camera, camera.stream() as stream:
             for number in count():
-                frame = stream.next_frame(FRAME_MS)
+                frame = stream.next_frame(FRAME_TIMEOUT_MS)
                 if frame is None:
                     raise LsvisionError(
                         f"camera {device.ip} sent {number} frames and then none for "
-                        f"{FRAME_MS / 1000:g} s: check trigger mode, cable and firewall"
+                        f"{FRAME_TIMEOUT_MS / 1000:g} s: check trigger mode, cable and firewall"
                     )
                 array = np.asarray(frame.to_numpy())
                 if array.ndim == 1:
@@ -165,7 +165,8 @@ def _read_genicam_frames(address: str) -> Iterator[Frame]:
 def _find_device(library: Any, address: str) -> Any:
     """Return the one GenICam camera at an address, or the only one if the address is empty."""
     include_loopback = address.startswith("127.")  # of a simulated camera
-    cameras = library.discover(DISCOVERY_MS, None, include_loopback)  # None: on all interfaces
+    interface = None  # all
+    cameras = library.discover(DISCOVERY_TIMEOUT_MS, interface, include_loopback)
     matching = [device for device in cameras if address in ("", device.ip)]
     if len(matching) != 1:
         known = ", ".join(f"{device.ip} ({device.model})" for device in cameras) or "none"

@@ -14,6 +14,7 @@ from lsvision.errors import UnreadableFile
 from lsvision.files.limited_reading import read_bytes
 
 _PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
+"""First bytes of a PNG file."""
 # Chunks of animated PNG files, which are not read.
 _ANIMATION_CHUNKS = frozenset([b"acTL", b"fcTL", b"fdAT"])
 # Magic number, width and height, with comments between them.
@@ -25,6 +26,7 @@ _JPEG_FRAMES = frozenset([*range(0xC0, 0xD0)]) - {0xC4, 0xC8, 0xCC}
 # Markers that no length and no content follow: TEM, RST0 to RST7.
 _JPEG_WITHOUT_LENGTH = frozenset([0x01, *range(0xD0, 0xD8)])
 _JPEG_SCAN, _JPEG_END = 0xDA, 0xD9
+"""Markers after which no size is stated: start of the scan, end of the image."""
 _WEBP_SIDE_MASK = (1 << 14) - 1  # width and height have 14 bits
 MAX_PIXELS = 10**8
 """Largest number of pixels of an image that is read; extracting its laser line takes 20 to 50 times
@@ -147,6 +149,7 @@ _FORMATS = (
     (b"RIFF", _webp_size),
     (b"P", _pnm_size),
 )
+"""First bytes of each image format that is read, and the function that reads its size."""
 
 
 def read_image(path: str | os.PathLike[str]) -> npt.NDArray[Any]:

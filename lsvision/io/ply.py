@@ -14,7 +14,9 @@ from lsvision.scan.shape import triangulate_tube
 _VERTEX = np.dtype(
     [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("red", "u1"), ("green", "u1"), ("blue", "u1")]
 )
+"""A point in binary PLY."""
 _FACE = np.dtype([("count", "u1"), ("corners", "<i4", (3,))])
+"""A triangle in binary PLY."""
 UNASSIGNED_RGB = (0.6, 0.6, 0.6)
 """Colour of points on no cylinder, grey: red, green, blue from 0 to 1."""
 

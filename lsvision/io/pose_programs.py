@@ -20,28 +20,30 @@ _FANUC_FIELD = re.compile(r"\b([XYZWPR])\s*=\s*([^\s,;}]+)[ \t]*([A-Z]*)", re.IG
 _FANUC_FRAME = re.compile(r"\b(U[FT])\s*:\s*(\S{1,40}?)\s*,", re.IGNORECASE)
 
 
-def _numbers(count: int) -> str:
+def _numbers_pattern(count: int) -> str:
     """Return the pattern of numbers between commas."""
     return r"\s*,\s*".join([NUMBER] * count)
 
 
 # A robtarget [[x, y, z], [q1, q2, q3, q4], [axis configuration], [external axes]].
 _ABB = re.compile(
-    rf"\[\s*\[\s*({_numbers(3)})\s*\]\s*,\s*\[\s*({_numbers(4)})\s*\]\s*,"
-    rf"\s*\[\s*{_numbers(4)}\s*\]\s*,\s*\["
+    rf"\[\s*\[\s*({_numbers_pattern(3)})\s*\]\s*,\s*\[\s*({_numbers_pattern(4)})\s*\]\s*,"
+    rf"\s*\[\s*{_numbers_pattern(4)}\s*\]\s*,\s*\["
 )
 _ABB_WORK_OBJECT = re.compile(r"\\WObj\s*:=\s*(\w+)", re.IGNORECASE)
 # A position (x, y, z, a, b, c, additional axes)(structure flag 1, structure flag 2).
 _MITSUBISHI = re.compile(
-    rf"\(\s*({_numbers(6)})\s*(?:,[-+\s0-9.,]*)?\)\s*\(\s*[0-9]*\s*,\s*[-+]?[0-9]*\s*\)"
+    rf"\(\s*({_numbers_pattern(6)})\s*(?:,[-+\s0-9.,]*)?\)\s*\(\s*[0-9]*\s*,\s*[-+]?[0-9]*\s*\)"
 )
 # Positions of a Yaskawa job (JBI): joint pulses, or x, y, z, Rx, Ry, Rz in the frame of POSTYPE.
 _YASKAWA = re.compile(r"^//POS\b", re.MULTILINE)
-_YASKAWA_POSITION = re.compile(rf"^C[0-9]+\s*=\s*({_numbers(6)})\s*$", re.MULTILINE)
+_YASKAWA_POSITION = re.compile(rf"^C[0-9]+\s*=\s*({_numbers_pattern(6)})\s*$", re.MULTILINE)
 _YASKAWA_START = re.compile(r"^C[0-9]+\s*=", re.MULTILINE)
 # Motions of a UR script, such as movel(p[x, y, z, rx, ry, rz], v=0.1).
 _UR = re.compile(r"\bmove[jlpc]\s*\(")
-_UR_POSITION = re.compile(rf"\bmove[jlp]\s*\(\s*(?:pose\s*=\s*)?p\[\s*({_numbers(6)})\s*\]\s*[,)]")
+_UR_POSITION = re.compile(
+    rf"\bmove[jlp]\s*\(\s*(?:pose\s*=\s*)?p\[\s*({_numbers_pattern(6)})\s*\]\s*[,)]"
+)
 _UR_TOOL = re.compile(r"\bset_tcp\s*\(\s*([^)]*?)\s*\)")
 # A section of a Kawasaki program (AS), whose positions are sorted by name and not by motion.
 _KAWASAKI = re.compile(r"^\.(?:PROGRAM|TRANS|JOINTS)\b", re.MULTILINE)

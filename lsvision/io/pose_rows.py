@@ -29,7 +29,9 @@ _LETTER = re.compile(r"[^\W\d_eE]")
 _COMMA_NUMBER = re.compile(r"[-+]?[0-9]+(?:,[0-9]+)?(?:[eE][-+]?[0-9]+)?")
 """Number with a decimal comma between digits, or a whole number."""
 _CONVENTION = re.compile(r"\bconvention[\"']?\s*[:=]\s*[\"']?(\w+)", re.IGNORECASE)
+"""Statement of the convention in a comment."""
 _QUOTED = re.compile(r'"([^"]*)"')
+"""Cell in quotes."""
 _ANGLE_UNIT = re.compile(
     rf"(?<![\w.])(?<![0-9] )(?:{'|'.join(ANGLE_UNITS)})(?!\w| ?c\b|/s)", re.IGNORECASE
 )
@@ -100,11 +102,13 @@ def _structured_rows(
         if len(lists) != 1:
             raise UnreadableFile(
                 f"{path}: expected one list of poses under one key, got {len(lists)} lists "
-                f"({', '.join(map(str, lists)) or 'none'})"
+                f"({', '.join(map(str, lists)) or 'none'}): leave one"
             )
         (document,) = lists.values()
     if not isinstance(document, list):
-        raise UnreadableFile(f"{path}: expected a list of poses, got {type(document).__name__}")
+        raise UnreadableFile(
+            f"{path}: expected a list of poses, got {type(document).__name__}: write one"
+        )
     try:
         return [_flatten(row, pose_convention) for row in document]
     except (TypeError, ValueError, OverflowError) as error:
@@ -153,7 +157,9 @@ def _text_rows(path: Path, text: str, pose_convention: PoseConvention, skip: int
     for number, cells in numbered:
         location = f"{path}: line {number}"
         if len(cells) <= max(header.columns, default=0):
-            raise UnreadableFile(f"{location}: expected a number under each name, got {len(cells)}")
+            raise UnreadableFile(
+                f"{location}: expected a number under each name, got {len(cells)}: complete the row"
+            )
         pose_cells = [cells[column] for column in header.columns] or cells[skip:]
         rows.append(_parse_row(pose_cells, pose_convention, location))
     return PoseRows(

@@ -11,6 +11,7 @@ from typing import Any, Protocol, TextIO
 
 from lsvision.errors import UnwritableFile
 from lsvision.files.atomic_files import write_atomic
+from lsvision.files.file_kinds import STDOUT
 from lsvision.io.results import CsvFormat, JsonFormat
 
 CHECKPOINT_S = 1.0
@@ -20,8 +21,6 @@ MAX_WRITING_FRACTION = 0.05
 SPOOL_BYTES, CHUNK_BYTES = 8 * 10**6, 10**6
 """Largest text that is kept in memory (a longer one is kept in a temporary file), and the size of
 the pieces in which it is copied."""
-STDOUT = Path("-")
-"""Path of standard output."""
 
 
 class ResultFormat(Protocol):

@@ -19,6 +19,7 @@ AngleUnit = Literal["deg", "rad"]
 
 MM_PER_UNIT: dict[str, float] = {"mm": 1.0, "m": 1000.0}
 RAD_PER_UNIT: dict[str, float] = {"deg": math.pi / 180, "rad": 1.0}
+"""Length and angle of one unit. Units: mm, rad."""
 
 MAX_QUATERNION_NORM_ERROR = 1e-3
 """Largest deviation of a quaternion's norm from 1: some files have only four digits."""
@@ -68,7 +69,9 @@ class PoseConvention:
 
 
 _XYZ = ("x", "y", "z")
+"""Names of the position."""
 _MATRIX_FIELDS = tuple(f"m{row}{column}" for row in range(4) for column in range(4))
+"""Names of the numbers of a matrix, row by row."""
 
 # R takes flange to base. Sources: the makers' manuals as collected in Roboception's
 # "pose formats"; Staubli from its own VAL3 manual's wording only.

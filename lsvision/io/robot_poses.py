@@ -40,8 +40,6 @@ larger number is in deg."""
 MIN_ANGLE_RAD = np.radians(1)
 """Angles that are all below it, as numbers, are nearly 0 both in rad and in deg."""
 
-_STATE_UNIT = "state the unit"  # in messages
-
 
 def read_robot_poses(
     path: str | Path,
@@ -108,17 +106,13 @@ def read_robot_poses(
         except ValueError as error:
             raise UnreadableFile(f"{path}: pose {number}: {error}") from error
         poses.append(pose)
+    in_file = "" if table.may_state_units else "write the poses as CSV and "
     for problem in (
-        _find_angle_problem(np.array(table.rows), pose_convention, angle_unit),
-        _find_motion_problem(poses, length_unit),
+        _find_angle_problem(np.array(table.rows), pose_convention, angle_unit, in_file),
+        _find_motion_problem(poses, length_unit, in_file),
     ):
         if problem:
-            advice = (
-                _STATE_UNIT
-                if table.may_state_units
-                else f"write the poses as CSV and {_STATE_UNIT}"
-            )
-            raise UnreadableFile(f"{path}: {problem.replace(_STATE_UNIT, advice)}")
+            raise UnreadableFile(f"{path}: {problem}")
     return poses
 
 
@@ -143,11 +137,15 @@ def _read_files(path: str | Path, pose_convention: PoseConvention, skip_columns:
     for file, table in zip(files, tables, strict=True):
         if len(files) > 1 and len(table.rows) != 1:
             raise UnreadableFile(
-                f"{file}: expected one pose in each of {len(files)} files, got {len(table.rows)}"
+                f"{file}: expected one pose in each of {len(files)} files, got {len(table.rows)}: "
+                "write one pose per file, or all in one file"
             )
     rows = [row for table in tables for row in table.rows]
     if not rows:
-        raise UnreadableFile(f"{path}: expected one pose per row, got no row with numbers")
+        raise UnreadableFile(
+            f"{path}: expected one pose per row, got no row with numbers: check that it is a file "
+            "of poses"
+        )
     return PoseRows(
         rows,
         _common_unit(path, [table.length_unit for table in tables]),
@@ -201,40 +199,53 @@ def encoder_poses(count: int, direction: npt.ArrayLike, step: float) -> list[Pos
 
 
 def _find_angle_problem(
-    rows: npt.NDArray[np.float64], pose_convention: PoseConvention, stated: AngleUnit | None
+    rows: npt.NDArray[np.float64],
+    pose_convention: PoseConvention,
+    stated: AngleUnit | None,
+    in_file: str,
 ) -> str | None:
-    """Return why the unit of the angles is implausible; None if it is plausible or stated."""
+    """Return why the unit of the angles is implausible; None if it is plausible or stated.
+
+    `in_file` is what to do before a unit can be stated in the file.
+    """
     if stated is not None or not (pose_convention.is_euler or pose_convention.rotation == "rotvec"):
         return None
     largest = float(np.abs(rows[:, 3:]).max())
     if pose_convention.rotation == "rotvec":
         angle = float(np.linalg.norm(rows[:, 3:], axis=1).max())
         if angle > MAX_ANGLE_RAD:
-            remedy = _angle_unit_remedy(pose_convention, "deg")
+            remedy = in_file + _angle_unit_remedy(pose_convention, "deg")
             return f"rotation vector of length {angle:.4g} rad, more than a revolution: {remedy}"
     elif MIN_ANGLE_RAD < largest <= MAX_ANGLE_RAD and len(rows) > 1:
         return (
             f"no angle above {largest:.4g}: these look like radians where {pose_convention.name} "
-            f"has degrees: {_angle_unit_remedy(pose_convention, 'rad')}, or deg if they are so "
-            "small"
+            f"has degrees: {in_file}{_angle_unit_remedy(pose_convention, 'rad')}, or deg if they "
+            "are so small"
         )
     return None
 
 
 def _angle_unit_remedy(pose_convention: PoseConvention, unit: AngleUnit) -> str:
+    """Return the remedy that states the unit of the angles in a header."""
     header = ",".join(
         pose_convention.fields[:3]
         + tuple(f"{name} [{unit}]" for name in pose_convention.fields[3:])
     )
-    return f"{_STATE_UNIT} in a header, {header} (in Python angle_unit='{unit}')"
+    return f"state the unit in a header, {header} (in Python angle_unit='{unit}')"
 
 
 def _length_unit_remedy(unit: LengthUnit) -> str:
-    return f"{_STATE_UNIT} in a first line, # lengths in {unit} (in Python length_unit='{unit}')"
+    """Return the remedy that states the unit of lengths in the first line."""
+    return f"state the unit in a first line, # lengths in {unit} (in Python length_unit='{unit}')"
 
 
-def _find_motion_problem(poses: Iterable[Pose], stated: LengthUnit | None) -> str | None:
-    """Return why the positions are implausible: their unit, or no motion; None if they are not."""
+def _find_motion_problem(
+    poses: Iterable[Pose], stated: LengthUnit | None, in_file: str
+) -> str | None:
+    """Return why the positions are implausible: their unit, or no motion; None if they are not.
+
+    `in_file` is what to do before a unit can be stated in the file.
+    """
     origins = np.array([pose.translation for pose in poses])
     rotations = np.array([pose.rotation for pose in poses])
     max_distance = float(np.linalg.norm(origins, axis=1).max())
@@ -243,12 +254,12 @@ def _find_motion_problem(poses: Iterable[Pose], stated: LengthUnit | None) -> st
         return (
             f"the poses reach {max_distance / 1000:.4g} m from the origin and spread over "
             f"{spread / 1000:.4g} m, probably millimetres read as metres: "
-            f"{_length_unit_remedy('mm')}"
+            f"{in_file}{_length_unit_remedy('mm')}"
         )
     if stated is None and max_distance < MIN_POSITION_MM:
         return (
             f"no pose is more than {max_distance:.4g} mm from the origin, probably metres read as "
-            f"millimetres: {_length_unit_remedy('m')}, or mm if that is correct"
+            f"millimetres: {in_file}{_length_unit_remedy('m')}, or mm if that is correct"
         )
     rotation_change = float(np.abs(rotations - rotations[0]).max())
     if len(origins) > 1 and spread < SAME_POSE_MM and rotation_change < SAME_POSE_RAD:

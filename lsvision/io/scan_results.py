@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 SCAN_SCHEMA = "lsvision.scan/1"
 """Name and version of the file's format."""
 _POINT: "tuple[AxisQuantity, ...]" = ("point_x", "point_y", "point_z")
+"""Quantities of the point on the axis."""
 
 
 def scan_record(

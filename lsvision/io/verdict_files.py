@@ -9,7 +9,7 @@ from typing import TextIO
 
 from lsvision.errors import LsvisionError
 from lsvision.files.printable import printable_cell
-from lsvision.inspection.inspected import JudgedMeasurement
+from lsvision.inspection.judged_measurements import JudgedMeasurement
 from lsvision.results.quantities import Record
 
 FILE_SCHEMA = "lsvision.verdicts/1"

@@ -5,8 +5,8 @@ from typing import Any
 
 import yaml
 
-MAX_DEPTH = 64
-"""Deepest nesting of lists and mappings; camera files and poses need 5."""
+from lsvision.files.json_text import MAX_DEPTH, NestedTooDeep
+
 MAX_LENGTH = 10_000_000
 """Longest text; 10^5 poses. Units: characters."""
 
@@ -71,7 +71,7 @@ class _Builder:
             self._add_value(event.value)
         elif isinstance(event, yaml.SequenceStartEvent | yaml.MappingStartEvent):
             if len(self._open) == MAX_DEPTH:
-                raise ValueError(f"expected at most {MAX_DEPTH} levels of nesting, got more")
+                raise NestedTooDeep
             value: Any = [] if isinstance(event, yaml.SequenceStartEvent) else {}
             self._add_value(value)
             self._open.append((value, None))

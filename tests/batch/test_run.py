@@ -10,8 +10,8 @@ import pytest
 
 import lsvision as lsv
 from lsvision.batch import manifest
-from lsvision.batch.manifest import MANIFEST, SCHEMA, read_status, summary
-from lsvision.batch.measure_file import TEMPORARY, BatchJob, FileOutcome, measure_file
+from lsvision.batch.manifest import MANIFEST, SCHEMA, format_summary, read_status
+from lsvision.batch.measure_file import TEMPORARY_PREFIX, BatchJob, FileOutcome, measure_file
 from lsvision.batch.run import plan_tasks, run_batch
 from lsvision.errors import LsvisionError, UnreadableFile, UnwritableFile
 from lsvision.measure import measure_profiles
@@ -61,7 +61,7 @@ def test_each_file_has_its_results_with_the_columns_of_the_input(folder):
     assert rows[0]["phi_low_95_deg"] == pytest.approx(np.degrees(low))
     assert rows[0]["phi_high_95_deg"] == pytest.approx(np.degrees(high))
     assert len(status.done) == 3
-    assert summary(status) == (
+    assert format_summary(status) == (
         f"3 of 3 files done, 0 failed, 0 left: 9 profiles, "
         f"{sum(outcome.cylinders for outcome in status.done)} cylinders"
     )
@@ -99,7 +99,7 @@ def test_a_manifest_that_was_cut_off_costs_one_file(folder):
     run_batch(tasks_of(folder), folder / "out")
     path = folder / "out" / MANIFEST
     path.write_text(path.read_text()[:-20])
-    leftover = folder / "out" / "sub" / f"{TEMPORARY}00.part"
+    leftover = folder / "out" / "sub" / f"{TEMPORARY_PREFIX}00.part"
     leftover.touch()
     seen = []
     status = run_batch(
@@ -116,8 +116,10 @@ def test_a_run_with_some_of_the_files_counts_these(folder):
     run_batch(tasks, folder / "out")
     status = run_batch(tasks[:1], folder / "out")
     assert tasks[0].name == "a.csv"
-    assert summary(status, ["a.csv"]).startswith("1 of 1 files done, 0 failed, 0 left: 1 profile,")
-    assert summary(status).startswith("2 of 3 files done, 1 failed, 0 left: 4 profiles,")
+    assert format_summary(status, ["a.csv"]).startswith(
+        "1 of 1 files done, 0 failed, 0 left: 1 profile,"
+    )
+    assert format_summary(status).startswith("2 of 3 files done, 1 failed, 0 left: 4 profiles,")
 
 
 def test_a_file_in_the_place_of_a_folder_of_results_is_reported(folder):
@@ -187,7 +189,7 @@ def test_a_process_that_ends_costs_nothing_and_a_file_that_ends_it_twice_is_set_
     if aside:
         (failed,) = status.failed
         assert "a.csv: it ended its process twice" in failed.error
-        assert "(1 set aside)" in summary(status)
+        assert "(1 set aside)" in format_summary(status)
         seen = []
         run_batch(
             tasks_of(folder, job),

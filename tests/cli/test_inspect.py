@@ -394,8 +394,8 @@ def test_parquet_without_its_library_is_reported_before_the_work(
 def test_json_and_csv_are_written_during_the_run(tmp_path, monkeypatch):
     import lsvision.io.result_files
     from lsvision.cli.verdict_outputs import VerdictOutputs, VerdictPaths
-    from lsvision.inspection.inspected import JudgedMeasurement
     from lsvision.inspection.judge import judge
+    from lsvision.inspection.judged_measurements import JudgedMeasurement
     from lsvision.measure import measure_cylinders
     from lsvision.simulate import random_section
 

@@ -38,7 +38,10 @@ def test_file_is_taken_whatever_its_suffix_and_though_its_name_is_a_pattern(tmp_
 
 
 def test_an_empty_name_is_not_the_current_folder():
-    assert names([""]) == ([], ["expected the name of a file or folder, got an empty one"])
+    empty = (
+        "expected the name of a file or folder, got an empty one: check that the variable is set"
+    )
+    assert names([""]) == ([], [empty])
 
 
 def test_missing_file_is_left_to_the_reader(tmp_path):

@@ -10,9 +10,9 @@ from matplotlib.colors import same_color
 from lsvision.draw.calibration_figures import draw_bars
 from lsvision.draw.figures import figure_bytes
 from lsvision.draw.inspection_page import draw_judged_profile, draw_series
-from lsvision.inspection.inspected import JudgedMeasurement, collect_series
 from lsvision.inspection.job import Job
 from lsvision.inspection.judge import judge
+from lsvision.inspection.judged_measurements import JudgedMeasurement, collect_series
 from lsvision.io.profiles import read_profile
 from lsvision.measure import measure_cylinders
 from lsvision.results.palette import LIMITS

@@ -2,7 +2,13 @@ import math
 
 import pytest
 
-from lsvision.inspection.decision import Decision, decide, judge_quantity, widen_interval, worst
+from lsvision.inspection.decision import (
+    Decision,
+    decide,
+    judge_quantity,
+    widen_interval,
+    worst_decision,
+)
 from lsvision.inspection.limits import quantity_from_key
 from lsvision.results.quantities import Estimate
 
@@ -31,10 +37,10 @@ def test_an_interval_decides(interval, limits, decision):
 
 def test_the_worst_of_several_is_reported():
     ok, ng, undecided = Decision.OK, Decision.NG, Decision.UNDECIDED
-    assert worst([ok, undecided, ng]) == "NG"
-    assert worst([ok, undecided]) == "undecided"
-    assert worst([ok, ok]) == "OK"
-    assert worst([]) == "OK"
+    assert worst_decision([ok, undecided, ng]) == "NG"
+    assert worst_decision([ok, undecided]) == "undecided"
+    assert worst_decision([ok, ok]) == "OK"
+    assert worst_decision([]) == "OK"
 
 
 def test_an_extra_uncertainty_is_added_in_quadrature_to_each_half_width():

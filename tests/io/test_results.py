@@ -13,8 +13,9 @@ from lsvision.detection.arcs import Rejection
 from lsvision.ellipse.fit import fit_ellipse
 from lsvision.ellipse.section import CylinderSection
 from lsvision.errors import UnwritableFile
+from lsvision.files.file_kinds import STDOUT
 from lsvision.geometry import Ellipse, Pose
-from lsvision.io.result_files import STDOUT, ResultFiles
+from lsvision.io.result_files import ResultFiles
 from lsvision.io.results import (
     FILE_SCHEMA,
     RECORD_SCHEMA,

@@ -66,7 +66,9 @@ _NON_ASCII_WORDS = frozenset(
     for word in f"{_WIDTH} {_HEIGHT} {_RANGE} {_ANGLE} {_AXIS}".split()
     if not word.isascii() and len(word) > 1
 )
+"""Words beyond ASCII that name coordinates, without accents."""
 _LETTERS = re.compile(r"[^\W\d_]+")
+"""A word of letters."""
 # In "x座標" the word follows a Latin letter without a blank.
 _LETTERS_BEYOND_LATIN = re.compile(r"[^\W\d_a-z]+")
 

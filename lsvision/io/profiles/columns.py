@@ -17,7 +17,7 @@ from lsvision.io.profiles.column_roles import (
 from lsvision.io.profiles.direction_statements import states_away
 from lsvision.io.profiles.number_table import NumberTable, holds_number
 from lsvision.io.profiles.point_order import note_order
-from lsvision.io.profiles.pose_tables import refuse_pose_names, refuse_poses
+from lsvision.io.profiles.pose_tables import reject_pose_names, reject_poses
 from lsvision.io.profiles.profile_keys import (
     find_key,
     find_profile_attributes,
@@ -88,7 +88,7 @@ def profiles_from_table(table: NumberTable, settings: ReadSettings) -> RawProfil
             positions, choice = None, replace(choice, notes=(*choice.notes, note))
     sections = [points] if len(rows) == 1 else [points[r] for r in rows]
     if settings.columns is None:
-        refuse_pose_names(table, sections, rows)
+        reject_pose_names(table, sections, rows)
     attributes, ignored = find_profile_attributes(
         table, rows, points=choice.coordinates, key=choice.key, excluded=choice.considered
     )
@@ -286,7 +286,7 @@ def _choose_by_position(table: NumberTable) -> _Columns:
     """Return the columns by their order; see `profiles_from_table`."""
     _reject_numbers_in_text(table)
     columns = _number_columns(table)
-    refuse_poses(table, columns)
+    reject_poses(table, columns)
     if table.names:
         numbering = [c for c in columns if numbers_points(table, c)]
         others = [c for c in columns if c not in numbering]
@@ -374,7 +374,7 @@ def _raise_one_column(table: NumberTable) -> NoReturn:
 
 
 def _raise_no_key(table: NumberTable, key: int) -> NoReturn:
-    refuse_pose_names(table, (), ())
+    reject_pose_names(table, (), ())
     values = len(np.unique(table.values[:, key]))
     raise UnreadableFile(
         f"column {table.label(key)} does not separate profiles ({values} values in "

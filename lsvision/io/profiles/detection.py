@@ -23,8 +23,10 @@ _MAGIC = (
     (b"ply\r\n", "ply"),
     (b"# .PCD", "pcd"),
 )
+"""First bytes of the formats that are read, and their names."""
 
 _ZIP = (b"PK\x03\x04", b"PK\x05\x06", b"PK\x07\x08")
+"""First bytes of a ZIP archive, such as NPZ or a spreadsheet."""
 _SPREADSHEET = "a spreadsheet: save it as CSV and read that"
 _UNPACK = "unpack it first and read what is in it"
 _EXPORT = "export its profiles as CSV with x and z in mm and read that"
@@ -66,9 +68,11 @@ _UNSUPPORTED_MAGIC = (
 )
 _BAGS = (b"\x89MCAP", b"#ROSBAG")
 _BAG_TABLE = re.compile(rb"CREATE TABLE [\"'`\[]?topics", re.IGNORECASE)
+"""Description of the table in an SQLite file that is a ROS 2 bag."""
 _SCHEMA_BYTES = 100_000  # of a database, whose tables are described in its first page
 _HEAD_BYTES = 16_000  # at least 4000 characters in any encoding
 _MARKUP = re.compile(r"\s*<(?:!doctype\b|\?xml|html|table|svg|kml|gpx)", re.IGNORECASE)
+"""Start of HTML or XML."""
 _OFFICE_PARTS = {
     "xl/": _SPREADSHEET,
     "word/": "a text document: save its table as CSV and read that",
@@ -76,6 +80,7 @@ _OFFICE_PARTS = {
     "content.xml": "an OpenDocument file: save its table as CSV and read that",
     "Index/": f"a Numbers document, {_SPREADSHEET}",
 }
+"""Beginning of the name of a part of an office document, and the message."""
 _UNSUPPORTED_SUFFIX = {
     ".avi": f"a scanCONTROL recording needs the maker's library: {_EXPORT}",
     ".llt": f"a scanCONTROL recording needs the maker's library: {_EXPORT}",

@@ -17,6 +17,7 @@ _TOWARDS = re.compile(
     r"|\bpositive\s+up(?:wards?)?\b|\bup(?:wards?)?\s+(?:is\s+)?positive\b"
 )
 _HEIGHT = re.compile(r"\b(?:z|heights?|ranges?|depth|values?|distances?|höhen?|abstand)\b")
+"""Name of a height."""
 # "z = 200 mm away from the sensor" is a place, and no direction.
 _DIRECTION = re.compile(
     r"\b(?:point|grow|increase|increasing|rise|rising|positive|ax[ei]s|direction|achse|zeigt)"
@@ -37,9 +38,9 @@ def states_away(lines: Iterable[str]) -> bool:
     (True, False)
     """
     short = (line[:MAX_LINE_LENGTH].lower() for line in islice(lines, MAX_MENTION_LINES))
-    said = [line for line in short if _HEIGHT.search(line) and _DIRECTION.search(line)]
-    is_away = any(map(_AWAY.search, said))
-    if is_away and any(map(_TOWARDS.search, said)):
+    statements = [line for line in short if _HEIGHT.search(line) and _DIRECTION.search(line)]
+    is_away = any(map(_AWAY.search, statements))
+    if is_away and any(map(_TOWARDS.search, statements)):
         raise UnreadableFile(
             "it states that heights grow away from the sensor, and towards it: use --flip or "
             "--no-flip"

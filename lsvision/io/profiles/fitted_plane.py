@@ -10,15 +10,15 @@ from lsvision.geometry import FloatArray, Plane, Pose
 from lsvision.geometry.arrays import MAX_COORDINATE_MM
 from lsvision.geometry.plane import section_pose
 
-MAX_THICKNESS = 0.1
+MAX_THICKNESS_RATIO = 0.1
 """Largest rms distance from the plane, relative to the rms extent of the points in it normal to the
 line that fits them best: at 0.1, the plane of 100 points is determined to about 0.01 rad."""
-MIN_EXTENT = 0.01
+MIN_EXTENT_RATIO = 0.01
 """Smallest rms extent normal to the line relative to that along it, below which the points are on a
 line."""
 MIN_POINTS = 5
-"""Fewest valid points to which a plane is fitted."""
-MAX_ZERO_DEPTH = 1e-3
+"""Smallest number of valid points to which a plane is fitted."""
+MAX_ZERO_DEPTH_RATIO = 1e-3
 """Largest mean z, relative to the rms extent along the line, that may be noise about 0."""
 
 
@@ -58,14 +58,14 @@ def fit_section_plane(clouds: Sequence[FloatArray], *, flip: bool = False) -> Fi
     _check_flatness(extents)
     plane = Plane(axes[2], float(axes[2] @ centre))
     pose = section_pose(plane)
-    if (centre[2] < MAX_ZERO_DEPTH * extents[0]) != flip:
+    if (centre[2] < MAX_ZERO_DEPTH_RATIO * extents[0]) != flip:
         pose = Pose(pose.rotation * (1.0, -1.0, -1.0), pose.translation)
-    to_section = pose.inverse()
+    section_from_file = pose.inverse()
     distances = plane.signed_distances(points)
     rms, largest = float(np.sqrt(np.mean(distances**2))), float(np.abs(distances).max())
     normal = ", ".join(f"{component:.4f}" for component in pose.rotation[:, 2].round(4) + 0.0)
     return FittedSections(
-        sections=tuple(to_section.apply(cloud)[:, :2] for cloud in clouds),
+        sections=tuple(section_from_file.apply(cloud)[:, :2] for cloud in clouds),
         file_from_section=pose,
         note=f"plane fitted to {len(points)} points: normal ({normal}), "
         f"{abs(plane.distance):.3f} mm from the origin, residual rms {rms:.3g} mm, largest "
@@ -96,12 +96,12 @@ def _valid_points(clouds: Sequence[FloatArray]) -> FloatArray:
 def _check_flatness(extents: FloatArray) -> None:
     """Raise an error unless the rms extents, descending, are those of a plane."""
     length, width, thickness = extents
-    if width <= MIN_EXTENT * length:
+    if width <= MIN_EXTENT_RATIO * length:
         raise UnreadableFile(
             f"the points lie on a line (rms {width:.3g} mm across {length:.3g} mm along), which "
             "fits any plane through it: --plane fit needs a curved section, as of a pipe"
         )
-    if thickness > MAX_THICKNESS * width:
+    if thickness > MAX_THICKNESS_RATIO * width:
         raise UnreadableFile(
             f"the points do not lie in a plane (rms {thickness:.3g} mm from the best one, and "
             f"{width:.3g} mm across their line): write the points of one laser plane only, "

@@ -16,6 +16,7 @@ from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.text_encoding import decode_text
 
 _UNITS = ("mm", "mm")
+"""Units of x and height."""
 
 
 def read_gocator(content: bytes, _: ReadSettings) -> RawProfiles:
@@ -137,3 +138,4 @@ _BLOCK_READERS = {
     "Profile": _read_profile_block,
     "RawProfile": _read_profile_block,
 }
+"""Function that reads a block, by the title of the block."""

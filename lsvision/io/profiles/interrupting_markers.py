@@ -14,7 +14,7 @@ from lsvision.geometry import BoolArray, FloatArray, IntArray
 MIN_INTERRUPTIONS = 3
 """Smallest number of places at which a value interrupts a surface that goes on behind it, from
 which on it marks lost points: hardly an object has so many slots with a floor at one height."""
-MAX_INTERRUPTION = 3
+MAX_INTERRUPTION_POINTS = 3
 """Largest number of points of such a place: between two pipes, more points lie on a floor."""
 MAX_STEP_RATIO = 0.25
 """Largest step of the surface across such a place, relative to its distance from the value."""
@@ -24,8 +24,9 @@ MIN_SPIKE_RATIO = 5.0
 """Smallest step before and behind a spike, in small steps."""
 MAX_CANDIDATES = 3
 """Largest number of values of a file that are examined."""
-MIN_SHARE = 0.9
-"""Smallest share of the value in all interruptions near it: the floors of slots scatter."""
+MIN_INTERRUPTION_FRACTION = 0.9
+"""Smallest fraction of the interruptions near a value that are at the value itself: the floors of
+slots scatter."""
 MIN_REPEATS, MIN_REPEATS_RATIO = 10, 4.0
 """Smallest number of repetitions of a value that is noted, also relative to the next most frequent
 one: the heights of a plane scatter."""
@@ -75,7 +76,7 @@ def _find_candidates(heights: FloatArray) -> list[float]:
         small = np.partition(sizes, len(sizes) // 5)[len(sizes) // 5]
         is_large = sizes > MIN_SPIKE_RATIO * small
     is_spike = (rises[:-1] != rises[1:]) & is_large[:-1] & is_large[1:]
-    is_spike &= lengths[1:-1] <= MAX_INTERRUPTION
+    is_spike &= lengths[1:-1] <= MAX_INTERRUPTION_POINTS
     spikes, counts = np.unique(values[1:-1][is_spike], return_counts=True)
     most = np.argsort(-counts, kind="stable")[:MAX_CANDIDATES]
     return [float(spikes[k]) for k in most if counts[k] >= MIN_INTERRUPTIONS]
@@ -95,7 +96,7 @@ def _interrupts(heights: FloatArray, value: float) -> bool:
     others = heights[others_at]
     step = _typical_step(others)
     gaps = np.diff(others_at)
-    ends = np.flatnonzero((gaps > 1) & (gaps <= MAX_INTERRUPTION + 1))
+    ends = np.flatnonzero((gaps > 1) & (gaps <= MAX_INTERRUPTION_POINTS + 1))
     before, after = others[ends], others[ends + 1]
     with np.errstate(over="ignore", invalid="ignore"):
         distance = np.minimum(np.abs(before - value), np.abs(after - value))
@@ -103,7 +104,7 @@ def _interrupts(heights: FloatArray, value: float) -> bool:
         far = distance > MIN_DISTANCE_RATIO * step
     count = np.count_nonzero(goes_on & far)
     similar = _count_excursions(others, value, MIN_DISTANCE_RATIO * step)
-    return bool(count >= max(MIN_INTERRUPTIONS, MIN_SHARE * (count + similar)))
+    return bool(count >= max(MIN_INTERRUPTIONS, MIN_INTERRUPTION_FRACTION * (count + similar)))
 
 
 def _typical_step(heights: FloatArray) -> float:
@@ -119,7 +120,7 @@ def _count_excursions(heights: FloatArray, value: float, distance: float) -> int
     with np.errstate(over="ignore", invalid="ignore"):
         far_at = np.flatnonzero(np.abs(heights - value) > distance)
     gaps = np.diff(far_at)
-    return int(np.count_nonzero((gaps > 1) & (gaps <= MAX_INTERRUPTION + 1)))
+    return int(np.count_nonzero((gaps > 1) & (gaps <= MAX_INTERRUPTION_POINTS + 1)))
 
 
 def find_repeated_value(heights: FloatArray) -> float | None:
@@ -132,11 +133,11 @@ def find_repeated_value(heights: FloatArray) -> float | None:
     values, counts = np.unique(finite, return_counts=True)
     starts = _run_starts(finite)
     runs = np.diff(starts, append=len(finite))
-    value = _outstanding(values, counts)
-    return _outstanding(finite[starts], runs) if value is None else value
+    value = _find_most_frequent(values, counts)
+    return _find_most_frequent(finite[starts], runs) if value is None else value
 
 
-def _outstanding(values: FloatArray, counts: IntArray) -> float | None:
+def _find_most_frequent(values: FloatArray, counts: IntArray) -> float | None:
     """Return the value whose count is much larger than that of all others, or None."""
     if len(values) < MIN_REPEATS:
         return None

@@ -15,12 +15,12 @@ from lsvision.geometry import FloatArray
 from lsvision.io.profiles.column_roles import column_role, is_coordinate, names_section
 from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.json_values import (
+    as_list_of_numbers,
     find_attributes,
     is_point,
     is_scalar,
     lines_of_scalars,
     lines_on_units,
-    list_of_numbers,
     to_arrays,
     to_floats,
 )
@@ -36,7 +36,7 @@ from lsvision.io.profiles.opencv_storage import (
     parse_opencv_json,
     table_from_points,
 )
-from lsvision.io.profiles.pose_documents import refuse_pose_document
+from lsvision.io.profiles.pose_documents import reject_pose_document
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.stated_units import add_units, require_known_unit
 from lsvision.io.profiles.text_encoding import decode_text
@@ -47,7 +47,7 @@ from lsvision.io.profiles.unit_statements import (
 )
 from lsvision.io.profiles.units import split_label
 
-MAX_DEPTH = 4
+MAX_SEARCH_DEPTH = 4
 """Deepest level of objects and lists that is searched for points; the root is level 0."""
 MIN_TRIPLES = 5
 """Smallest number of rows x, y, z of a list of points; a shorter list is a matrix."""
@@ -60,6 +60,7 @@ _NAME_KEYS = ("columns", "names", "header", "fields", "labels")
 _LINES_OF_OBJECTS = re.compile(r"\}[^\S\n]*\n\s*\{")
 """End of an object and start of the next: JSON with one object per line."""
 _EXPECTED_KEYS = 'expected {"x": [...], "z": [...]} or {"points": [[x, z], ...]}'
+"""What an error message asks for."""
 
 
 def read_json(content: bytes, settings: ReadSettings) -> RawProfiles:
@@ -83,7 +84,7 @@ def profiles_from_document(document: Any, settings: ReadSettings, kind: str) -> 
     """
     profiles = _find_profiles(document, settings, depth=0)
     if profiles is None:
-        refuse_pose_document(document)
+        reject_pose_document(document)
         raise UnreadableFile(
             f"{kind} without a list of points ({_describe_contents(document)}): {_EXPECTED_KEYS}"
         )
@@ -117,7 +118,7 @@ def _parse(text: str) -> Any:
 
 def _find_profiles(document: Any, settings: ReadSettings, depth: int) -> RawProfiles | None:
     """Return the profiles in an object or a list at a nesting depth; None if there are none."""
-    if depth > MAX_DEPTH:
+    if depth > MAX_SEARCH_DEPTH:
         return None
     if isinstance(document, Mapping):
         profiles = _from_object(document, settings, depth)
@@ -142,7 +143,9 @@ def _from_object(
     if is_laser_scan(document):
         return profiles_from_scans([document])
     statements = find_unit_statements(lines_on_units(document))
-    columns = {key: values for key, value in document.items() if (values := list_of_numbers(value))}
+    columns = {
+        key: values for key, value in document.items() if (values := as_list_of_numbers(value))
+    }
     names = [split_label(key)[0] for key in columns]
     if names_section(names):
         return _from_columns(document, columns, settings, statements)
@@ -207,7 +210,7 @@ def _from_named_list(
     depth: int,
 ) -> RawProfiles | None:
     """Return the profiles under a key; of a flat list only if the key is a name of points."""
-    if isinstance(value, list) and list_of_numbers(value) and not isinstance(value[0], list):
+    if isinstance(value, list) and as_list_of_numbers(value) and not isinstance(value[0], list):
         if key.lower() not in _FLAT_KEYS:
             return None
         return _from_flat(key.lower(), to_floats(value), settings, statements)
@@ -228,7 +231,7 @@ def _from_list(document: list[Any], settings: ReadSettings, depth: int) -> RawPr
         if len(document) < (MIN_TRIPLES if widths == {3} else MIN_PAIRS):
             return None
         return _from_rows(to_floats(document), settings, ())
-    if len(document) == 2 and list_of_numbers(document) and _are_x_and_height(document):
+    if len(document) == 2 and as_list_of_numbers(document) and _are_x_and_height(document):
         return _from_rows(to_floats(document).T, settings, ())
     if all(isinstance(item, list) and item for item in document):
         return _join_profiles([_find_profiles(item, settings, depth + 1) for item in document])
@@ -346,7 +349,7 @@ def _named_rows(
             continue
         parsed = [split_label(str(label)) for label in labels]
         for value in document.values():
-            rows = None if value is labels else list_of_numbers(value)
+            rows = None if value is labels else as_list_of_numbers(value)
             if rows and isinstance(rows[0], list) and all(len(r) == len(labels) for r in rows):
                 names, units = zip(*parsed, strict=True)
                 return NumberTable(to_floats(rows), names, units, statements)

@@ -11,7 +11,7 @@ from lsvision.io.profiles.number_table import POINT_NUMBER, is_missing
 from lsvision.io.profiles.unit_statements import find_lost_values, states_unit
 
 
-def list_of_numbers(value: Any) -> Any:
+def as_list_of_numbers(value: Any) -> Any:
     """Return the value if it is a list of numbers, or of lists of numbers; else None.
 
     An object with the keys 0, 1, 2, ... is a list: pandas writes columns like that.

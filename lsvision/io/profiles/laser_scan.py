@@ -25,6 +25,7 @@ SCAN_KEYS = ("angle_min", "angle_increment", "angle_max", "range_min", "range_ma
 MAX_SPAN_RAD = 2 * math.pi * 1.01
 """Largest span of the angles of a scan, a revolution and some beams. Units: rad."""
 _RANGE_COLUMN = re.compile(r"ranges[\[_.]?[0-9]+\]?")
+"""Name of the column of one beam."""
 
 
 def is_laser_scan(document: Any) -> bool:
@@ -73,7 +74,9 @@ def read_laser_scan(content: bytes, _: ReadSettings) -> RawProfiles:
     scans: list[dict[str, Any]] = []
     for number, row in enumerate(rows[1:], 2):
         if len(row) < len(names):
-            raise UnreadableFile(f"row {number} has {len(row)} cells, expected {len(names)}")
+            raise UnreadableFile(
+                f"row {number} has {len(row)} cells, expected {len(names)}: export it again"
+            )
         scan: dict[str, Any] = {name: row[k] for k, name in enumerate(names) if name in SCAN_KEYS}
         scan["ranges"] = [row[k] for k in range_columns]
         scans.append(scan)
@@ -90,7 +93,8 @@ def _section_points(scan: Mapping[str, Any]) -> FloatArray:
         step = (stop - start) / (len(ranges) - 1)
     if not (math.isfinite(start) and math.isfinite(step)) or step == 0 or ranges.size == 0:
         raise UnreadableFile(
-            "expected angle_min, angle_increment and ranges of a LaserScan, got only some of them"
+            "expected angle_min, angle_increment and ranges of a LaserScan, got only some of them: "
+            "export the whole message"
         )
     if abs(step) * (len(ranges) - 1) > MAX_SPAN_RAD:
         raise UnreadableFile(

@@ -20,7 +20,8 @@ MIN_ZERO_DISTANCE = 0.1
 """Smallest distance of all other heights from 0, in spans of these, from which zeros are noted."""
 SAMPLE_PROFILES = 20
 """Number of profiles of a file in which repeated heights are searched."""
-_TOLERANCE = 1e-7  # of a marker, relative: a little more than single precision rounds, 6e-8
+_RELATIVE_TOLERANCE = 1e-7
+"""Largest deviation of a marker, relative: single precision rounds to 6e-8."""
 
 
 class AllPointsLost(UnreadableFile):
@@ -109,14 +110,15 @@ class _MarkedPoints:
     def add_values(self, values: Iterable[float]) -> None:
         """Mark the points whose height is one of the values: an x of -1 or 0 may be measured."""
         for value in values:
-            is_marker: BoolArray = np.abs(self.points[:, -1] - value) <= _TOLERANCE * abs(value)
+            deviation = np.abs(self.points[:, -1] - value)
+            is_marker: BoolArray = deviation <= _RELATIVE_TOLERANCE * abs(value)
             self.add(f"{value:.10g}", is_marker, guessed=False)
 
 
 def _keyence_markers(points: FloatArray) -> tuple[float, ...]:
     """Return `KEYENCE_LOST` if a number is low enough to be one of them: most files have none."""
     lowest = float(np.fmin.reduce(points, axis=None, initial=0.0))
-    return KEYENCE_LOST if lowest <= max(KEYENCE_LOST) * (1 - _TOLERANCE) else ()
+    return KEYENCE_LOST if lowest <= max(KEYENCE_LOST) * (1 - _RELATIVE_TOLERANCE) else ()
 
 
 def _add_guesses(marked: _MarkedPoints, raw: RawProfiles, *, is_range: bool) -> None:

@@ -22,6 +22,7 @@ from lsvision.io.profiles.units import split_label
 from lsvision.results.summaries import counted
 
 _NUMBER_AT_END = re.compile(r"[-+]?[0-9]+(?:[.,][0-9]*)?[\])]?$")
+"""Number of a column at the end of its name."""
 MIN_COLUMNS = 21
 """Smallest number of columns of a matrix of heights: lists of points have fewer."""
 MAX_HINTED_COLUMNS = 200
@@ -56,13 +57,13 @@ def profiles_from_text_matrix(table: NumberTable, settings: ReadSettings) -> Raw
     """
     labels = table.texts.get(0, ())
     if not table.names and labels and column_role(split_label(labels[0])[0]) == "x":
-        return profiles_from_table(_turn_labelled_rows(table), settings)
+        return profiles_from_table(_transpose_labelled_rows(table), settings)
     if not table.names and not settings.transpose:
         table = _without_row_numbers(table)
     values = table.values
     beside_rows = int(np.isnan(values[0, 0]))
     first = values[0, beside_rows:]
-    if table.names or min(len(values) - 1, len(first)) < 2 or not _are_numbers(first):
+    if table.names or min(len(values) - 1, len(first)) < 2 or not _are_column_numbers(first):
         return profiles_from_matrix(table, settings)
     start = first[0]
     row = f"the first row, {start:g}, {start + 1:g}, ..., {first[-1]:g},"
@@ -84,7 +85,7 @@ def _without_row_numbers(table: NumberTable) -> NumberTable:
     They may also be beside a row of x, under an empty cell or 0.
     """
     values, start = table.values, 0
-    has_corner = not np.nan_to_num(values[0, 0]) and not _are_numbers(values[0, 1:])
+    has_corner = not np.nan_to_num(values[0, 0]) and not _are_column_numbers(values[0, 1:])
     if min(values.shape) > 2 and has_corner and _is_x_row(values[:, 1:]) and not _is_x_row(values):
         start = 1
     while len(values) >= MIN_ROWS and values.shape[1] - start > 2:
@@ -99,7 +100,7 @@ def _without_row_numbers(table: NumberTable) -> NumberTable:
     return replace(table, values=values[:, start:], notes=(*table.notes, note))
 
 
-def _are_numbers(row: FloatArray) -> bool:
+def _are_column_numbers(row: FloatArray) -> bool:
     """Return whether a row is 0, 1, 2, ... or 1, 2, 3, ..., as the numbers of columns are."""
     return (
         len(row) > 0
@@ -123,7 +124,7 @@ def _are_row_numbers(column: FloatArray, heights: FloatArray) -> bool:
     return bool((is_even and not last_is_even) or is_far)
 
 
-def _turn_labelled_rows(table: NumberTable) -> NumberTable:
+def _transpose_labelled_rows(table: NumberTable) -> NumberTable:
     """Return the table whose columns are the rows of another one, named by its first column."""
     parsed = [split_label(label) for label in table.texts[0]]
     names = tuple(name for name, _ in parsed)
@@ -151,7 +152,7 @@ def profiles_from_matrix(table: NumberTable, settings: ReadSettings) -> RawProfi
     """
     columns = _height_columns(table)
     _reject_numbers_in_text(table, columns)
-    away = _grow_away(table, columns, settings)
+    away = _are_ranges(table, columns, settings)
     left_out = [table.label(c) for c in range(table.values.shape[1]) if c not in columns]
     if left_out and not settings.transpose:
         note = f"no heights in column {', '.join(left_out)}: left out"
@@ -213,11 +214,11 @@ def _height_columns(table: NumberTable) -> list[int]:
     return [c for c in columns if not re.search("[0-9]", "".join(table.texts.get(c, ())))]
 
 
-def _grow_away(table: NumberTable, columns: Sequence[int], settings: ReadSettings) -> bool:
-    """Return whether columns, at least one, are all named as ranges, or a line states it."""
+def _are_ranges(table: NumberTable, columns: Sequence[int], settings: ReadSettings) -> bool:
+    """Return whether numbers grow away from the sensor: by all columns' names, or by a line."""
     stems = [_stem(table.names[c]).rstrip(" _-[(") for c in columns if table.names]
-    are_ranges = bool(stems) and all(column_role(stem) == "range" for stem in stems)
-    return are_ranges or (settings.flip is None and states_away(table.mentions))
+    all_named = bool(stems) and all(column_role(stem) == "range" for stem in stems)
+    return all_named or (settings.flip is None and states_away(table.mentions))
 
 
 def _reject_numbers_in_text(table: NumberTable, columns: Sequence[int]) -> None:

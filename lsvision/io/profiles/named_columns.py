@@ -105,7 +105,9 @@ def _from_points(
     count = max(lengths.values(), default=0)
     if not count or set(lengths.values()) != {count}:
         listed = ", ".join(f"{label} ({length})" for label, length in lengths.items())
-        raise UnreadableFile(f"expected columns of equal length, not empty, got {listed}")
+        raise UnreadableFile(
+            f"expected columns of equal length, not empty, got {listed}: write NaN for lost points"
+        )
     text_labels = [label for label in texts if len(texts[label]) == count]
     labels = [split_label(label) for label in (*number_labels, *text_labels)]
     arrays = [np.asarray(columns[label]) for label in number_labels] + [

@@ -21,7 +21,7 @@ from lsvision.io.profiles.columns import profiles_from_rows_of_points, profiles_
 from lsvision.io.profiles.matrix import MIN_COLUMNS, are_heights, profiles_from_matrix
 from lsvision.io.profiles.named_columns import profiles_from_named
 from lsvision.io.profiles.number_table import NumberTable, floats_from
-from lsvision.io.profiles.pose_documents import refuse_pose_arrays
+from lsvision.io.profiles.pose_documents import reject_pose_arrays
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.stated_units import add_units
 from lsvision.io.profiles.unit_statements import (
@@ -48,6 +48,7 @@ _NUMPY_ERRORS = (
     zlib.error,
 )
 NPY_MAGIC = b"\x93NUMPY"
+"""First bytes of an NPY file."""
 _KEYS = ("points", "profile", "profiles", "arr_0")  # of the array with the points, best first
 
 
@@ -105,7 +106,7 @@ def _profiles_from_arrays(
         raw = profiles_from_array(arrays[key], settings, statements, key)
         return replace(raw, ignored=raw.ignored + tuple(name for name in arrays if name != key))
     if not names_section(arrays):
-        refuse_pose_arrays(arrays)
+        reject_pose_arrays(arrays)
     # Without scalars; if all are scalars, the error names them.
     rows = {name: array for name, array in arrays.items() if array.ndim} or arrays
     return profiles_from_named(
@@ -206,7 +207,9 @@ def _check_size(stream: BinaryIO, size: int) -> None:
 
 def _as_floats(array: npt.NDArray[np.generic], name: str = "") -> npt.NDArray[np.float64]:
     if array.dtype.kind not in "iufb":
-        raise UnreadableFile(f"an array{name and f' {name!r}'} of {array.dtype}: expected numbers")
+        raise UnreadableFile(
+            f"an array{name and f' {name!r}'} of {array.dtype}: expected numbers: save it as float"
+        )
     return floats_from(array)
 
 
@@ -233,7 +236,7 @@ def profiles_from_array(
     if values.ndim == 1:
         values = values.reshape(1, -1)
     if values.ndim != 2 or values.size == 0:
-        refuse_pose_arrays({"": values})
+        reject_pose_arrays({"": values})
         raise UnreadableFile(f"an array of shape {array.shape}: expected points of shape (n, 2)")
     is_row_per_axis = values.shape[0] in (2, 3) and values.shape[1] >= MIN_COLUMNS
     if is_row_per_axis and settings.dx is None and not settings.transpose:

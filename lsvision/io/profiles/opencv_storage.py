@@ -21,7 +21,7 @@ from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.matrix import is_monotonic
 from lsvision.io.profiles.named_columns import profiles_from_named
 from lsvision.io.profiles.number_table import NumberTable, numbers_from_cells
-from lsvision.io.profiles.pose_documents import refuse_pose_text
+from lsvision.io.profiles.pose_documents import reject_pose_text
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.text_encoding import decode_text
 from lsvision.io.profiles.unit_statements import find_lost_values, find_unit_statements
@@ -38,6 +38,7 @@ _OPENCV_NUMBER = re.compile(
 """Numbers of OpenCV's JSON that JSON does not have: .Nan, -.Inf and 1."""
 _MAX_DIMENSIONS = 32  # of numpy's and OpenCV's arrays
 _POINT_KEYS = (TRIPLES, "profile", "points", "line")
+"""Keys of a list of points, best first."""
 _MIN_NUMBERS = 30  # a shorter list under another name may be a pose or a matrix
 # A key with a word as its value, such as "unit: um".
 _KEY_WORD = re.compile(r"^[A-Za-z_]\w*:\s*[^\[\s!]")
@@ -46,6 +47,7 @@ _FLAT_LIST = re.compile(r"^[ \t{]*\"?([A-Za-z_]\w*)\"?[ \t]*:\s*\[([^\[\]]*)\]",
 # A list of numbers that would take the YAML parser too long.
 _LONG_LIST = re.compile(r"\[([^\[\]{}\"'#&*]{2000,})\]")
 _MAX_XML_DEPTH = 16
+"""Deepest nesting of elements that is read."""
 
 
 def parse_opencv_json(text: str) -> Any:
@@ -130,7 +132,7 @@ def table_from_points(key: str, values: FloatArray) -> NumberTable:
     elif values.ndim > 2:
         raise UnreadableFile(
             f"{_prefix(key)}expected points of n x 2 or n x 3 numbers, got "
-            f"{' x '.join(map(str, values.shape))}"
+            f"{' x '.join(map(str, values.shape))}: write one profile per matrix"
         )
     elif values.size % 3 == 0 and (key == TRIPLES or values.size % 2 or is_constant(values[1::3])):
         rows = values.reshape(-1, 3)
@@ -138,7 +140,8 @@ def table_from_points(key: str, values: FloatArray) -> NumberTable:
         rows = values.reshape(-1, 2)
     else:
         raise UnreadableFile(
-            f"expected pairs or triples, as [x, y, z, x, ...], got {values.size} numbers"
+            f"expected pairs or triples, as [x, y, z, x, ...], got {values.size} numbers: "
+            "write a matrix of n rows"
         )
     return NumberTable.of_points(rows)
 
@@ -231,7 +234,7 @@ def _first_node(text: str) -> tuple[str, FloatArray]:
         is_pairs = values.ndim == 2 and values.shape[1] == 2
         if values.size and (key in _POINT_KEYS or is_pairs or values.size >= _MIN_NUMBERS):
             return key, values
-    refuse_pose_text(text)
+    reject_pose_text(text)
     raise UnreadableFile(
         f"no list of points among its keys ({', '.join(nodes)[:200] or 'none'}): "
         "expected scan_line: [x, y, z, ...]"

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 PARQUET_MAGIC = b"PAR1"
+"""First and last bytes of a Parquet file."""
 _BYTES_PER_VALUE = 8  # of an unpacked number
 
 

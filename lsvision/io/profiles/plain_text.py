@@ -16,7 +16,7 @@ from lsvision.io.profiles.matrix import (
     profiles_from_matrix,
     profiles_from_text_matrix,
 )
-from lsvision.io.profiles.pose_documents import refuse_pose_text
+from lsvision.io.profiles.pose_documents import reject_pose_text
 from lsvision.io.profiles.settings import MM_PER_KEYENCE_STEP, RawProfiles, ReadSettings
 from lsvision.io.profiles.text_encoding import decode_text
 from lsvision.io.profiles.text_table import parse_table
@@ -47,7 +47,7 @@ def read_plain_text(content: bytes, settings: ReadSettings) -> RawProfiles:
     try:
         return _profiles_from_text(text, settings)
     except UnreadableFile:
-        refuse_pose_text(text)
+        reject_pose_text(text)
         raise
 
 

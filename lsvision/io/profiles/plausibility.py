@@ -39,7 +39,7 @@ def find_extent(profiles: tuple[Profile, ...]) -> _Extent:
     return np.array(low), np.array(high)
 
 
-def refuse_wrapped_numbers(sections: Sequence[FloatArray]) -> None:
+def reject_wrapped_numbers(sections: Sequence[FloatArray]) -> None:
     """Raise UnreadableFile if negative heights were written as integers without a sign.
 
     They are then 2^16 or 2^32 too large, and far above the others. The sections, (n, 2) or (n, 3),

@@ -23,9 +23,12 @@ _PLY_TYPES = {
     **dict.fromkeys(["float", "float32"], "f4"),
     **dict.fromkeys(["double", "float64"], "f8"),
 }
+"""NumPy's name of each data type of PLY."""
 _PLY_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+"""Byte order of each format of PLY."""
 _MAX_COUNT = 4096  # numbers in one field of a point, such as a histogram
 _PCD_TYPES = {"I": "i", "U": "u", "F": "f"}
+"""NumPy's letter of each kind of number of PCD."""
 
 
 def read_ply(content: bytes, settings: ReadSettings) -> RawProfiles:
@@ -134,7 +137,10 @@ def _parse_points(body: bytes, layout: _Layout, *, ascii_: bool) -> NumberTable:
     dtype = np.dtype(layout.dtype)
     names = dtype.names or ()
     if not {"x", "y", "z"} <= set(names):
-        raise UnreadableFile(f"points with {', '.join(names) or 'nothing'}: expected x, y and z")
+        raise UnreadableFile(
+            f"expected points with x, y and z, got {', '.join(names) or 'nothing'}: "
+            "export the cloud with its coordinates"
+        )
     if ascii_:
         columns = _ascii_columns(body, dtype, layout.count)
     elif len(body) < layout.count * dtype.itemsize:

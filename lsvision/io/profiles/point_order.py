@@ -7,12 +7,13 @@ import numpy as np
 from lsvision.geometry import FloatArray
 from lsvision.io.profiles.profile_keys import MIN_POINTS_PER_PROFILE
 
-_MIN_SWEEP = 0.8
-"""Smallest part of the width that a profile measured back and forth has in each direction."""
+_MIN_SWEEP_FRACTION = 0.8
+"""Smallest fraction of the width that a profile measured back and forth has in each direction."""
 _MIN_SWEEPS = 3
 """Smallest number of sweeps that are noted: a closed section goes back and forth once."""
-_MAX_ORDERED_STEP = 0.05
-"""Largest median step of x, in its range, of points that are in the order of a sensor."""
+_MAX_ORDERED_STEP_FRACTION = 0.05
+"""Largest median step of x, as a fraction of its range, of points that are in the order of a
+sensor."""
 
 
 def note_order(sections: Sequence[FloatArray]) -> tuple[str, ...]:
@@ -34,7 +35,7 @@ def note_order(sections: Sequence[FloatArray]) -> tuple[str, ...]:
             "their numbers, or write one per file",
         )
     sweeps = _count_sweeps(x, span)
-    if sweeps < _MIN_SWEEPS or typical > _MAX_ORDERED_STEP * span:
+    if sweeps < _MIN_SWEEPS or typical > _MAX_ORDERED_STEP_FRACTION * span:
         return ()
     return (
         f"x goes back and forth, {sweeps} times over its range: if these are several profiles, "
@@ -54,8 +55,8 @@ def _count_restarts(steps: FloatArray, span: float, count: int) -> int:
 
 def _count_sweeps(x: FloatArray, span: float) -> int:
     """Return how often x goes from one end of its range to the other."""
-    low = np.flatnonzero(x < x.min() + (1 - _MIN_SWEEP) * span / 2)
-    high = np.flatnonzero(x > x.max() - (1 - _MIN_SWEEP) * span / 2)
+    low = np.flatnonzero(x < x.min() + (1 - _MIN_SWEEP_FRACTION) * span / 2)
+    high = np.flatnonzero(x > x.max() - (1 - _MIN_SWEEP_FRACTION) * span / 2)
     ends = np.concatenate([np.zeros(len(low)), np.ones(len(high))])
     in_order = ends[np.argsort(np.concatenate([low, high]), kind="stable")]
     return int(np.count_nonzero(np.diff(in_order)))

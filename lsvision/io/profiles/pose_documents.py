@@ -45,6 +45,7 @@ _POSE_KEY = re.compile(
 _BRACKETED_ROW = re.compile(
     rf"[\[({{]\s*{NUMBER}(?:\s*,\s*{NUMBER}){{5,7}}\s*[\])}}]", re.IGNORECASE
 )
+"""Six to eight numbers in brackets."""
 _NESTED_POSE = re.compile(
     rf"[\[(]\s*[\[(]\s*{NUMBER}(?:\s*,\s*{NUMBER}){{2}}\s*[\])]\s*,"
     rf"\s*[\[(]\s*{NUMBER}(?:\s*,\s*{NUMBER}){{2,3}}\s*[\])]"
@@ -55,7 +56,7 @@ _MIN_BRACKETED_ROWS = 3
 """Smallest number of rows of six to eight numbers in brackets that are poses."""
 
 
-def refuse_pose_text(text: str) -> None:
+def reject_pose_text(text: str) -> None:
     """Raise UnreadableFile if a text is a robot program, or a list of poses in brackets or YAML."""
     text = text[:_MAX_LENGTH]
     maker = find_maker(text)
@@ -65,27 +66,28 @@ def refuse_pose_text(text: str) -> None:
     rows = list(islice(_BRACKETED_ROW.finditer(text), _MIN_BRACKETED_ROWS))
     has_rows = len(rows) == _MIN_BRACKETED_ROWS
     if has_rows or _POSE_KEY.search(text) or _NESTED_POSE.search(text):
-        _refuse()
+        _reject()
 
 
-def refuse_pose_document(document: Any) -> None:
+def reject_pose_document(document: Any) -> None:
     """Raise UnreadableFile if a document of JSON or YAML holds poses."""
     if _holds_poses(document, 0):
-        _refuse()
+        _reject()
 
 
-def refuse_pose_arrays(arrays: Mapping[str, Any]) -> None:
+def reject_pose_arrays(arrays: Mapping[str, Any]) -> None:
     """Raise UnreadableFile if arrays are matrices of poses, or positions and rotations by name."""
     names = {name.lower() for name in arrays}
     shapes = [np.shape(array) for array in arrays.values()]
     has_rotations = any(len(shape) == 3 and shape[1:] == (3, 3) for shape in shapes)
     if any(pair <= names for pair in _PAIRS) or any(map(_is_matrix, arrays.values())):
-        _refuse()
+        _reject()
     if has_rotations and len({shape[0] for shape in shapes}) == 1:
-        _refuse()
+        _reject()
 
 
-def _refuse() -> None:
+def _reject() -> None:
+    """Raise UnreadableFile for a file of robot poses."""
     raise UnreadableFile(f"it holds robot poses and no profile: {POSES_REMEDY}")
 
 

@@ -22,6 +22,7 @@ _ROTATION_NAME = re.compile(
     r"(?:(?:.*[._/ ])?(?:orientation|rotation|quaternion|quat|rot)[._/ -]?|[qr])([wxyz])"
 )
 _JOINT_NAME = re.compile(r"(?:.*[._/ ])?(?:j|a|q|joint|axis|theta)[._ -]?([1-7])")
+"""Name of the angle of a joint."""
 _MAX_STRAIGHTNESS = 1e-3
 """Largest deviation of the points of a straight path from its line, in lengths of the path."""
 _MAX_SAME_ROTATION = 1e-6
@@ -29,10 +30,12 @@ _MAX_SAME_ROTATION = 1e-6
 POSES_REMEDY = (
     "give files of profiles here, and the poses of their flange as --poses FILE --convention NAME"
 )
+"""Remedy for a file of poses where one of profiles is expected."""
 _REMEDY = f"{POSES_REMEDY}; if it is a profile, name the columns of x and height with --columns"
+"""Remedy for a table that may also be a profile."""
 
 
-def refuse_pose_names(
+def reject_pose_names(
     table: NumberTable, sections: Sequence[FloatArray], rows: Sequence[IntArray]
 ) -> None:
     """Raise UnreadableFile if the columns are named as a position and a rotation, of a robot.
@@ -80,7 +83,7 @@ def _is_straight(section: FloatArray) -> bool:
     return bool(short <= _MAX_STRAIGHTNESS * long)
 
 
-def refuse_poses(table: NumberTable, columns: list[int]) -> None:
+def reject_poses(table: NumberTable, columns: list[int]) -> None:
     """Raise UnreadableFile if the columns of numbers, without names, may be robot poses.
 
     They are 4x4 matrices in one row or in four each, 3x4 matrices, a position and a unit

@@ -32,7 +32,7 @@ from lsvision.io.profiles.plausibility import (
     find_extent,
     find_other_problems,
     find_unit_warnings,
-    refuse_wrapped_numbers,
+    reject_wrapped_numbers,
 )
 from lsvision.io.profiles.point_clouds import read_pcd, read_ply
 from lsvision.io.profiles.ros_bags import read_ros_bag
@@ -60,6 +60,7 @@ _READERS: dict[str, Callable[[bytes, ReadSettings], RawProfiles]] = {
     "height-map": read_height_map,
     "rosbag": read_ros_bag,
 }
+"""Function that reads the content of a file, by the name of its format."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -213,7 +214,9 @@ def read_profiles(path: str | os.PathLike[str], **options: Unpack[ReadOptions]) 
     files = find_files(_file_name(path))
     if not files:
         kinds = " ".join(sorted(PROFILE_SUFFIXES))
-        raise UnreadableFile(f"{os.fspath(path)}: no profile file in it (those are {kinds})")
+        raise UnreadableFile(
+            f"{os.fspath(path)}: no profile file in it (those are {kinds}): check the folder"
+        )
     return [profile for file in files for profile in inspect_profiles(file, **options).profiles]
 
 
@@ -288,7 +291,7 @@ def convert_to_section_frame(
     x_scale, height_scale = mm_per_unit(x_unit), mm_per_unit(height_unit)
     sections, markers = remove_lost(raw, settings)
     zeros = note_repeated(sections) if settings.lost_values is None else ()
-    refuse_wrapped_numbers(sections)
+    reject_wrapped_numbers(sections)
     fitted = None
     if settings.plane is not None:  # x, y and z have one unit
         fitted = fit_section_plane(_scale(sections, (x_scale, x_scale, x_scale)), flip=away)

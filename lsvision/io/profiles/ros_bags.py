@@ -17,16 +17,20 @@ from lsvision.io.profiles.laser_scan import SCAN_KEYS, profiles_from_scans
 from lsvision.io.profiles.number_table import floats_from
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 
-MAX_FLATNESS = 1e-6
+MAX_FLATNESS_RATIO = 1e-6
 """Extent along an axis relative to the largest one, up to which points lie in a plane perpendicular
 to that axis."""
 
-_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
-_LIDAR = "PointCloud2 in its x-y plane: X is the scanner's y, Y the opposite of its x"
+_NUMPY_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+"""NumPy's name of each data type of a PointField."""
+_LIDAR_NOTE = "PointCloud2 in its x-y plane: X is the scanner's y, Y the opposite of its x"
+"""Note on the axes of a cloud of a scanner."""
 LASER_SCAN, POINT_CLOUD = "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/PointCloud2"
+"""Types of messages that hold profiles."""
 MAX_NAMED_TOPICS = 8
 """Largest number of topics that an error message lists."""
 _SUFFIXES = {b"#ROS": ".bag", b"\x89MCA": ".mcap", b"SQLi": ".db3"}
+"""Suffix of a bag by the first four bytes of its file."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +174,7 @@ def _cloud_points(cloud: Any) -> FloatArray:
     coordinates = []
     for axis in "xyz":
         field = fields[axis]
-        kind = np.dtype(order + _TYPES.get(field.datatype, "V1"))
+        kind = np.dtype(order + _NUMPY_TYPES.get(field.datatype, "V1"))
         last_offset = (shape[0] - 1) * strides[0] + (shape[1] - 1) * strides[1] + field.offset
         if (
             kind.kind == "V"
@@ -237,11 +241,11 @@ def _section_columns(
             )
         return [names[column] for column in requested], False, ()
     extents = np.array([_largest_extent(rows, axis) for axis in range(3)])
-    is_flat = extents <= MAX_FLATNESS * extents.max()
+    is_flat = extents <= MAX_FLATNESS_RATIO * extents.max()
     if is_flat[1]:
         return [0, 2], False, ()
     if is_flat[2]:
-        return [1, 0], True, (_LIDAR,)
+        return [1, 0], True, (_LIDAR_NOTE,)
     raise UnreadableFile(
         "a PointCloud2 whose points do not lie in a section perpendicular to y or z (they span "
         f"{' x '.join(f'{extent:.3g}' for extent in extents)} m): publish it in the scanner's own "

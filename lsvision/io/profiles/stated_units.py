@@ -12,6 +12,7 @@ from lsvision.io.profiles.unit_statements import UnitStatement, find_unit_mentio
 from lsvision.io.profiles.units import StatedUnit, mm_per_unit
 
 _REMEDY = "state it, as --units um or --units 0.1mm"
+"""Remedy for a unit that is not known."""
 
 
 def resolve_units(

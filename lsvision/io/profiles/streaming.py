@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 
 from lsvision.errors import UnreadableFile
-from lsvision.files.file_kinds import is_regular
-from lsvision.files.limited_reading import STDIN, check_readable
+from lsvision.files.file_kinds import STDIN, is_regular
+from lsvision.files.limited_reading import check_readable
 from lsvision.io.profiles.matrix import are_heights
 from lsvision.io.profiles.numpy_arrays import NPY_MAGIC, open_npy, profiles_from_array
 from lsvision.io.profiles.parquet import PARQUET_MAGIC, iterate_tables

@@ -13,6 +13,7 @@ taken."""
 _HEAD_LENGTH = 4000
 """Number of bytes, from the start of the file, in which known words are searched."""
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1b\x7f]")
+"""Control character that no text contains."""
 _CHECKED_BYTES = 1 << 16  # at once: few enough for the processor's cache
 
 

@@ -30,16 +30,19 @@ MIN_TEXT_TABLE_FRACTION = 0.5
 """Smallest fraction of lines with the same number of cells in a text table with words."""
 
 _ANY_NUMBER = re.compile(f"{POINT_NUMBER.pattern}|{COMMA_NUMBER.pattern}|{THOUSANDS.pattern}")
+"""Number with any decimal mark and with or without thousands separators."""
 _RULE = re.compile(r"[-=_*~]{3,}")
 """Line of dashes below a table or its header."""
 # A comma without a blank beside it: "0, -150" are two cells, "0,5 -150" two numbers.
 _DECIMAL_COMMA = re.compile(r"(?:^|[0-9]),[0-9]")
 _QUOTED = re.compile(r'"[^"]*"')
+"""Part of a line in quotes."""
 # A quoted part, or a word between blanks.
 _WORDS = re.compile(r'"[^"]*"|[^\s"]+')
 # First cell of a row that begins like a comment: #N/A of a spreadsheet, or a field too narrow.
 _LOST_FIRST_CELL = re.compile(r"#n/a(?=[\s,;|]|$)|#{3,}[,;\t|]", re.IGNORECASE)
 _NO_NUMBERS = "expected x and height in mm, one point per line, got no line of numbers"
+"""Message for a text without numbers."""
 
 
 @dataclass(frozen=True)

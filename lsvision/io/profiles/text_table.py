@@ -39,15 +39,18 @@ _SPLIT_COMMA = re.compile(r"(?:^|,)[-+]?[0-9]{1,3},0[0-9]+(?=[,.\r\n]|$)", re.MU
 _THOUSANDS_POINT = re.compile(r"[-+]?[1-9][0-9]{0,2}\.[0-9]{3}")
 _WHOLE = re.compile(r"[-+]?[0-9]{1,3}")
 _WHOLE_NUMBER = re.compile(r" ?[-+]?[0-9]+")
+"""Whole number, also after a blank."""
 MIN_DECIMALS = 3
 """Smallest number of different decimals of the heights in a table split at decimal commas."""
 _SPLIT_NUMBERS = (
     "numbers seem to be split at their commas ({cells!r}): export with semicolons between cells "
     "and without thousands separators"
 )
+"""Message for numbers with decimal commas in a table separated by commas."""
 _HEAD_LENGTH = 4000
 """Characters in which the factor is searched that MATLAB displays above numbers, 1.0e+03 *."""
 _MATLAB_FACTOR = re.compile(r"^[ \t]*(1\.0e[-+][0-9]+)[ \t]*\*[ \t]*\r?$", re.MULTILINE)
+"""Line of such a factor."""
 _DASH = re.compile(r"(?<![^\s,;|\"])\u2013(?=[0-9.])")  # of a negative number
 # A comment behind the numbers of a line.
 _BEHIND_NUMBERS = re.compile(r"^([-+0-9.,;|eE \t]*[0-9])[ \t]+#.*$", re.MULTILINE)

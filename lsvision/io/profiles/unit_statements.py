@@ -28,9 +28,11 @@ _UNIT_KEYS = frozenset(
     "unità unidade eenheid enhet enhed yksikkö jednostka jednotka единица единицы birim "
     "单位 單位 単位 단위".split()
 )
+"""Words of a key whose value is a unit."""
 _SCALE_KEYS = frozenset(
     ["scale", "scaling", "factor", "multiplier", "lsb", "skalierung", "skalierungsfaktor"]
 )
+"""Words of a key whose value is the length of a count."""
 _OTHER_KEYS = frozenset(
     "time zeit intensity intensität angle angles winkel temperature temperatur speed "  # noqa: SIM905
     "velocity frequency rate exposure power current voltage serial id number no nr name "
@@ -42,14 +44,15 @@ _LOST_KEYS = frozenset(
     "nodata invalid lost missing fill dropout novalue lostvalue fillvalue".split()  # noqa: SIM905
 )
 """Words of a key whose value marks lost points, alone or two joined (no data, fill value)."""
-_LOST_OTHER = frozenset(
+_LOST_COUNT_WORDS = frozenset(
     "points count number of rate share percent pixels total".split()  # noqa: SIM905
 )
-"""Words of a key whose value is a number of lost points, and no marker."""
+"""Words of a key whose value counts lost points and marks none."""
 _SMALL_WORDS = frozenset("and und et all for each both si of in the".split())  # noqa: SIM905
 _LENGTH_WORDS = frozenset(
     "values axes axis length lengths coordinates distances dimension dimensions".split()  # noqa: SIM905
 )
+"""Words for lengths of any axis."""
 _FILLERS = _SMALL_WORDS | _LENGTH_WORDS
 """Words beside a unit that do not change what it is the unit of."""
 _AXES = {
@@ -72,7 +75,9 @@ _KEY_BLANK_VALUE = re.compile(
 # The words of a key such as "xUnit" or "X_UNIT".
 _KEY_WORDS = re.compile(r"[A-Z]?[^\W\d_A-Z]+|[A-Z]+(?![^\W\d_A-Z])")
 _AXIS_GROUP = r"(x|y|z|heights?|ranges?|distance|lateral|depth)"
+"""Pattern of the name of an axis."""
 _UNIT_GROUP = r"([0-9./^*+e-]*\s?[^\W\d_]+)"
+"""Pattern of a unit, which may have a factor."""
 # "z in um", "z: um" or "z [um]".
 _AXIS_UNIT = re.compile(
     rf"\b{_AXIS_GROUP}(?:[ _]?units?)?\b\s*(?:[:=]|\bin\b)?\s*[\[(]?\s*{_UNIT_GROUP}\s*[\])]?"
@@ -93,6 +98,7 @@ _PER_COUNT = re.compile(rf"(?:/|\bper\b|\bpro\b)\s*{COUNT_WORD}\b", re.IGNORECAS
 # The key of "1 digit = 0.01 mm".
 _ONE_COUNT = re.compile(rf"1\s*{COUNT_WORD}", re.IGNORECASE)
 _NUMBER = re.compile(r"[-+]?(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:[eE][-+]?[0-9]+)?")
+"""Number with a decimal point or comma."""
 
 _BARE_UNIT = re.compile(
     r"(?<![^\W_])(?<![0-9.])(?<![0-9.] )"
@@ -188,7 +194,7 @@ def find_lost_values(lines: Iterable[str]) -> tuple[float, ...]:
             continue
         key = re.split(r"[\W_]+", number[1].lower())
         words = {*key, *map("".join, pairwise(key))}
-        if words & _LOST_KEYS and not words & _LOST_OTHER:
+        if words & _LOST_KEYS and not words & _LOST_COUNT_WORDS:
             markers[float(number[2].replace(",", "."))] = None
     return tuple(filter(math.isfinite, markers))
 

@@ -41,6 +41,7 @@ _SPELLINGS = {
     "дюйм дюймы 英寸 インチ 인치",
     "ft": "foot feet",
 }
+"""Words for each unit in several languages."""
 _WORDS = {word: unit for unit, words in _SPELLINGS.items() for word in words.split()}
 _WORDS.update({unit: unit for unit in MM_PER_UNIT})
 _WORDS.update({'"': "in", "''": "in"})
@@ -57,6 +58,7 @@ _WIDE_CHARACTERS = str.maketrans(
 )
 """Brackets and units of East Asian texts that have the width of two letters."""
 _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺", "0123456789-+")
+"""Digits and signs of exponents such as 10⁻³."""
 COUNT_WORD = r"(?:counts?|digits?|lsb|incr?|increments?|steps?|ticks?|bits?|units?|inkremente?)"
 """Pattern of the names of a sensor's integer steps."""
 _SCALED = re.compile(

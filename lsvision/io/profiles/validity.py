@@ -18,6 +18,7 @@ _FLAG_NAMES = frozenset(
 )
 """Names of columns that may mark lost points, in a code that differs between sensors."""
 _TRUE, _FALSE = frozenset(["true", "yes", "1", "ok"]), frozenset(["false", "no", "0"])
+"""Words and digits of a flag that is true, and of one that is false."""
 
 
 def lose_invalid_points(

@@ -10,7 +10,7 @@ from typing import Any
 from lsvision.errors import UnreadableFile
 from lsvision.files.json_text import parse_json
 from lsvision.io.profiles.json_points import profiles_from_document
-from lsvision.io.profiles.pose_documents import refuse_pose_text
+from lsvision.io.profiles.pose_documents import reject_pose_text
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.stated_units import add_units, require_known_unit
 from lsvision.io.profiles.text_encoding import decode_text
@@ -41,7 +41,7 @@ def read_yaml(content: bytes, settings: ReadSettings) -> RawProfiles:
     try:
         profiles = profiles_from_document(document, settings, "YAML")
     except UnreadableFile:
-        refuse_pose_text("".join(parts))
+        reject_pose_text("".join(parts))
         raise
     comments = [line for part in parts for line in part.splitlines() if line.lstrip()[:1] == "#"]
     profiles = add_units(profiles, find_unit_statements(comments), settings)

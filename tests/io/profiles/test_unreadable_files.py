@@ -85,7 +85,7 @@ def npy(array) -> bytes:
         (
             "ply\nformat binary_little_endian 1.0\nelement vertex 2\nproperty int x\n"
             "property int y\nend_header\n",
-            "points with x, y: expected x, y and z",
+            "expected points with x, y and z, got x, y: export the cloud with its coordinates",
         ),
         (
             "# .PCD v0.7\nDATA binary_compressed\n",
