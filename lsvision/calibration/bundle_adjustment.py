@@ -46,6 +46,14 @@ inconsistent."""
 MAX_STEPS = 40
 """Maximum number of iterations; about five are needed."""
 
+RELATIVE_TOLERANCE, CORNER_TOLERANCE = 1e-9, 1e-6
+"""Relative decrease of the loss at which the iteration stops: of the result, and of the fit to the
+corners, from which it starts."""
+
+INITIAL_DAMPING, MAX_DAMPING, DAMPING_FACTOR = 1e-4, 1e8, 10.0
+"""Damping, relative to the diagonal of the normal matrix: in the first step, where the iteration
+stops because no step decreases the loss, and the factor by which it changes from step to step."""
+
 
 @dataclass(frozen=True, eq=False)
 class BundleAdjustmentResult:
@@ -112,7 +120,7 @@ def adjust_bundle(
         refinement,
         corner_fit.view_stds,
     )
-    vector, information = _minimise(problem, 1e-9)
+    vector, information = _minimise(problem, RELATIVE_TOLERANCE)
     corner_residuals, line_residuals = problem.residuals_in_pixels(vector)
     if not _is_consistent(corner_residuals, line_residuals, corner_fit):
         if refinement.bow:
@@ -167,7 +175,7 @@ def _fit_corners(
         refinement,
         [corner_std] * len(views),
     )
-    vector, _ = _minimise(problem, 1e-6)
+    vector, _ = _minimise(problem, CORNER_TOLERANCE)
     corner_residuals, line_residuals = problem.residuals_in_pixels(vector)
     # Poses, camera and bow absorb a part of the noise, a large one where there are few corners.
     fitted = problem.size - len(problem.plane_columns())
@@ -259,7 +267,7 @@ def _minimise(
 
     `scipy.optimize.least_squares` needs twice the iterations here, with an SVD in each.
     """
-    vector, damping = np.zeros(problem.size), 1e-4
+    vector, damping = np.zeros(problem.size), INITIAL_DAMPING
     cost = _huber(problem(vector))
     for _ in range(MAX_STEPS):
         residuals, jacobian = problem(vector), problem.jacobian(vector)
@@ -267,11 +275,11 @@ def _minimise(
         information = jacobian.T @ (weights[:, None] * jacobian)
         gradient = jacobian.T @ (weights * residuals)
         decrease = 0.0
-        while damping < 1e8 and not decrease > 0:
+        while damping < MAX_DAMPING and not decrease > 0:
             damped = information + damping * np.diag(np.diag(information))
             trial = vector - np.linalg.solve(damped, gradient)
             decrease = cost - _huber(problem(trial))
-            damping = damping / 10 if decrease > 0 else damping * 10
+            damping = damping / DAMPING_FACTOR if decrease > 0 else damping * DAMPING_FACTOR
         if not decrease > 0:
             break
         vector, cost = trial, cost - decrease

@@ -5,15 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from lsvision.calibration.target import TargetView
-from lsvision.calibration.views import max_tilt
+from lsvision.calibration.views import RECOMMENDED_TILT, RECOMMENDED_VIEWS, max_tilt
 from lsvision.geometry import BoolArray, FloatArray, Pose
 from lsvision.sensors.camera import Camera
 
-RECOMMENDED_VIEWS = 10
-"""Number of views below which a warning is given."""
-RECOMMENDED_TILT = np.radians(25.0)
-"""A warning is given if no board's normal is tilted by more than this from the mean normal: the
-error of the focal length is twice as large at 15 deg, and ten times at 5 deg. Units: rad."""
 CELLS_PER_SIDE = 5
 """Number of cells along each side of the image, by which the coverage by corners is measured."""
 RECOMMENDED_COVERAGE = 0.6
@@ -56,7 +51,7 @@ def _view_warnings(count: int, tilt: float) -> list[str]:
     if tilt < RECOMMENDED_TILT:
         warnings.append(
             f"boards tilted by {np.degrees(tilt):.0f} deg at most: the focal length is poorly "
-            "determined; tilt by 25 deg and more to all sides"
+            f"determined; tilt by {np.degrees(RECOMMENDED_TILT):.0f} deg and more to all sides"
         )
     return warnings
 

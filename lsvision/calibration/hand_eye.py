@@ -8,32 +8,34 @@ covariance is valid. Data that do not determine the solution raise an error with
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from lsvision.calibration.board_observations import BoardObservations
 from lsvision.calibration.covariance_check import check_covariance
-from lsvision.calibration.errors_in_variables import NOMINAL_ROBOT_STD, ErrorsInVariablesFit
+from lsvision.calibration.errors_in_variables import ErrorsInVariablesFit
 from lsvision.calibration.hand_eye_checks import estimate_board_scale
+from lsvision.calibration.hand_eye_pairs import (
+    find_repeated_pairs,
+    find_shapes,
+    reject_repeated_pose,
+    require_pairs,
+    require_pose_count,
+)
 from lsvision.calibration.hand_eye_result import HandEye, HandEyeSettings
 from lsvision.calibration.hand_eye_solver import ResultContext, build_hand_eye, solve_hand_eye
-from lsvision.calibration.observations import Mounting, RejectedPose, Sphere, stack_flange_poses
+from lsvision.calibration.observations import Mounting, Sphere, stack_flange_poses
 from lsvision.calibration.plane_line import PlaneLine, find_plane_line
 from lsvision.calibration.plane_observations import PlaneObservations
+from lsvision.calibration.robot_std import NOMINAL_ROBOT_STD
 from lsvision.calibration.sphere_arc import SphereArc, find_sphere_arc
 from lsvision.calibration.sphere_observations import SphereObservations, require_distinct_cuts
-from lsvision.calibration.views import find_repeated
-from lsvision.errors import CalibrationFailed, LsvisionError
 from lsvision.geometry import FloatArray, Plane, Pose, as_readonly_array
 from lsvision.geometry.pose import as_poses
-from lsvision.profile import Profile, as_profile, require_several
-from lsvision.results.summaries import counted
-
-Shape = TypeVar("Shape", SphereArc, PlaneLine)
+from lsvision.profile import Profile, require_several
 
 EXACT_RADIUS_STD = 1e-4
 """Standard deviation of a given radius. Units: mm."""
@@ -113,14 +115,14 @@ def calibrate_hand_eye_sphere(
     """
     require_several(profiles)
     flanges = as_poses(base_from_flanges)
-    _require_pairs(len(profiles), len(flanges), "profiles")
+    require_pairs(len(profiles), len(flanges), "profiles")
     if radius is not None and not 0 < radius < np.inf:
         raise ValueError(f"expected a positive, finite radius in mm, got {radius}")
-    arcs, observed, unobserved = _observe(
+    arcs, observed, unobserved = find_shapes(
         profiles, flanges, lambda profile: find_sphere_arc(profile, radius, settings.arc), "sphere"
     )
     min_poses = MIN_SPHERE_POSES if radius is None else MIN_KNOWN_SPHERE_POSES
-    _require_count(len(observed), min_poses, "a sphere in the profile", unobserved)
+    require_pose_count(len(observed), min_poses, "a sphere in the profile", unobserved)
     poses = [flanges[index] for index in observed]
     largest = max(float(arc.circle[2]) for arc in arcs)
     observations = SphereObservations(
@@ -192,9 +194,9 @@ def calibrate_hand_eye_plane(
     """
     require_several(profiles)
     flanges = as_poses(base_from_flanges)
-    _require_pairs(len(profiles), len(flanges), "profiles")
-    lines, observed, unobserved = _observe(profiles, flanges, find_plane_line, "line")
-    _require_count(len(observed), MIN_PLANE_POSES, "a straight line in the profile", unobserved)
+    require_pairs(len(profiles), len(flanges), "profiles")
+    lines, observed, unobserved = find_shapes(profiles, flanges, find_plane_line, "line")
+    require_pose_count(len(observed), MIN_PLANE_POSES, "a straight line in the profile", unobserved)
     poses = [flanges[index] for index in observed]
     observations = PlaneObservations(
         np.array([line.midpoint for line in lines]),
@@ -265,11 +267,11 @@ def calibrate_hand_eye_board(
     """
     boards, flanges = as_poses(camera_from_boards), as_poses(base_from_flanges)
     count = len(boards)
-    _require_pairs(count, len(flanges), "boards")
-    repeated = _find_repeated_pairs([pose.matrix for pose in boards], flanges)
+    require_pairs(count, len(flanges), "boards")
+    repeated = find_repeated_pairs([pose.matrix for pose in boards], flanges)
     observed = [index for index in range(count) if index not in repeated]
-    unobserved = [_reject_repeated_pose(*pair, "board") for pair in repeated.items()]
-    _require_count(len(observed), MIN_BOARD_POSES, "a board in the image", unobserved)
+    unobserved = [reject_repeated_pose(*pair, "board") for pair in repeated.items()]
+    require_pose_count(len(observed), MIN_BOARD_POSES, "a board in the image", unobserved)
     shifts = np.zeros((0, count, 6)) if camera_modes is None else camera_modes
     shifts = as_readonly_array(shifts, ("m", count, 6), "camera_modes")[:, observed]
     if not np.isfinite(shifts).all():
@@ -331,38 +333,6 @@ def _with_camera_and_board_errors(
     )
 
 
-def _observe(
-    profiles: Sequence[Profile | npt.ArrayLike],
-    flanges: Sequence[Pose],
-    find: Callable[[Profile], Shape],
-    name: str,
-) -> tuple[list[Shape], list[int], list[RejectedPose]]:
-    """Return the shapes found, the indices of their profiles, and the profiles without one."""
-    shapes, observed, unobserved = [], [], []
-    checked = [as_profile(profile) for profile in profiles]
-    repeated = _find_repeated_pairs([profile.points for profile in checked], flanges)
-    for index, profile in enumerate(checked):
-        if index in repeated:
-            unobserved.append(_reject_repeated_pose(index, repeated[index], "profile"))
-            continue
-        try:
-            shapes.append(find(profile))
-            observed.append(index)
-        except LsvisionError as error:
-            unobserved.append(RejectedPose(index, f"no {name} found: {error}"))
-    return shapes, observed, unobserved
-
-
-def _find_repeated_pairs(observed: Sequence[FloatArray], flanges: Sequence[Pose]) -> dict[int, int]:
-    """Return the index of each pair that equals an earlier one, with the earlier index."""
-    pairs = zip(observed, flanges, strict=True)
-    return find_repeated(values.tobytes() + flange.matrix.tobytes() for values, flange in pairs)
-
-
-def _reject_repeated_pose(index: int, earlier: int, observation: str) -> RejectedPose:
-    return RejectedPose(index, f"the same pose and {observation} as pose {earlier}, stored twice")
-
-
 def _covariances(shapes: Sequence[SphereArc] | Sequence[PlaneLine]) -> FloatArray:
     """Return the covariances of arcs or lines, scaled by the mean autocorrelation time."""
     autocorrelation_time = float(np.mean([shape.autocorrelation_time for shape in shapes]))
@@ -375,25 +345,3 @@ def _common_height_scale_gradients(arcs: Sequence[SphereArc]) -> FloatArray:
     heights = np.array([arc.circle[1] for arc in arcs])
     gradients[:, 0, 1] += heights - heights.mean()
     return gradients
-
-
-def _require_pairs(observations: int, poses: int, name: str) -> None:
-    """Require one pose for each observation."""
-    if observations != poses:
-        raise ValueError(
-            f"expected one pose for each of the {name}, got {observations} {name} and {poses} "
-            "poses: a missing pair may shift all pairs that follow it"
-        )
-
-
-def _require_count(
-    count: int, min_count: int, observation: str, unobserved: list[RejectedPose]
-) -> None:
-    """Require a number of poses with an observation."""
-    if count < min_count:
-        reasons = [f" (pose {pose.index}: {pose.reason})" for pose in unobserved[:1]]
-        show = "shows" if count == 1 else "show"
-        raise CalibrationFailed(
-            f"{counted(count, 'pose')} {show} {observation} and {min_count} are needed, better "
-            f"12: take more{''.join(reasons)}"
-        )

@@ -7,13 +7,10 @@ import numpy as np
 
 from lsvision.calibration.batched_least_squares import search_whitening, solve_least_squares
 from lsvision.calibration.board_observations import BoardObservations
-from lsvision.calibration.errors_in_variables import (
-    ErrorsInVariablesFit,
-    degrees_of_freedom,
-    robot_whitening,
-)
+from lsvision.calibration.errors_in_variables import ErrorsInVariablesFit, degrees_of_freedom
 from lsvision.calibration.observations import Observations, States, residual_norms
 from lsvision.calibration.pose_outliers import solve_from_all_guesses
+from lsvision.calibration.robot_std import robot_whitening
 from lsvision.geometry import FloatArray
 
 MAX_RMS_RATIO = 0.35

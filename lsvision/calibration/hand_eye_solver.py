@@ -6,10 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.calibration.errors_in_variables import (
-    NOMINAL_ROBOT_STD,
     ErrorsInVariablesFit,
     find_least_determined_direction,
-    robot_covariances,
 )
 from lsvision.calibration.hand_eye_mistakes import (
     MIN_MOVED_TARGET_POSES,
@@ -31,6 +29,7 @@ from lsvision.calibration.pose_outliers import (
     fit_with_outlier_rejection,
     outlier_p_values,
 )
+from lsvision.calibration.robot_std import NOMINAL_ROBOT_STD, robot_covariances
 from lsvision.errors import CalibrationFailed, DegenerateGeometry, FitFailed
 from lsvision.geometry import FloatArray, Plane, Pose
 from lsvision.geometry.arrays import rms

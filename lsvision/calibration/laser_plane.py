@@ -10,11 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.calibration.board_shape import SHAPE_TERMS, bow_warnings
+from lsvision.calibration.board_shape import SHAPE_TERMS
 from lsvision.calibration.bundle_adjustment import BundleAdjustmentResult, adjust_bundle
 from lsvision.calibration.bundle_adjustment_problem import (
     BundleAdjustmentState,
@@ -27,8 +26,15 @@ from lsvision.calibration.camera_uncertainty import (
     covariance_by_camera,
 )
 from lsvision.calibration.laser_line_on_board import LineOnBoardSettings, find_laser_views
+from lsvision.calibration.laser_plane_checks import (
+    TWO_VIEWS_STD_FACTOR,
+    find_outliers,
+    list_warnings,
+    outside_warnings,
+    pattern_fraction,
+    require_one_plane,
+)
 from lsvision.calibration.laser_plane_initial_guess import (
-    OUTLIER_DISTANCE_PX,
     find_plane_inlier_views,
     fit_plane,
     guess_board_poses,
@@ -41,41 +47,21 @@ from lsvision.calibration.views import (
     RejectedView,
     ViewSources,
     max_tilt,
-    outlier_views,
     require_tilted,
     require_views,
-    rms_distance,
 )
 from lsvision.errors import CalibrationFailed
 from lsvision.geometry import FloatArray
-from lsvision.geometry.arrays import BoolArray, rms
+from lsvision.geometry.arrays import BoolArray
 from lsvision.laser_line.extraction import LineSettings
 from lsvision.laser_line.image_array import as_image
 from lsvision.laser_line.line_image import colour_planes
 from lsvision.sensors.camera import Camera
 from lsvision.sensors.light_section import LightSection
 
-RECOMMENDED_VIEWS = 10
-"""Number of views below which a warning is given."""
-
-RECOMMENDED_TILT = np.radians(25.0)
-"""A warning is given if no board is tilted by more than this from the mean board: at 5 deg the
-error is 7 times larger. Units: rad."""
-
 MIN_ON_PATTERN_FRACTION = 0.6
 """Smallest fraction of line points within the outline of the corners with which the bow is fitted:
 beyond the outline its shape is extrapolated."""
-
-MIN_CROSSING_FRACTION = 0.2
-"""Smallest fraction of line points within the outline of the corners of a line that crosses the
-pattern; with fewer it lies in the margin beside it."""
-
-TWO_VIEWS_STD_FACTOR = 3.0
-"""Factor on the standard deviations of a plane from two views, none of which reveals an error of
-the other."""
-
-OUTLIER_FACTOR = 3.0
-"""Smallest ratio of an outlier view's rms residual to the median."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,7 +147,7 @@ def calibrate_laser_plane(
         [TargetView(view.points, view.pixels, camera.size) for view in views],
         sources.image_indices(len(views)),
     )
-    outside = _outside_warning(views, settings.line.margin)
+    outside = outside_warnings(views, settings.line.margin)
     calibration = replace(calibration, warnings=(*calibration.warnings, *outside, *corner_warnings))
     used_images = [board_images[k] for k in sources.image_indices(len(views))]
     return _with_line_blur(
@@ -206,7 +192,7 @@ def fit_laser_plane(
     initial_guess = BundleAdjustmentState(camera, plane, boards, np.zeros(SHAPE_TERMS))
     solution = adjust_bundle(views, initial_guess, refinement)
     calibrated_views = _calibrated_views([image_indices[k] for k in inliers], views, solution)
-    _require_one_plane(calibrated_views)
+    require_one_plane(calibrated_views)
     return LaserPlaneCalibration(
         LightSection(
             solution.state.camera,
@@ -218,8 +204,8 @@ def fit_laser_plane(
         solution.state.bow,
         solution.bow_std,
         (*sources.rejected, *rejected),
-        _outliers(calibrated_views),
-        tuple(_warnings(solution, len(views), max_tilt(boards))),
+        find_outliers(calibrated_views),
+        tuple(list_warnings(solution, len(views), max_tilt(boards))),
     )
 
 
@@ -228,7 +214,7 @@ def _select_refinement(views: Sequence[LaserView], settings: LaserPlaneSettings)
     enough_for_bow = len(views) >= settings.fit_bow_from
     return Refinement(
         camera=len(views) >= settings.refine_camera_from,
-        bow=enough_for_bow and _pattern_fraction(views) > MIN_ON_PATTERN_FRACTION,
+        bow=enough_for_bow and pattern_fraction(views) > MIN_ON_PATTERN_FRACTION,
     )
 
 
@@ -259,32 +245,6 @@ def _refit_plane(
     plane = adjust_bundle(views, guess, Refinement(camera=False, bow=False)).state.plane
     tilts = tilt_axes(state) @ (plane.normal - state.plane.normal)
     return np.append(tilts, plane.distance - state.plane.distance)
-
-
-def _pattern_fraction(views: Sequence[LaserView]) -> float:
-    """Return the fraction of line points within the outline (convex hull) of the corners."""
-    on_pattern = []
-    for view in views:
-        hull = cv2.convexHull(view.pixels.astype(np.float32))
-        for u, v in view.line_pixels:
-            on_pattern.append(cv2.pointPolygonTest(hull, (float(u), float(v)), False) >= 0)
-    return float(np.mean(on_pattern))
-
-
-def _outside_warning(views: Sequence[LaserView], margin: float) -> list[str]:
-    """Return a warning about lines beside the pattern; none for a margin of up to one square.
-
-    A surface 1 mm off the pattern's plane moves the laser plane by 1 mm, at line residuals of
-    0.1 px (8 boards tilted by 30 deg). Within one square of the corners lie the pattern's own
-    outermost squares.
-    """
-    if margin <= 1 or _pattern_fraction(views) > MIN_CROSSING_FRACTION:
-        return []
-    return [
-        f"the laser line lies beside the pattern, within the margin of {margin:g} squares: a board "
-        "that is not in one plane with its pattern there moves the laser plane by as much, and no "
-        "residual shows it; let the line cross the pattern"
-    ]
 
 
 def _rejected_views(
@@ -345,54 +305,3 @@ def _calibrated_views(
         strict=True,
     )
     return tuple(CalibratedLaserView(*values) for values in fields)
-
-
-def _require_one_plane(views: Sequence[CalibratedLaserView]) -> None:
-    """Require laser lines that lie in one plane."""
-    median_rms = float(np.median([rms(view.line_residuals) for view in views]))
-    if median_rms > OUTLIER_DISTANCE_PX:
-        raise CalibrationFailed(
-            f"the laser lines of {len(views)} views do not lie in one plane, but "
-            f"{median_rms:.0f} px off the best: check the order of board and line images, and that "
-            "neither the laser on the camera nor the board between its two images has moved"
-        )
-
-
-def _outliers(views: Sequence[CalibratedLaserView]) -> tuple[RejectedView, ...]:
-    """Return the views with outlying residuals of line or corners."""
-    indices = [view.index for view in views]
-    remedy = "look at the image, and leave it out if it is blurred or shows glare"
-    outliers = [
-        outlier
-        for name, rms_values in (
-            ("laser line", [rms(view.line_residuals) for view in views]),
-            ("corners", [rms_distance(view.corner_residuals) for view in views]),
-        )
-        for outlier in outlier_views(
-            indices, rms_values, OUTLIER_FACTOR, prefix=f"{name} off by ", remedy=remedy
-        )
-    ]
-    return tuple(sorted(outliers, key=lambda view: view.index))
-
-
-def _warnings(solution: BundleAdjustmentResult, count: int, tilt: float) -> list[str]:
-    """Return warnings about the set of views, with numbers and remedy."""
-    warnings = []
-    if count == 2:
-        warnings.append(
-            "two views cannot check each other, a wrong line or a moved board is not noticed: the "
-            f"standard deviations are multiplied by {TWO_VIEWS_STD_FACTOR:g}; add poses"
-        )
-    elif count < RECOMMENDED_VIEWS:
-        warnings.append(f"{count} views; the error of 15 views is half that of 4")
-    if tilt < RECOMMENDED_TILT:
-        warnings.append(
-            f"boards tilted by {np.degrees(tilt):.0f} deg at most, expected 25 deg and more: "
-            "camera and distance are poorly determined"
-        )
-    if solution.line_inconsistent:
-        warnings.append(
-            "the laser line is inconsistent with the boards and was not used for them: let it "
-            "fall on the flat pattern, not saturated, and keep the board still between images"
-        )
-    return warnings + bow_warnings(solution.state.bow, solution.bow_std)

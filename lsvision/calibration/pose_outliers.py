@@ -20,12 +20,9 @@ from lsvision.calibration.batched_least_squares import (
     solve_least_squares,
     whitened_jacobian_and_residuals,
 )
-from lsvision.calibration.errors_in_variables import (
-    ErrorsInVariablesFit,
-    fit_errors_in_variables,
-    robot_covariances,
-)
+from lsvision.calibration.errors_in_variables import ErrorsInVariablesFit, fit_errors_in_variables
 from lsvision.calibration.observations import Observations, States
+from lsvision.calibration.robot_std import robot_covariances
 from lsvision.calibration.rotations import vectors_from_rotations
 from lsvision.geometry import FloatArray, IntArray
 

@@ -9,13 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.calibration.batched_least_squares import whitened_jacobian_and_residuals
-from lsvision.calibration.errors_in_variables import NOMINAL_ROBOT_STD, robot_whitening
 from lsvision.calibration.observations import (
     MM_PER_RADIAN,
     States,
     stack_flange_poses,
 )
 from lsvision.calibration.plane_observations import PlanePlanningTarget
+from lsvision.calibration.robot_std import NOMINAL_ROBOT_STD, robot_whitening
 from lsvision.calibration.rotations import cross_matrices, rotations_from_vectors
 from lsvision.calibration.sphere_observations import SpherePlanningTarget
 from lsvision.errors import DegenerateGeometry
@@ -146,6 +146,7 @@ PlanningTarget = SpherePlanningTarget | PlanePlanningTarget
 """Target of planned poses: viewing direction, visibility, and predicted observations."""
 
 SPHERE_DEFAULTS = PosePlanSettings()
+"""Settings of poses that see a sphere."""
 PLANE_DEFAULTS = PosePlanSettings(max_tilt=np.radians(40.0))
 """Larger tilts than for a sphere: they add information."""
 

@@ -100,6 +100,10 @@ MAX_SCORED_POINTS = 700
 """Largest number of points with which hypotheses are scored."""
 HEIGHT_SCALE_STEP = 0.1
 """Relative change of the heights for the difference quotients of a circle."""
+MAX_NOISE_FACTOR = 1.02
+"""Factor by which circles through three noisy points of the largest section may be larger."""
+MIN_WINDOW_POINTS = 15
+"""Smallest window of neighbouring points from which a triple is drawn."""
 OUTLIER_SIGMAS = 3.5
 """Distance in robust standard deviations beyond which a point is an outlier; as in `plane_line`."""
 
@@ -159,8 +163,7 @@ def _best_hypothesis(
     """
     rng = np.random.default_rng(settings.seed)
     circles = _circles_through_triples(points[_near_triples(len(points), settings.trials, rng)])
-    # Circles through three noisy points of the largest section are up to a few per cent larger.
-    limit = np.inf if max_radius is None else 1.02 * max_radius + settings.tolerance
+    limit = np.inf if max_radius is None else MAX_NOISE_FACTOR * max_radius + settings.tolerance
     allowed = np.isfinite(circles).all(axis=1)
     allowed &= (circles[:, 2] >= settings.min_radius) & (circles[:, 2] <= limit)
     circles = circles[allowed]
@@ -185,11 +188,11 @@ def _best_hypothesis(
 
 
 def _near_triples(count: int, trials: int, rng: np.random.Generator) -> IntArray:
-    """Return random triples (k, 3) from windows of 15 points up to the whole profile.
+    """Return random triples (k, 3) from windows of `MIN_WINDOW_POINTS` up to the whole profile.
 
     The points of an arc are neighbours in the profile, those of clutter are not.
     """
-    shortest = min(count, 15)
+    shortest = min(count, MIN_WINDOW_POINTS)
     lengths = np.geomspace(shortest, count, trials).astype(np.int64)
     starts = (rng.random(trials) * (count - lengths + 1)).astype(np.int64)
     thirds = (np.arange(3) + rng.random((trials, 3))) / 3

@@ -21,6 +21,12 @@ MIN_OUTLIER_PX = 0.15
 0.05 to 0.3 px. Units: px."""
 MAX_LISTED_PER_REASON = 2
 """Largest number of images with the same reason for rejection that are listed one by one."""
+RECOMMENDED_VIEWS = 10
+"""Number of views below which a warning is given."""
+RECOMMENDED_TILT = np.radians(25.0)
+"""A warning is given if no board's normal is tilted by more than this from the mean normal. The
+error of the focal length is twice as large at 15 deg, and ten times at 5 deg; that of a laser plane
+is 7 times larger at 5 deg. Units: rad."""
 MIN_TILT = np.radians(5.0)
 """Boards are parallel if no two of their normals differ by this angle. Units: rad."""
 
@@ -157,7 +163,8 @@ def require_tilted(camera_from_boards: Sequence[Pose], undetermined: str) -> Non
     if largest_angle < MIN_TILT:
         raise DegenerateGeometry(
             f"all boards are parallel within {np.degrees(largest_angle):.1f} deg, which leaves "
-            f"{undetermined} undetermined: tilt the board by 25 deg and more to all sides"
+            f"{undetermined} undetermined: tilt the board by "
+            f"{np.degrees(RECOMMENDED_TILT):.0f} deg and more to all sides"
         )
 
 

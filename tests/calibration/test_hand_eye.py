@@ -121,8 +121,8 @@ def test_the_error_of_eye_to_hand_lies_within_its_covariance(target):
     seen, flanges = scene(20, robot=PERFECT)
     rng = np.random.default_rng(21)
     # The robot errs in what it says of the flange, not in what is left after inverting.
-    said = [noisy_pose(p, 0.05, np.radians(0.01), rng) for p in as_eye_to_hand(flanges)]
-    assert normalised_error(calibrate(seen, said, **to_hand)) < FAR_OUT
+    stated_poses = [noisy_pose(p, 0.05, np.radians(0.01), rng) for p in as_eye_to_hand(flanges)]
+    assert normalised_error(calibrate(seen, stated_poses, **to_hand)) < FAR_OUT
 
 
 def test_covariance_is_scaled_up_if_the_stated_robot_std_is_too_small():

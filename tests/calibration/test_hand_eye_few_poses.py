@@ -5,13 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from lsvision.calibration.errors_in_variables import degrees_of_freedom, robot_whitening
+from lsvision.calibration.errors_in_variables import degrees_of_freedom
 from lsvision.calibration.hand_eye import (
     HandEyeSettings,
     calibrate_hand_eye_board,
     calibrate_hand_eye_sphere,
 )
 from lsvision.calibration.observations import States, stack_flange_poses
+from lsvision.calibration.robot_std import robot_whitening
 from lsvision.calibration.sphere_observations import SphereObservations
 from lsvision.geometry import Pose
 from lsvision.simulate.hand_eye import rotation_from_vector

@@ -147,20 +147,20 @@ def spoilt(tmp_path):
 )
 def test_error_messages_and_results_hold_no_python(run, spoilt, tmp_path, boards, target):
     options = ("--out", tmp_path / "camera.json", *target)
-    said = run("calibrate", "camera", EXAMPLE / boards, *options).output
-    said += run("calibrate", "camera", spoilt, tmp_path / "small.png", *options).output
-    said += run("calibrate", "camera", spoilt, *options).output
-    said += run("calibrate", "target", "--out", tmp_path / "t.svg", *target).output
-    assert len(said.splitlines()) >= 4
-    assert PYTHON.findall(said) == []
+    messages = run("calibrate", "camera", EXAMPLE / boards, *options).output
+    messages += run("calibrate", "camera", spoilt, tmp_path / "small.png", *options).output
+    messages += run("calibrate", "camera", spoilt, *options).output
+    messages += run("calibrate", "target", "--out", tmp_path / "t.svg", *target).output
+    assert len(messages.splitlines()) >= 4
+    assert PYTHON.findall(messages) == []
 
 
 def test_a_colour_that_images_lack_is_reported_without_a_foreign_option(run, tmp_path):
-    said = run("calibrate", "laser-plane", "--boards", EXAMPLE / "boards", "--lines",
+    messages = run("calibrate", "laser-plane", "--boards", EXAMPLE / "boards", "--lines",
                EXAMPLE / "lines", "--camera", camera_file(tmp_path), "--laser", "red",
                "--out", tmp_path / "rig.json").stderr  # fmt: skip
-    assert "has no colours: leave --laser red out" in said
-    assert set(OPTION.findall(said)) <= options_of("laser-plane")
+    assert "has no colours: leave --laser red out" in messages
+    assert set(OPTION.findall(messages)) <= options_of("laser-plane")
 
 
 def camera_file(folder):
@@ -173,9 +173,9 @@ def camera_file(folder):
 def test_wrong_mounting_is_described_in_words(run, tmp_path):
     words = ("hand-eye", "sphere", EXAMPLE / "sphere", "--poses", EXAMPLE / "sphere_poses.csv")
     more = ("--convention", "kuka", "--out", tmp_path / "h.json")
-    said = run("calibrate", *words, *more, "--mounting", "eye-to-hand").output
-    assert "mounting" in said
-    assert PYTHON.findall(said) == []
+    messages = run("calibrate", *words, *more, "--mounting", "eye-to-hand").output
+    assert "mounting" in messages
+    assert PYTHON.findall(messages) == []
     page = tmp_path / "h.html"
     assert run("calibrate", *words, *more, "--report", page).exit_code == 0
     text = re.sub(r"<svg.*?</svg>|<style>.*?</style>", "", page.read_text(), flags=re.DOTALL)

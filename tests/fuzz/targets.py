@@ -423,16 +423,16 @@ def commands(rng, folder):
         result = CliRunner().invoke(
             app, words, prog_name="lsvision", input="1,2\n", env={"COLUMNS": "90"}
         )
-    said = f"{words}: {result.exit_code} {result.output[-600:]}"
+    summary = f"{words}: {result.exit_code} {result.output[-600:]}"
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         raise result.exception
-    assert result.exit_code in (0, 1, 2), said
-    assert "internal error" not in result.output, said
-    assert "Traceback" not in result.output or "--debug" in words, said
-    assert "--debug" in words or not {"\x1b", "\x07"} & set(result.output), said
-    assert "--help" in words or " nan" not in result.stdout.lower(), said
+    assert result.exit_code in (0, 1, 2), summary
+    assert "internal error" not in result.output, summary
+    assert "Traceback" not in result.output or "--debug" in words, summary
+    assert "--debug" in words or not {"\x1b", "\x07"} & set(result.output), summary
+    assert "--help" in words or " nan" not in result.stdout.lower(), summary
     if result.exit_code == 1:
-        assert result.stderr.strip(), said
+        assert result.stderr.strip(), summary
 
 
 def _written(rng, folder):

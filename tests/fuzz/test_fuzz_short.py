@@ -27,9 +27,9 @@ def test_spoilt_inputs_are_rejected_or_read(name, tmp_path):
 
 
 def test_a_worker_is_run_and_counted():
-    said = []
-    findings = run_campaign(60.0, 1, ["poses"], said.append, most=20)
-    assert findings.wrong == [] == said
+    printed = []
+    findings = run_campaign(60.0, 1, ["poses"], printed.append, most=20)
+    assert findings.wrong == [] == printed
     assert findings.tried == {"poses": 20}
 
 

@@ -78,8 +78,8 @@ def test_a_height_that_none_else_has_so_often_is_noted(tmp_path, at, marker, low
     z = heights(7, low=low)
     z[at] = marker
     file = read(tmp_path, z)
-    said = [f"the height is {marker:g} in 40 points", f"{marker:g} occurs in 40 points"]
-    assert any(text in note for note in file.notes for text in said)
+    possible_notes = [f"the height is {marker:g} in 40 points", f"{marker:g} occurs in 40 points"]
+    assert any(text in note for note in file.notes for text in possible_notes)
     assert read(tmp_path, z, lost=marker).lost == 40
 
 

@@ -1,4 +1,4 @@
-"""Files that people try, and that hold no profile as such: said what they are and what to do."""
+"""Files that people try but that hold no profile: messages say what they are and what to do."""
 
 import io
 import pickle

@@ -127,8 +127,8 @@ def test_a_footer_is_reported_and_left_out(write, arc, head, footer):
     path = write("\n".join([*head, *lines_of(arc), *footer]), "p.csv")
     file = inspect_profiles(path)
     npt.assert_array_equal(file.profiles[0].points, arc)
-    said = [line for line in footer if line.strip("\x1a \n") and line[0] != "#"]
-    assert any("after the numbers left out" in note for note in file.notes) == bool(said)
+    left_out = [line for line in footer if line.strip("\x1a \n") and line[0] != "#"]
+    assert any("after the numbers left out" in note for note in file.notes) == bool(left_out)
 
 
 @pytest.mark.parametrize(
@@ -314,7 +314,7 @@ def test_a_column_of_parts_alone_separates_profiles(tmp_path):
     path.write_text("\n".join(["part_id,x,z", *rows]))
     file = inspect_profiles(path)
     assert [len(profile) for profile in file.profiles] == [12, 12]
-    assert [said["part_id"] for said in file.attributes] == ["A7", "B2"]
+    assert [attributes["part_id"] for attributes in file.attributes] == ["A7", "B2"]
 
 
 @pytest.mark.parametrize("word", ["#N/A", "####"])
