@@ -74,13 +74,15 @@ class LaserView:
         object.__setattr__(self, "points", as_readonly_array(self.points, ("n", 3), "board points"))
         freeze_arrays(self, pixels=(corners, 2), line_pixels=("m", 2), line_std=(points,))
         if not all(np.isfinite(a).all() for a in (self.points, self.pixels, self.line_pixels)):
-            raise ValueError("expected finite points and pixels: leave lost points out")
+            raise ValueError(
+                "expected finite points and pixels, got NaN or infinity: leave lost points out"
+            )
         if min(corners, points) < MIN_POINTS:
             raise ValueError(
                 f"expected at least {MIN_POINTS} points and line_pixels, got {corners} and {points}"
             )
         if not (self.line_std > 0).all():
-            raise ValueError("expected positive line_std in px")
+            raise ValueError(f"expected positive line_std in px, got {self.line_std.min():g}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -275,7 +275,7 @@ def calibrate_hand_eye_board(
     shifts = np.zeros((0, count, 6)) if camera_modes is None else camera_modes
     shifts = as_readonly_array(shifts, ("m", count, 6), "camera_modes")[:, observed]
     if not np.isfinite(shifts).all():
-        raise ValueError("expected finite camera_modes")
+        raise ValueError("expected finite camera_modes, got NaN or infinity")
     poses = [flanges[index] for index in observed]
     observations = BoardObservations(
         np.array([boards[index].rotation for index in observed]),

@@ -56,7 +56,9 @@ class TargetView(ComparedByValue):
         object.__setattr__(self, "points", as_readonly_array(self.points, ("n", 3), "board points"))
         freeze_arrays(self, pixels=(len(self.points), 2))
         if not (np.isfinite(self.points).all() and np.isfinite(self.pixels).all()):
-            raise ValueError("expected finite points and pixels: leave lost points out")
+            raise ValueError(
+                "expected finite points and pixels, got NaN or infinity: leave lost points out"
+            )
 
 
 def board_homography(view: TargetView) -> FloatArray:

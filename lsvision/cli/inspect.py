@@ -372,12 +372,12 @@ def _check_golden(
 
 
 def _print_counts(
-    inspected: "Sequence[JudgedMeasurement]", failures: int, *, to_stderr: bool
+    measurements: "Sequence[JudgedMeasurement]", failures: int, *, to_stderr: bool
 ) -> int:
     """Print the number of each verdict, and return the exit code of the worst."""
     from lsvision.inspection.decision import Decision, worst_decision
 
-    decisions = [judged.verdict.decision for judged in inspected]
+    decisions = [judged.verdict.decision for judged in measurements]
     if len(decisions) + failures > 1:
         counts = ", ".join(f"{decisions.count(kind)} {kind}" for kind in Decision)
         failed = f", {failures} could not be judged" if failures else ""

@@ -139,28 +139,28 @@ class InspectionContext:
     not_judged: Sequence[str] = ()
 
 
-def inspection_page(inspected: Sequence[JudgedMeasurement], context: InspectionContext) -> str:
+def inspection_page(measurements: Sequence[JudgedMeasurement], context: InspectionContext) -> str:
     """Return the HTML page of one measurement or many.
 
     It has no references to other files, and is laid out for screens, phones and A4 paper.
     """
-    several = len(inspected) >= MIN_TREND_MEASUREMENTS
-    series = collect_series(inspected) if several else []
-    shown = list(inspected)
+    several = len(measurements) >= MIN_TREND_MEASUREMENTS
+    series = collect_series(measurements) if several else []
+    shown = list(measurements)
     if len(shown) > MAX_DRAWN_MEASUREMENTS:
         shown.sort(key=lambda judged: judged.verdict.decision == Decision.OK)  # False is first
         shown = shown[:MAX_DRAWN_MEASUREMENTS]
     template = html_environment("lsvision.draw").get_template("inspection.html.j2")
     return template.render(
         context=context,
-        provenance=inspected[0].verdict.provenance,
-        total=len(inspected),
-        counts=count_verdicts(inspected) if several else [],
+        provenance=measurements[0].verdict.provenance,
+        total=len(measurements),
+        counts=count_verdicts(measurements) if several else [],
         colours=DECISIONS,
-        blocked=inspected[0].verdict.blocked,
+        blocked=measurements[0].verdict.blocked,
         series=[_series_values(one_series) for one_series in series],
         parts=[_part_values(judged) for judged in shown],
-        left_out=len(inspected) - len(shown),
+        left_out=len(measurements) - len(shown),
         note=NOT_CLAIMED,
     )
 

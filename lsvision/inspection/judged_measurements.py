@@ -87,20 +87,20 @@ class Series:
             return None
 
 
-def count_verdicts(inspected: Sequence[JudgedMeasurement]) -> list[VerdictCount]:
+def count_verdicts(measurements: Sequence[JudgedMeasurement]) -> list[VerdictCount]:
     """Count each kind of verdict, with the interval of its probability."""
-    total = len(inspected)
+    total = len(measurements)
     counts = []
     for decision in Decision:
-        count = sum(measurement.verdict.decision == decision for measurement in inspected)
+        count = sum(measurement.verdict.decision == decision for measurement in measurements)
         counts.append(VerdictCount(decision, count, binomial_interval(count, total)))
     return counts
 
 
-def collect_series(inspected: Sequence[JudgedMeasurement]) -> list[Series]:
+def collect_series(measurements: Sequence[JudgedMeasurement]) -> list[Series]:
     """Return the series of each quantity that was determined, in the order of first appearance."""
     verdicts: dict[tuple[str, str], dict[int, QuantityVerdict]] = {}
-    for number, measurement in enumerate(inspected, 1):
+    for number, measurement in enumerate(measurements, 1):
         for item in measurement.verdict.items:
             for quantity in item.quantities:
                 if quantity.estimate.determined and math.isfinite(quantity.estimate.value):

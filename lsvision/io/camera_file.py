@@ -99,7 +99,7 @@ def read_camera_covariance(path: str | os.PathLike[str]) -> FloatArray | None:
     try:
         covariance = as_readonly_array(document["camera_covariance"], (count, count), "covariance")
         if not (np.isfinite(covariance).all() and np.allclose(covariance, covariance.T)):
-            raise ValueError("expected a finite symmetric matrix")
+            raise ValueError("expected a finite symmetric matrix, got another")
     except (TypeError, ValueError) as error:
         raise UnreadableFile(f"{source}: camera_covariance: {error}: calibrate again") from error
     return covariance

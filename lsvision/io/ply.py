@@ -44,10 +44,12 @@ def write_ply(
     points, colours = np.asarray(points, dtype=np.float64), np.asarray(colours, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != 3 or colours.shape != points.shape:
         raise ValueError(f"expected (n, 3) points and colours, got {points.shape}, {colours.shape}")
-    is_finite = bool((np.abs(points) <= np.finfo(np.float32).max).all())
-    in_range = colours.min(initial=0.0) >= 0 and colours.max(initial=1.0) <= 1
-    if not (is_finite and in_range):
-        raise ValueError("expected finite points and colours from 0 to 1")
+    if not (np.abs(points) <= np.finfo(np.float32).max).all():
+        raise ValueError("expected finite points, got NaN, infinity or more than single precision")
+    if not (colours.min(initial=0.0) >= 0 and colours.max(initial=1.0) <= 1):
+        raise ValueError(
+            f"expected colours from 0 to 1, got {colours.min():g} to {colours.max():g}"
+        )
     faces = np.zeros((0, 3), dtype=np.int64) if triangles is None else np.asarray(triangles)
     if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":
         raise ValueError(f"expected (m, 3) whole numbers as triangles, got {faces.shape}")

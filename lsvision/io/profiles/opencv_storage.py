@@ -296,7 +296,7 @@ def _with_long_lists(node: Any, long_lists: list[list[str]]) -> Any:
 
 def _from_xml(text: str) -> dict[str, Any]:
     if re.search(r"<!(?:DOCTYPE|ENTITY)", text):
-        raise ValueError("expected XML without DOCTYPE and entities")
+        raise ValueError("expected XML without DOCTYPE and entities, got some: remove them")
     try:
         root = ElementTree.fromstring(text, ElementTree.XMLParser(target=_ShallowTree()))
     except (ElementTree.ParseError, UnicodeError) as error:
