@@ -29,8 +29,8 @@ PERFECT_COST = 1e-20
 """Cost below which there is nothing to improve: data without noise."""
 
 SEARCH_ROBOT_STD_MM = 0.2
-"""Standard deviation of the robot that is assumed in the search, before one can be estimated: an
-average six-axis arm. Units: mm."""
+"""Standard deviation of the robot that is assumed in the search, before it can be estimated. Units:
+mm."""
 
 
 @dataclass(frozen=True, eq=False)

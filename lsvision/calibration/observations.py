@@ -32,8 +32,7 @@ MIN_SECOND_AXIS_RATIO = 0.03
 """Smallest ratio of the rotation about a second axis to that about the main axis, such as tilts of
 1 deg together with rotations of 30 deg."""
 MM_PER_RADIAN = 100.0
-"""Length in mm that is equivalent to one radian where translation and rotation are compared: the
-size of targets and of distances from the flange to the view."""
+"""Length in mm that is equivalent to one radian where translation and rotation are compared."""
 
 
 @dataclass(frozen=True, eq=False)
