@@ -3,11 +3,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.optimize import approx_fprime
+from scipy.optimize import approx_fprime, minimize_scalar
 
-from lsvision.ellipse.cost_expansion import expand_cost
+from lsvision.ellipse.cost_expansion import _nearest_points, expand_cost
 from lsvision.ellipse.fit import FittingSettings, fit_ellipse
 from lsvision.ellipse.fit_stack import FitStack
+from lsvision.ellipse.parameters import FOOT_TOLERANCE
 from lsvision.ellipse.phi_prior import PhiPrior
 from lsvision.ellipse.problem import RadiusPrior
 from tests.ellipse.arcs import SENSOR, measured, pipe, residuals_and_jacobian, upper_arc
@@ -114,3 +115,19 @@ def test_parameters_that_are_no_numbers_cost_without_limit(fit):
         expansion = expand_rows(fit, np.array([fit.parameters, np.full(5, np.nan)]))
     assert np.isfinite(expansion.cost[0])
     assert expansion.cost[1] == expansion.cost_of_points[1] == np.inf
+
+
+def test_nearest_points_are_exact_where_all_first_steps_are_large():
+    """Points far from a flat ellipse: the distances are those of a search along the ellipse."""
+    a, b, angles = 30.0, 11.0, np.radians([25.0, 40.0, 60.0, 75.0])
+    z = 1.3 * (a * np.cos(angles) + 1j * b * np.sin(angles))
+    parameters = np.array([[0.0, 0.0, (a + b) / 2, (a - b) / 2, 0.0]])
+    distances, _, _, w = _nearest_points(z[None], parameters)
+    first = np.angle((a + b) / 2 * z - (a - b) / 2 * z.conj())
+    assert (np.abs(np.angle(w[0]) - first) > 10 * FOOT_TOLERANCE).all()
+    for point, found in zip(z, distances[0], strict=True):
+        search = minimize_scalar(
+            lambda t, point=point: abs(a * math.cos(t) + 1j * b * math.sin(t) - point),
+            bounds=(0, math.pi / 2), method="bounded", options={"xatol": 1e-9},
+        )  # fmt: skip
+        assert found == pytest.approx(search.fun, rel=1e-9)
