@@ -30,7 +30,7 @@ CHANGE = 1.3
 TIMEOUT_S = 400.0
 TURNED = {ast.Lt: ">=", ast.LtE: ">", ast.Gt: "<=", ast.GtE: "<", ast.Eq: "!=", ast.NotEq: "=="}
 NUMERICAL = ("TINY", "RIDGE", "REGULARISATION", "IDENTITY", "MAX_POINTS", "EXCLUDED", "TOLERANCE",
-             "EVALUATIONS", "PRECISION")  # fmt: skip
+             "EVALUATIONS", "PRECISION", "AT_ONCE")  # fmt: skip
 """Parts of names of constants whose size changes no result by design: guards against division by
 zero, limits of memory and time, convergence tolerances."""
 
