@@ -54,7 +54,7 @@ class SectionSettings(ShowsChanges):
         Fraction of points displaced by a jump.
     jump_mm : tuple of float
         Smallest and largest jump along the ray, of either sign. Units: mm.
-    jump_pair_share : float
+    jump_pair_fraction : float
         Fraction of the jumps that displace the next column as well.
     grazing_limit_deg, grazing_ramp_deg : float
         Incidence angle above which every point is lost, and width of the interval below it in
@@ -71,7 +71,7 @@ class SectionSettings(ShowsChanges):
     lost_run_columns: int = 6
     jump_fraction: float = 0.02
     jump_mm: tuple[float, float] = (2.0, 12.0)
-    jump_pair_share: float = 0.3
+    jump_pair_fraction: float = 0.3
     grazing_limit_deg: float = 82.0
     grazing_ramp_deg: float = 6.0
     camera: tuple[float, float, float] | None = None
@@ -79,7 +79,7 @@ class SectionSettings(ShowsChanges):
     def __post_init__(self) -> None:
         if self.rays not in ("fan", "parallel"):
             raise ValueError(f"expected rays 'fan' or 'parallel', got {self.rays!r}")
-        for name in ("lost_fraction", "jump_fraction", "jump_pair_share"):
+        for name in ("lost_fraction", "jump_fraction", "jump_pair_fraction"):
             if not 0 <= getattr(self, name) <= 1:
                 raise ValueError(f"expected {name} in [0, 1], got {getattr(self, name)}")
         for name in ("noise_factor", "correlation_columns", "grazing_ramp_deg", "lost_runs",
@@ -286,7 +286,7 @@ def lost_columns(columns: int, settings: SectionSettings, rng: np.random.Generat
 
 def draw_jumps(columns: int, settings: SectionSettings, rng: np.random.Generator) -> FloatArray:
     """Return a random displacement of each column by a jump; 0 for most. Units: mm."""
-    pair_fraction = settings.jump_pair_share
+    pair_fraction = settings.jump_pair_fraction
     # A fraction of the jumps displaces two columns; the total is `jump_fraction`.
     starts_jump = rng.random(columns) < settings.jump_fraction / (1 + pair_fraction)
     paired = rng.random(columns) < pair_fraction

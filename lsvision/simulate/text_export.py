@@ -17,13 +17,16 @@ import numpy as np
 from lsvision.geometry import Pose
 from lsvision.sensors.profile_sensor import ProfileSensor
 from lsvision.simulate.scene import Scene, TubeSolid, TubeTruth
-from lsvision.simulate.section import SimulatedSection
+from lsvision.simulate.section import SectionSettings, SimulatedSection
 from lsvision.simulate.solids import BentTube, Tube
 
 TRUTH_SCHEMA = "lsvision.simulated_section/1"
 """Name and version of the truth file of a section."""
 SCAN_SCHEMA = "lsvision.simulated_scan/1"
 """Name and version of the truth file of a scan."""
+SETTINGS_KEYS = {"jump_pair_fraction": "jump_pair_share"}
+"""Keys of the settings in truth files that differ from their names in `SectionSettings`: the names
+that they had in the first truth files."""
 LABEL_MEANING = "-1 lost or jump, 0 clutter, k >= 1 the k-th tube"
 """Explanation of the labels in a truth file."""
 DECIMALS = 6
@@ -61,6 +64,12 @@ def _decimals(quantum: float) -> int:
     return max(0, -int(exponent))
 
 
+def _settings_record(settings: SectionSettings) -> dict[str, Any]:
+    """Return the settings of a section by their keys in truth files."""
+    record = dataclasses.asdict(settings)
+    return {SETTINGS_KEYS.get(name, name): value for name, value in record.items()}
+
+
 def truth_text(section: SimulatedSection, source: dict[str, Any]) -> str:
     """Return the truth of a section, all but the profile, as JSON with one line per key.
 
@@ -71,7 +80,7 @@ def truth_text(section: SimulatedSection, source: dict[str, Any]) -> str:
         **source,
         "frame": "section: X along the laser line, Y towards the sensor (z of the csv), mm",
         "sensor": _sensor_record(section.sensor),
-        "settings": dataclasses.asdict(section.settings),
+        "settings": _settings_record(section.settings),
         "tubes": [_tube_record(tube) for tube in section.truth.tubes],
         "label_meaning": LABEL_MEANING,
         "labels": section.truth.labels.tolist(),
@@ -94,7 +103,7 @@ def scan_truth_text(
         **source,
         "frame": "base; a section's own frame has X along the laser line, Y towards the sensor, mm",
         "sensor": _sensor_record(sections[0].sensor),
-        "settings": dataclasses.asdict(sections[0].settings),
+        "settings": _settings_record(sections[0].settings),
         "tubes_in_base": [
             {"label": label, **_solid_record(tube)} for label, tube in enumerate(scene.tubes, 1)
         ],

@@ -24,13 +24,13 @@ class Check:
 
     Parameters
     ----------
-    what : str
+    description : str
         Description of the number, with its unit.
     value : float
         Number; NaN if the formula has no value.
     """
 
-    what: str
+    description: str
     value: float
 
 

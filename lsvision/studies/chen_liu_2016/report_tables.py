@@ -294,7 +294,9 @@ def ablation_table(results: Sequence[AblationResult]) -> Table:
 def pitfall_table(pitfall: Pitfall) -> Table:
     """Return the table of numbers that demonstrate a pitfall."""
     rows = [
-        _row(check.what, "no value (0/0)" if math.isnan(check.value) else f"{check.value:.4g}")
+        _row(
+            check.description, "no value (0/0)" if math.isnan(check.value) else f"{check.value:.4g}"
+        )
         for check in pitfall.checks
     ]
     return Table("Checked", ("quantity", "value"), tuple(rows))
