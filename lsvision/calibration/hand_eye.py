@@ -102,7 +102,7 @@ def calibrate_hand_eye_sphere(
     >>> from lsvision.simulate.hand_eye import SectionView, TargetMotion
     >>> from lsvision.simulate.hand_eye import section_poses_about, sphere_profile
     >>> rng, ball = np.random.default_rng(0), np.array([800.0, 0.0, 300.0])
-    >>> sections = section_poses_about(ball, 12, TargetMotion(standoff=-150.0), rng)
+    >>> sections = section_poses_about(ball, 12, TargetMotion(working_y=-150.0), rng)
     >>> mount = Pose(translation=(0.0, 80.0, 120.0))
     >>> centres = [pose.inverse().apply_one(ball) for pose in sections]
     >>> profiles = [sphere_profile(centre, 20.0, SectionView(), rng) for centre in centres]
@@ -182,7 +182,7 @@ def calibrate_hand_eye_plane(
     >>> from lsvision.simulate.hand_eye import SectionView, TargetMotion
     >>> from lsvision.simulate.hand_eye import plane_profile, section_poses_about
     >>> rng, position = np.random.default_rng(0), np.array([800.0, 0.0, 300.0])
-    >>> motion = TargetMotion(standoff=-150.0, tilt=np.radians(40.0), offset=0.0)
+    >>> motion = TargetMotion(working_y=-150.0, tilt=np.radians(40.0), offset=0.0)
     >>> sections = section_poses_about(position, 10, motion, rng)
     >>> mount, plane = Pose(translation=(0.0, 80.0, 120.0)), Plane((0, 0, 1), 300.0)
     >>> planes = [plane.transformed(pose.inverse()) for pose in sections]
@@ -257,7 +257,7 @@ def calibrate_hand_eye_board(
     --------
     >>> from lsvision.simulate.hand_eye import TargetMotion, section_poses_about
     >>> rng, position = np.random.default_rng(0), np.array([800.0, 0.0, 300.0])
-    >>> base_from_cameras = section_poses_about(position, 8, TargetMotion(standoff=-150.0), rng)
+    >>> base_from_cameras = section_poses_about(position, 8, TargetMotion(working_y=-150.0), rng)
     >>> mount, base_from_board = Pose(translation=(0.0, 80.0, 120.0)), Pose(translation=position)
     >>> boards = [pose.inverse() @ base_from_board for pose in base_from_cameras]
     >>> flanges = [pose @ mount.inverse() for pose in base_from_cameras]

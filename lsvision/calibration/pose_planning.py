@@ -45,7 +45,7 @@ class PosePlanSettings(ShowsChanges):
         Largest offset of the target along the section's X and Y. Units: mm.
     max_cut_offset : float
         Largest distance of the cut from the sphere's centre, in radii.
-    standoff : float
+    working_y : float
         Y of the target in the middle of the sensor's range, section frame. Units: mm.
     circle_std : float
         Standard deviation of a circle's centre along X; along Y and in radius three times that.
@@ -67,7 +67,7 @@ class PosePlanSettings(ShowsChanges):
     max_lateral_offset: float = 30.0
     max_depth_offset: float = 45.0
     max_cut_offset: float = 0.75
-    standoff: float = 0.0
+    working_y: float = 0.0
     circle_std: float = 0.01
     line_std: tuple[float, float] = (0.005, 2e-4)
     robot_std: tuple[float, float] = NOMINAL_ROBOT_STD
@@ -197,7 +197,7 @@ def plan_hand_eye_poses(
     Examples
     --------
     >>> mount = Pose(translation=(0.0, 80.0, 120.0))
-    >>> six = PosePlanSettings(standoff=-150.0, count=6)
+    >>> six = PosePlanSettings(working_y=-150.0, count=6)
     >>> plan = plan_hand_eye_poses(mount, (800, 0, 300), 20.0, settings=six)
     >>> len(plan.base_from_flanges), bool(plan.predicted_std[-1] < 0.5)
     (6, True)
@@ -245,7 +245,7 @@ def plan_hand_eye_poses_plane(
     Examples
     --------
     >>> mount, table = Pose(translation=(0.0, 80.0, 120.0)), Plane((0, 0, 1), 300.0)
-    >>> six = PosePlanSettings(max_tilt=np.radians(40), standoff=-150.0, count=6)
+    >>> six = PosePlanSettings(max_tilt=np.radians(40), working_y=-150.0, count=6)
     >>> plan = plan_hand_eye_poses_plane(mount, table, (800, 0, 300), settings=six)
     >>> len(plan.base_from_flanges), bool(plan.predicted_std[-1] < 0.5)
     (6, True)
@@ -306,7 +306,7 @@ def _random_poses(target: PlanningTarget, nominal: Pose, settings: PosePlanSetti
         settings.max_lateral_offset,
         settings.max_depth_offset,
         target.max_plane_offset,
-    ) + (0.0, settings.standoff, 0.0)
+    ) + (0.0, settings.working_y, 0.0)
     section_from_flange = nominal.inverse()
     return [
         Pose(rotation, target.centre - rotation @ point) @ section_from_flange

@@ -313,7 +313,7 @@ def _plan_next_poses(hand_eye: "HandEye", flanges: "Sequence[Pose]", count: int)
     settings = replace(
         planning.PLANE_DEFAULTS if isinstance(hand_eye.target, Plane) else planning.SPHERE_DEFAULTS,
         count=count,
-        standoff=float(hand_eye.working_point[1]),  # Y of the section frame, below 0
+        working_y=float(hand_eye.working_point[1]),
         robot_std=hand_eye.robot_std,
         candidates=max(MIN_CANDIDATE_POSES, CANDIDATES_PER_POSE * count),
     )

@@ -142,8 +142,8 @@ class TargetMotion:
         Largest offset of the target along the section's X and Y. Units: mm.
     offset : float
         Largest offset along Z, normal to the laser plane. Units: mm.
-    standoff : float
-        Mean Y of the target, section frame. Units: mm.
+    working_y : float
+        Mean Y of the target, section frame; negative in front of the sensor. Units: mm.
     """
 
     tilt: float = math.radians(35)
@@ -151,7 +151,7 @@ class TargetMotion:
     sideways: float = 30.0
     depth: float = 45.0
     offset: float = 16.0
-    standoff: float = 0.0
+    working_y: float = 0.0
 
 
 def section_poses_about(
@@ -172,7 +172,7 @@ def section_poses_about(
         target_in_section = np.array(
             [
                 rng.uniform(-motion.sideways, motion.sideways),
-                motion.standoff + rng.uniform(-motion.depth, motion.depth),
+                motion.working_y + rng.uniform(-motion.depth, motion.depth),
                 rng.uniform(-motion.offset, motion.offset),
             ]
         )

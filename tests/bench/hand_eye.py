@@ -83,7 +83,7 @@ def random_mount(rng):
 def sphere_data(rng, case):
     """Return true mount, profiles of a sphere from random recommended poses, and reported poses."""
     mount, view = random_mount(rng), case.view
-    motion = TargetMotion(offset=0.8 * RADIUS, standoff=WORK[1])
+    motion = TargetMotion(offset=0.8 * RADIUS, working_y=WORK[1])
     profiles, poses = [], []
     while len(poses) < case.count:
         (section,) = section_poses_about(TARGET, 1, motion, rng)
@@ -98,7 +98,7 @@ def plane_data(rng, case):
     """Return the same for a plane, from poses tilted by up to 40 deg."""
     mount = random_mount(rng)
     plane = Plane((0.1, -0.05, 1.0), 310.0)
-    motion = TargetMotion(tilt=np.radians(40), standoff=WORK[1], offset=0.0)
+    motion = TargetMotion(tilt=np.radians(40), working_y=WORK[1], offset=0.0)
     sections = section_poses_about(TARGET, case.count, motion, rng)
     profiles = [plane_profile(plane.transformed(s.inverse()), case.view, rng) for s in sections]
     return mount, profiles, [case.reported(s @ mount.inverse(), rng) for s in sections]
@@ -115,7 +115,7 @@ def planned_data(rng, case):
         nominal,
         TARGET,
         RADIUS,
-        settings=PosePlanSettings(standoff=WORK[1], seed=int(rng.integers(1 << 30))),
+        settings=PosePlanSettings(working_y=WORK[1], seed=int(rng.integers(1 << 30))),
     )
     profiles, poses = [], []
     for flange in plan.base_from_flanges:

@@ -18,8 +18,8 @@ from lsvision.simulate.hand_eye import (
 RADIUS = 20.0
 TARGET = np.array([800.0, 100.0, 300.0])
 MOUNT = Pose(rotation_from_vector(np.array([0.4, -1.1, 2.0])), (30.0, -60.0, 150.0))
-STANDOFF = -150.0
-MOTION = TargetMotion(offset=0.8 * RADIUS, standoff=STANDOFF)
+WORKING_Y = -150.0
+MOTION = TargetMotion(offset=0.8 * RADIUS, working_y=WORKING_Y)
 QUIET = SectionView(range_std=0.0)
 USUAL = SectionView(range_std=0.05)
 FEW_TRIALS = HandEyeSettings(outliers=OutlierSettings(trials=8))
@@ -45,7 +45,7 @@ def sphere_scene(seed, count=12, *, view=USUAL, robot=(0.05, 0.01), motion=MOTIO
 def plane_scene(seed, count=20, *, view=USUAL, robot=(0.05, 0.01)):
     rng = np.random.default_rng(seed)
     plane = Plane((0.1, -0.05, 1.0), 310.0)
-    motion = TargetMotion(tilt=np.radians(40), standoff=STANDOFF, offset=0.0)
+    motion = TargetMotion(tilt=np.radians(40), working_y=WORKING_Y, offset=0.0)
     profiles, flanges = [], []
     for section in section_poses_about(TARGET, count, motion, rng):
         profiles.append(plane_profile(plane.transformed(section.inverse()), view, rng))

@@ -19,9 +19,9 @@ from tests.calibration.hand_eye_scenes import (
     MOUNT,
     QUIET,
     RADIUS,
-    STANDOFF,
     TARGET,
     USUAL,
+    WORKING_Y,
     board_scene,
     plane_scene,
     pose_errors,
@@ -135,7 +135,7 @@ def test_covariance_is_scaled_up_if_the_stated_robot_std_is_too_small():
 
 def test_the_error_at_the_working_point_is_smaller_than_at_the_origin():
     found = calibrate_hand_eye_sphere(*sphere_scene(8), settings=FEW_TRIALS)
-    assert found.working_point[1] == pytest.approx(STANDOFF, abs=45)
+    assert found.working_point[1] == pytest.approx(WORKING_Y, abs=45)
     assert found.working_point_std < 0.6 * found.std_at((0, 0))
 
 

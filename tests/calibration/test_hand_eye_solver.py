@@ -31,9 +31,9 @@ from tests.calibration.hand_eye_scenes import (
     FEW_TRIALS,
     MOUNT,
     RADIUS,
-    STANDOFF,
     TARGET,
     USUAL,
+    WORKING_Y,
     board_scene,
     plane_scene,
     sphere_scene,
@@ -42,7 +42,7 @@ from tests.calibration.hand_eye_scenes import (
 
 
 def motion(**changes):
-    full = {"offset": 0.8 * RADIUS, "standoff": STANDOFF}
+    full = {"offset": 0.8 * RADIUS, "working_y": WORKING_Y}
     return TargetMotion(**{**full, **changes})
 
 
@@ -227,7 +227,7 @@ def test_a_plane_seen_in_three_rotations_from_one_place_does_not_determine_the_s
     for number in range(9):
         tilt = rotation_from_vector(0.3 * np.eye(3)[number % 3] * (number % 3 < 2))
         rotation = tilt @ upright
-        section = Pose(rotation, TARGET - rotation @ (0.0, STANDOFF, 0.0))
+        section = Pose(rotation, TARGET - rotation @ (0.0, WORKING_Y, 0.0))
         profiles.append(plane_profile(plane.transformed(section.inverse()), USUAL, rng))
         flanges.append(section @ MOUNT.inverse())
     with pytest.raises(DegenerateGeometry, match="do not determine all six"):

@@ -19,7 +19,7 @@ from tests.calibration.hand_eye_scenes import MOUNT, RADIUS, TARGET, pose_errors
 CIRCLE_STD = 0.01
 MIN_POSES = 6
 SETTINGS = OutlierSettings(trials=8)
-FAR = TargetMotion(offset=0.8 * RADIUS, standoff=-300.0)
+FAR = TargetMotion(offset=0.8 * RADIUS, working_y=-300.0)
 
 
 def circles(seed, robot, wrong=(), shift_mm=0.0, count=12):

@@ -8,9 +8,9 @@ from lsvision.calibration.pose_planning import PosePlanSettings, plan_hand_eye_p
 from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import Pose
 from lsvision.simulate.hand_eye import noisy_pose, sphere_profile
-from tests.calibration.hand_eye_scenes import MOUNT, RADIUS, STANDOFF, TARGET, USUAL, pose_errors
+from tests.calibration.hand_eye_scenes import MOUNT, RADIUS, TARGET, USUAL, WORKING_Y, pose_errors
 
-SETTINGS = PosePlanSettings(standoff=STANDOFF, count=6)
+SETTINGS = PosePlanSettings(working_y=WORKING_Y, count=6)
 
 
 def test_each_pose_decreases_the_predicted_std():
@@ -21,7 +21,7 @@ def test_each_pose_decreases_the_predicted_std():
 
 def test_six_planned_poses_have_a_smaller_predicted_std_than_six_random_ones():
     plan = plan_hand_eye_poses(MOUNT, TARGET, RADIUS, settings=SETTINGS)
-    few = PosePlanSettings(standoff=STANDOFF, count=6, candidates=6)
+    few = PosePlanSettings(working_y=WORKING_Y, count=6, candidates=6)
     random = plan_hand_eye_poses(MOUNT, TARGET, RADIUS, settings=few)
     assert plan.predicted_origin_std[-1] < 0.8 * random.predicted_origin_std[-1]
 
@@ -35,7 +35,7 @@ def test_measured_poses_are_taken_into_account():
 
 
 def test_error_of_a_calibration_with_planned_poses_is_as_predicted():
-    settings = PosePlanSettings(standoff=STANDOFF, count=10)
+    settings = PosePlanSettings(working_y=WORKING_Y, count=10)
     plan = plan_hand_eye_poses(MOUNT, TARGET, RADIUS, settings=settings)
     rng = np.random.default_rng(1)
     profiles, flanges = [], []

@@ -20,13 +20,13 @@ from lsvision.simulate.hand_eye import (
     rotation_from_vector,
     section_poses_about,
 )
-from tests.calibration.hand_eye_scenes import FEW_TRIALS, MOUNT, QUIET, STANDOFF, TARGET, USUAL
+from tests.calibration.hand_eye_scenes import FEW_TRIALS, MOUNT, QUIET, TARGET, USUAL, WORKING_Y
 
-SETTINGS = replace(PLANE_DEFAULTS, standoff=STANDOFF, count=6)
+SETTINGS = replace(PLANE_DEFAULTS, working_y=WORKING_Y, count=6)
 PLANE = Plane((0.1, -0.05, 1.0), 310.0)
 POINT = TARGET - PLANE.signed_distances(TARGET) * PLANE.normal
-MOTION = TargetMotion(tilt=np.radians(40), standoff=STANDOFF, offset=0.0)
-WORK = np.array([0.0, STANDOFF, 0.0])
+MOTION = TargetMotion(tilt=np.radians(40), working_y=WORKING_Y, offset=0.0)
+WORK = np.array([0.0, WORKING_Y, 0.0])
 NOMINAL = Pose(
     rotation_from_vector(np.array([0.0, 0.008, 0.0])) @ MOUNT.rotation, MOUNT.translation + 1.0
 )

@@ -472,7 +472,7 @@ def plate_words(out, tmp_path):
     """Twelve profiles of a plate in a folder, their poses, and the command for them."""
     rng = np.random.default_rng(3)
     plate = Plane((0.1, -0.05, 1.0), 310.0)
-    motion = TargetMotion(tilt=np.radians(40), standoff=-150.0, offset=0.0)
+    motion = TargetMotion(tilt=np.radians(40), working_y=-150.0, offset=0.0)
     sections = section_poses_about(np.array([700.0, 50.0, 250.0]), 12, motion, rng)
     folder = tmp_path / "plate"
     folder.mkdir()

@@ -19,7 +19,7 @@ SMALL_MM, SMALL_RAD = 0.15, 2e-3
 def sphere(tmp_path):
     """Heights (n, columns) of twelve sections of a sphere, and the file of their poses."""
     rng = np.random.default_rng(11)
-    motion = TargetMotion(standoff=-170.0)
+    motion = TargetMotion(working_y=-170.0)
     sections = section_poses_about(CENTRE, 12, motion, rng)
     x = X0 + DX * np.arange(COLUMNS)
     heights = np.full((len(sections), COLUMNS), np.nan)
