@@ -13,23 +13,23 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lsvision.detection.acceptance import (
     AcceptanceSettings,
-    rejection_reason,
+    find_rejection_reason,
     suppress_overlapping,
 )
-from lsvision.detection.arcs import IdentifiedArc, Rejection, ScreenedArc, span_of
+from lsvision.detection.arcs import IdentifiedArc, Rejection, ScreenedArc, arc_from_indices
 from lsvision.detection.candidates import CandidateSettings, find_candidates
-from lsvision.detection.end_condition import tangential_end_reason
+from lsvision.detection.end_condition import find_tangential_end_reason
 from lsvision.detection.identification import identify_arcs
 from lsvision.detection.measurement import Measurement, build_measurement
 from lsvision.detection.profile_preparation import prepare_profile
+from lsvision.detection.radius_range import find_radius_range
 from lsvision.detection.range_image import (
     RangeImageSettings,
     build_range_image,
-    connected_components,
+    find_connected_components,
 )
 from lsvision.detection.rejections import complete_rejections
 from lsvision.detection.screening import screen_arcs
-from lsvision.detection.search_range import search_range
 from lsvision.ellipse.fit import FittingSettings
 from lsvision.ellipse.fit_result import EllipseFit
 from lsvision.ellipse.homogenising import homogenise_arcs
@@ -245,10 +245,10 @@ def _measure(
     search_radius = as_number_or_pair(radius, "radius", "mm", "(min, max)")
     # Range image and candidates, which precede the steps of the paper.
     prepared = [prepare_profile(profile, sensor or profile.noise) for profile in profiles]
-    ranges = [search_range(search_radius, priors.radius, profile) for profile in prepared]
+    ranges = [find_radius_range(search_radius, priors.radius, profile) for profile in prepared]
     images = [build_range_image(profile, settings.range_image) for profile in prepared]
     min_points = settings.candidates.min_span_points
-    components = [connected_components(image, min_points) for image in images]
+    components = [find_connected_components(image, min_points) for image in images]
     candidates = find_candidates(prepared, components, ranges, settings.candidates)
     # Rough identification, section 3.2.1.
     identified = identify_arcs(prepared, candidates, ranges, settings.acceptance)
@@ -295,7 +295,7 @@ def _check_screened(
     """Return the screened arc, or a rejection if it has no ellipse or continues tangentially."""
     if screened is None:
         return Rejection(arc.arc, "no ellipse fits the points of the arc")
-    reason = tangential_end_reason(search.prepared, arc, screened)
+    reason = find_tangential_end_reason(search.prepared, arc, screened)
     return screened if reason is None else Rejection(arc.arc, reason)
 
 
@@ -332,8 +332,10 @@ def _check_section(
     search: _Search, indices: IntArray, fit: EllipseFit, settings: Settings
 ) -> CylinderSection | Rejection:
     """Return the cylinder fitted to the points at `indices` if it is accepted, else a rejection."""
-    section = CylinderSection(fit, span_of(indices), indices)
-    reason = rejection_reason(search.prepared, section, search.radius_range, settings.acceptance)
+    section = CylinderSection(fit, arc_from_indices(indices), indices)
+    reason = find_rejection_reason(
+        search.prepared, section, search.radius_range, settings.acceptance
+    )
     return section if reason is None else Rejection(section.arc, reason)
 
 

@@ -18,7 +18,7 @@ from lsvision import (
     read_profile,
 )
 from lsvision.ellipse.fit import FittingSettings
-from lsvision.ellipse.section import compute_intervals
+from lsvision.ellipse.section import precompute_intervals
 from lsvision.measure import measure_profiles
 from lsvision.simulate import (
     SCENE_SENSOR,
@@ -340,7 +340,7 @@ def test_hardly_determined_radii_are_not_those_that_seem_determined_by_chance():
         for measurement, radius in zip(measure_profiles(points), radii, strict=True)
         for found in measurement.cylinders
     ]
-    compute_intervals([found for found, _ in reported])
+    precompute_intervals([found for found, _ in reported])
     off = np.array([(found.radius - radius) / found.radius_std for found, radius in reported])
     intervals = [(*found.interval("radius"), radius) for found, radius in reported]
     held = np.mean([low <= radius <= high for low, high, radius in intervals])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lsvision import Profile, measure_cylinders
-from lsvision.ellipse.section import compute_intervals
+from lsvision.ellipse.section import precompute_intervals
 from lsvision.measure import measure_profiles
 
 
@@ -164,7 +164,7 @@ def test_the_feet_of_beads_on_both_sides_do_not_shift_the_radius(radius, begin_d
         for seed in range(100)
     ]
     pipes = [pipe for measurement in measure_profiles(points) for pipe in measurement.cylinders]
-    compute_intervals(pipes)
+    precompute_intervals(pipes)
     intervals = [pipe.interval("radius") for pipe in pipes]
     held = np.mean([low <= radius <= high for low, high in intervals])
     worst = max(abs(pipe.radius - radius) / pipe.radius_std for pipe in pipes)

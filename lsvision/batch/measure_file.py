@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from lsvision.batch.measure_group import measure_group, require_measurement
 from lsvision.batch.result_table import result_table
-from lsvision.ellipse.section import compute_intervals
+from lsvision.ellipse.section import precompute_intervals
 from lsvision.errors import LsvisionError, UnreadableFile, UnwritableFile
 from lsvision.files.limited_reading import MAX_FILE_BYTES, size_limit
 from lsvision.io.profiles.reading import ProfileFile, require_plausible_units
@@ -203,7 +203,7 @@ def _measure_part(task: FileTask, part: ProfilePart) -> "list[Measurement | None
         valid, measure_group(task.job.measure, [profiles[k] for k in valid]), strict=True
     ):
         measured[k] = require_measurement(result, task.source, part.first + k)
-    compute_intervals(c for m in measured if m is not None for c in m.cylinders)
+    precompute_intervals(c for m in measured if m is not None for c in m.cylinders)
     return measured
 
 

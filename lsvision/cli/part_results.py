@@ -69,7 +69,7 @@ def _measure_parts(options: PartOptions, parts: Sequence[FilePart]) -> list[Part
     It has only an error if one of the part's profiles cannot be measured.
     """
     from lsvision.batch.measure_group import measure_group
-    from lsvision.ellipse.section import compute_intervals
+    from lsvision.ellipse.section import precompute_intervals
 
     profiles = [profile for part in parts for _, profile in _valid_profiles(part)]
     results = iter(measure_group(options.measure_function, profiles))
@@ -80,7 +80,7 @@ def _measure_parts(options: PartOptions, parts: Sequence[FilePart]) -> list[Part
     measurements = [section.measurement for sections, _ in measured for section in sections]
     # All intervals at once are faster; an exception is raised again by `_build_result` of its part.
     with contextlib.suppress(Exception):
-        compute_intervals(cylinder for m in measurements for cylinder in m.cylinders)
+        precompute_intervals(cylinder for m in measurements for cylinder in m.cylinders)
     return [
         failure or _build_result(options, part, sections)
         for part, (sections, failure) in zip(parts, measured, strict=True)

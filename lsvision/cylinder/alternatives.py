@@ -16,11 +16,11 @@ from lsvision.cylinder.fit_result import CylinderFit
 from lsvision.cylinder.problem import (
     PARAMETERS,
     axis_distances,
+    build_weighted_problem,
     cylinder_from_parameters,
     minimise,
     normalised_residuals,
     parameters_from_cylinder,
-    weighted_problem,
 )
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import DegenerateGeometry
@@ -48,7 +48,7 @@ UNSCALED_VARIANCE = 1e-18
 square of the extent of the points."""
 
 
-def refine(
+def refine_cylinder(
     points: Points,
     candidate: Cylinder,
     known_radius: RadiusPrior | None,
@@ -60,19 +60,19 @@ def refine(
     """
     frame = tangent_frame(candidate.direction)
     start = parameters_from_cylinder(frame, candidate)
-    problem = weighted_problem(points @ frame.T, None, start, known_radius)
+    problem = build_weighted_problem(points @ frame.T, None, start, known_radius)
     if stds is not None:
         problem = replace(problem, stds=stds)
     return cylinder_from_parameters(frame, minimise(problem, start).parameters)
 
 
-def distinct_cylinders(cylinders: Sequence[AnyCylinder]) -> list[AnyCylinder]:
+def select_distinct_cylinders(cylinders: Sequence[AnyCylinder]) -> list[AnyCylinder]:
     """Return the cylinders, or fits, without those parallel to an earlier one."""
     directions = np.array([cylinder.direction for cylinder in cylinders]).reshape(-1, 3)
-    return [cylinders[k] for k in distinct_directions(directions)]
+    return [cylinders[k] for k in select_distinct_directions(directions)]
 
 
-def distinct_directions(directions: FloatArray) -> list[int]:
+def select_distinct_directions(directions: FloatArray) -> list[int]:
     """Return the indices of the axes, unit vectors (k, 3), not parallel to an earlier one."""
     is_parallel = 1 - (directions @ directions.T) ** 2 <= math.sin(MIN_ANGLE) ** 2
     distinct = list[int]()
@@ -151,16 +151,19 @@ class CylinderComparison:
         return float(second - first)
 
     def _residuals(self, cylinder: Cylinder) -> FloatArray:
+        """Return the residuals (n,), in mm, or normalised by covariances if given."""
         residuals, _, normalised = normalised_residuals(self.points, self.covariances, cylinder)
         return residuals if self.covariances is None else normalised
 
     def _normals(self, cylinder: Cylinder) -> FloatArray:
+        """Return the unit normals (3, n) of a cylinder at the points."""
         frame = tangent_frame(cylinder.direction)
         parameters = parameters_from_cylinder(frame, cylinder)
         normals: FloatArray = frame.T @ axis_distances(self.points @ frame.T, parameters)[1]
         return normals
 
     def _truncated_chi2(self, values: FloatArray, cylinders: Sequence[Cylinder]) -> FloatArray:
+        """Return truncated chi^2 (k,) of cylinders with residuals (k, n), and of the prior."""
         noise = 1.0
         if self.has_outliers:
             noise = min(mad_std(row) for row in values)
@@ -235,7 +238,7 @@ def differs(fit: CylinderFit, other: Cylinder) -> bool:
     return angle > MIN_ANGLE and (angle > sigmas * fit.direction_std or is_other_radius)
 
 
-def in_plane_covariances(points: Points) -> FloatArray | None:
+def build_in_plane_covariances(points: Points) -> FloatArray | None:
     """Return the shape of the covariances of points that lie in planes: errors within the planes.
 
     Points (n, 3) of a section follow one another. The covariances (n, 3, 3) have a tiny size, as
@@ -245,7 +248,7 @@ def in_plane_covariances(points: Points) -> FloatArray | None:
     tolerance, start = PLANARITY_TOLERANCE * extent, 0
     covariances = np.empty((len(points), 3, 3))
     while start < len(points):
-        normal, in_plane = _plane_from(points[start:], tolerance)
+        normal, in_plane = _fit_first_plane(points[start:], tolerance)
         count = len(in_plane) if in_plane.all() else int(np.argmin(in_plane))
         if count < MIN_PLANE_POINTS:
             return None
@@ -255,7 +258,7 @@ def in_plane_covariances(points: Points) -> FloatArray | None:
     return covariances
 
 
-def _plane_from(points: Points, tolerance: float) -> tuple[FloatArray, BoolArray]:
+def _fit_first_plane(points: Points, tolerance: float) -> tuple[FloatArray, BoolArray]:
     """Return the normal of the plane of the first points, and which of all points lie in it."""
     count = MIN_PLANE_POINTS
     while True:

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from lsvision.cylinder.alternatives import (
     CylinderComparison,
-    in_plane_covariances,
+    build_in_plane_covariances,
     select_fit,
 )
 from lsvision.cylinder.fit_result import CylinderFit, estimate_variance_factor
@@ -30,13 +30,13 @@ from lsvision.cylinder.point_checks import (
 from lsvision.cylinder.problem import (
     PARAMETERS,
     CylinderProblem,
+    build_weighted_problem,
     cylinder_from_parameters,
     invert_information,
     minimise,
     normalised_residuals,
     parameters_from_cylinder,
     rotate_covariances,
-    weighted_problem,
 )
 from lsvision.ellipse.problem import Priors, RadiusPrior
 from lsvision.errors import LsvisionError
@@ -54,7 +54,7 @@ from lsvision.statistics.robust import mad_std
 
 MAX_TRUNCATION_ITERATIONS = 20
 """Largest number of fits with truncation; usually five are needed."""
-MAX_TILT = 0.1
+MAX_TILT_TANGENT = 0.1
 """Tangent of the angle between axis and frame, above which a fit is repeated in the frame of its
 solution."""
 MAX_DENSITY_SIGMAS = 40.0
@@ -197,7 +197,7 @@ def _fit_validated(
     if initial_guess is None:
         comparison = CylinderComparison(
             scaled,
-            in_plane_covariances(scaled) if covariances is None else scaled_covariances,
+            build_in_plane_covariances(scaled) if covariances is None else scaled_covariances,
             covariances is not None,
             prior,
             settings.truncation or math.inf,
@@ -286,10 +286,10 @@ def _fit(
         rotated = None if covariances is None else rotate_covariances(covariances, frame)
         parameters = parameters_from_cylinder(frame, cylinder)
         prior = known_radius and _scale_prior(known_radius, points, covariances, cylinder, settings)
-        problem = weighted_problem(points @ frame.T, rotated, parameters, prior)
+        problem = build_weighted_problem(points @ frame.T, rotated, parameters, prior)
         solution, has_converged = minimise(problem, parameters)
         cylinder = cylinder_from_parameters(frame, solution)
-        if has_fixed_weights and has_converged and math.hypot(*solution[2:4]) < MAX_TILT:
+        if has_fixed_weights and has_converged and math.hypot(*solution[2:4]) < MAX_TILT_TANGENT:
             break
     foot_points = problem.points @ frame
     return _build_fit(
@@ -297,7 +297,7 @@ def _fit(
     )
 
 
-def _inlier_variance(truncation: float | None) -> float:
+def _compute_inlier_variance(truncation: float | None) -> float:
     """Return the variance of normal errors within a truncation, over that of all of them."""
     if truncation is None:
         return 1.0
@@ -319,7 +319,7 @@ def _scale_prior(
     covariance, multiplied by the square of this factor, contains the stated std.
     """
     residuals, _, normalised = normalised_residuals(points, covariances, cylinder)
-    factor, _, std_scale = _variance_factor(
+    factor, _, std_scale = _estimate_variance_factor(
         residuals if covariances is None else normalised,
         len(points) - PARAMETERS,
         settings,
@@ -329,7 +329,7 @@ def _scale_prior(
     return RadiusPrior(known_radius.radius, known_radius.std / scale)
 
 
-def _variance_factor(
+def _estimate_variance_factor(
     normalised: FloatArray,
     degrees_of_freedom: int,
     settings: CylinderFittingSettings,
@@ -342,7 +342,7 @@ def _variance_factor(
     since points become inliers or outliers as the cylinder moves: to first order the variance by
     one over that of the inliers.
     """
-    variance = _inlier_variance(settings.truncation)
+    variance = _compute_inlier_variance(settings.truncation)
     factor, dof, std_scale = estimate_variance_factor(
         normalised / math.sqrt(variance), degrees_of_freedom, known_noise=known_noise
     )
@@ -363,7 +363,7 @@ def _build_fit(
     problem = replace(problem, points=foot_points @ frame.T)
     residuals, jacobian = problem.evaluate(parameters_from_cylinder(frame, cylinder))
     normalised = residuals[: len(points)]
-    factor, dof, std_scale = _variance_factor(
+    factor, dof, std_scale = _estimate_variance_factor(
         normalised, len(residuals) - PARAMETERS, settings, known_noise=known_noise
     )
     return CylinderFit(

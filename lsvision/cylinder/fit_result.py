@@ -17,7 +17,7 @@ from lsvision.results.quantities import Record, json_numbers
 from lsvision.results.result import Result
 from lsvision.statistics.correlation import autocorrelation_time
 from lsvision.statistics.coverage import coverage_factor
-from lsvision.statistics.robust import SIGNIFICANT_SIGMAS
+from lsvision.statistics.robust import estimate_excess_variance
 
 AxisQuantity = Literal[
     "radius", "point_x", "point_y", "point_z", "direction_x", "direction_y", "direction_z"
@@ -26,7 +26,9 @@ AxisQuantity = Literal[
 AXIS_QUANTITIES: tuple[AxisQuantity, ...] = get_args(AxisQuantity)
 
 AXIS_HEADER = ("radius mm", "direction x y z", "± deg", "point x y z mm", "± mm")
+"""Header of `axis_cells`."""
 COVARIANCE_ORDER = "point along e_phi, e_theta (mm), direction along them (rad), radius (mm)"
+"""Order of `CylinderFit.covariance`, as results state it."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -241,8 +243,8 @@ def estimate_variance_factor(
     reduced_chi2 = float(normalised @ normalised) / degrees_of_freedom
     correlation_time = autocorrelation_time(normalised)
     if known_noise:
-        significant = reduced_chi2 > 1 + SIGNIFICANT_SIGMAS * math.sqrt(2 / degrees_of_freedom)
-        return (reduced_chi2 if significant else 1.0) * correlation_time, math.inf, 1.0
+        factor = estimate_excess_variance(reduced_chi2, degrees_of_freedom) * correlation_time
+        return factor, math.inf, 1.0
     reduced_chi2 = max(reduced_chi2, float(np.finfo(float).tiny))
     return (
         correlation_time,

@@ -5,10 +5,10 @@ import numpy as np
 from lsvision.cylinder.alternatives import (
     MAX_CANDIDATE_INCREASE,
     CylinderComparison,
-    distinct_cylinders,
-    refine,
+    refine_cylinder,
+    select_distinct_cylinders,
 )
-from lsvision.cylinder.other_minima import tilted_minima
+from lsvision.cylinder.other_minima import find_tilted_minima
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import DegenerateGeometry, FitFailed
 from lsvision.geometry import (
@@ -23,7 +23,7 @@ from lsvision.geometry.arrays import TINY, rms
 from lsvision.profile import MAX_RELATIVE_SCATTER
 from lsvision.statistics.robust import mad_std
 
-DIRECTIONS = 400
+DIRECTION_COUNT = 400
 """Number of directions in the grid over the hemisphere. They are 7 deg apart, so that the
 refinement of one of them converges to the cylinder even for a short arc."""
 MAX_CANDIDATES = 8
@@ -32,14 +32,14 @@ MIN_STRETCH = 2.0
 """Ratio of length to width of the points, above which the stretched grid is also searched. The
 initial direction must be correct to about radius / length; the regular grid is sufficient for
 ratios up to about 5."""
-DISTINCT_DIRECTION_COSINE = np.cos(np.radians(12.0))
+MAX_DISTINCT_COSINE = np.cos(np.radians(12.0))
 """Largest cosine of the angle between two candidates: that of 12 deg."""
-SAME_COST = 1e-6
+SAME_COST_TOLERANCE = 1e-6
 """Relative difference of the costs of candidates that have converged to the same cylinder."""
 MAX_POINTS = 400
 """Largest number of points for the initial guess, selected evenly; more points do not improve
 it."""
-DISTINCT_WITH_OUTLIERS_COSINE = np.cos(np.radians(25.0))
+MAX_DISTINCT_COSINE_WITH_OUTLIERS = np.cos(np.radians(25.0))
 """Largest cosine between two candidates if there may be outliers: that of 25 deg. Outliers make
 many neighbouring directions across short arcs better than those along them."""
 MAX_CANDIDATES_WITH_OUTLIERS = 12
@@ -47,6 +47,9 @@ MAX_CANDIDATES_WITH_OUTLIERS = 12
 ROBUST_STEPS = 8
 """Number of robust fits; the half of the points nearest to the last fit, instead of weights, finds
 fewer cylinders of short arcs."""
+RIDGE = 1e-12
+"""Ridge of a normal matrix relative to its trace, with which it is invertible also where projected
+points are collinear, and smallest squared radius, for points with an extent of 1."""
 MIN_ROBUST_STD = 1e-9
 """Smallest standard deviation of a robust fit. Unit: extent of the points."""
 
@@ -82,19 +85,19 @@ def guess_cylinders(comparison: CylinderComparison) -> list[Cylinder]:
     """
     rows = np.linspace(0, len(comparison.points) - 1, min(len(comparison.points), MAX_POINTS))
     subset = comparison.subset(rows.astype(int))
-    candidates = _candidates(subset.points, has_outliers=subset.has_outliers)
+    candidates = _build_candidates(subset.points, has_outliers=subset.has_outliers)
     cylinders = _refine_all(candidates, subset, robustly=subset.has_outliers)
     if not cylinders:
         raise FitFailed(
             "no cylinder fits the points: they lie on another surface; use points of one cylinder"
         )
-    best = cylinders[_index_of_best(cylinders, subset)]
+    best = cylinders[_find_best(cylinders, subset)]
     inliers = subset.subset(_find_inliers(best, subset))
-    cylinders += tilted_minima(inliers.points, best, inliers.known_radius)
-    best = cylinders.pop(_index_of_best(cylinders, subset))
+    cylinders += find_tilted_minima(inliers.points, best, inliers.known_radius)
+    best = cylinders.pop(_find_best(cylinders, subset))
     if subset.covariances is None:
         _require_no_wider_arc(subset, best, cylinders)
-    others = distinct_cylinders([best, *cylinders])[1:]
+    others = select_distinct_cylinders([best, *cylinders])[1:]
     return [best, *(c for c in others if subset.increase(c, best) < MAX_CANDIDATE_INCREASE)]
 
 
@@ -112,7 +115,7 @@ def _refine_all(
     points, known_radius, refined = comparison.points, comparison.known_radius, list[Cylinder]()
     for candidate in candidates:
         try:
-            cylinder = refine(points, candidate, known_radius)
+            cylinder = refine_cylinder(points, candidate, known_radius)
             if robustly:
                 cylinder = _refine_robustly(points, cylinder, known_radius)
         except FitFailed:
@@ -121,13 +124,13 @@ def _refine_all(
     return refined
 
 
-def _index_of_best(cylinders: list[Cylinder], comparison: CylinderComparison) -> int:
+def _find_best(cylinders: list[Cylinder], comparison: CylinderComparison) -> int:
     """Return the index of the first of the cylinders with the lowest cost."""
     if comparison.has_outliers:
         costs = np.array([comparison.median_residual(cylinder) for cylinder in cylinders])
     else:
         costs = comparison.chi2(cylinders)
-    return int(np.argmax(costs <= costs.min() * (1 + SAME_COST)))
+    return int(np.argmax(costs <= costs.min() * (1 + SAME_COST_TOLERANCE)))
 
 
 def _require_no_wider_arc(
@@ -140,9 +143,9 @@ def _require_no_wider_arc(
     may be smaller than those of the true cylinder.
     """
     points = comparison.points
-    half_width, has_two_sides = _coverage(points, best)
+    half_width, has_two_sides = _measure_coverage(points, best)
     for other in cylinders if has_two_sides else []:
-        other_half_width, other_has_two_sides = _coverage(points, other)
+        other_half_width, other_has_two_sides = _measure_coverage(points, other)
         is_wider = other_half_width > half_width and not other_has_two_sides
         distances = other.signed_distances(points)
         scatter = mad_std(distances) if comparison.has_outliers else rms(distances)
@@ -154,28 +157,26 @@ def _require_no_wider_arc(
             )
 
 
-def _coverage(points: Points, cylinder: Cylinder) -> tuple[float, bool]:
+def _measure_coverage(points: Points, cylinder: Cylinder) -> tuple[float, bool]:
     """Return the largest angle (rad) between the normals at points and their main direction.
 
     Opposite normals count as one direction. The second result is whether the points are on two
     sides, with an angle of at most 45 deg.
     """
-    from_point = points - cylinder.point
-    radial = from_point - np.outer(from_point @ cylinder.direction, cylinder.direction)
-    normals = radial / np.maximum(np.linalg.norm(radial, axis=1, keepdims=True), TINY)
+    normals = cylinder.normals(points)
     _, vectors = np.linalg.eigh(normals.T @ normals)
     cosines = normals @ vectors[:, -1]
     half_width = float(np.arccos(np.abs(cosines).min().clip(0.0, 1.0)))
     return half_width, half_width <= np.pi / 4 and cosines.min() < 0 < cosines.max()
 
 
-def _candidates(points: Points, *, has_outliers: bool) -> list[Cylinder]:
+def _build_candidates(points: Points, *, has_outliers: bool) -> list[Cylinder]:
     """Return the best cylinders of a regular and, for elongated points, of a stretched grid.
 
     The stretched grid is regular in coordinates that are compressed along the long axis until the
     points are as wide as long; its directions are closer together near that axis.
     """
-    grid = hemisphere_directions(DIRECTIONS)
+    grid = hemisphere_directions(DIRECTION_COUNT)
     grids = [grid]
     _, extents, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
     stretch = extents[0] / max(extents[1], TINY)
@@ -206,14 +207,13 @@ def fit_projected_circles(
     squared_distances = (projected**2).sum(axis=2)
     design = np.concatenate([projected, np.ones((*squared_distances.shape, 1))], axis=2)
     normal = np.einsum("kni,knj->kij", design, design)
-    # With the ridge the normal matrix is invertible also where the projected points are collinear.
-    ridge = 1e-12 * np.trace(normal, axis1=1, axis2=2)
+    ridge = RIDGE * np.trace(normal, axis1=1, axis2=2)
     normal += ridge[:, None, None] * np.eye(3)
     solution = np.linalg.solve(
         normal, np.einsum("kni,kn->ki", design, squared_distances)[..., None]
     )[..., 0]
     centre = solution[:, :2] / 2
-    radii = np.sqrt(np.maximum(solution[:, 2] + (centre**2).sum(axis=1), 1e-12))
+    radii = np.sqrt(np.maximum(solution[:, 2] + (centre**2).sum(axis=1), RIDGE))
     residuals = squared_distances - np.einsum("kni,ki->kn", design, solution)
     costs = (residuals**2).mean(axis=1) / (2 * radii) ** 2
     return np.einsum("kij,ki->kj", frames, centre), radii, costs
@@ -226,7 +226,7 @@ def _best_distinct_directions(
 
     For a stretched grid, `directions` are those before stretching.
     """
-    cosine = DISTINCT_WITH_OUTLIERS_COSINE if has_outliers else DISTINCT_DIRECTION_COSINE
+    cosine = MAX_DISTINCT_COSINE_WITH_OUTLIERS if has_outliers else MAX_DISTINCT_COSINE
     count = MAX_CANDIDATES_WITH_OUTLIERS if has_outliers else MAX_CANDIDATES
     selected: list[int] = []
     for index in np.argsort(costs, kind="stable"):
@@ -244,5 +244,5 @@ def _refine_robustly(
     for _ in range(ROBUST_STEPS):
         distances = cylinder.signed_distances(points)
         std = max(mad_std(distances), MIN_ROBUST_STD)
-        cylinder = refine(points, cylinder, known_radius, np.hypot(1.0, distances / std))
+        cylinder = refine_cylinder(points, cylinder, known_radius, np.hypot(1.0, distances / std))
     return cylinder

@@ -8,13 +8,13 @@ import math
 
 import numpy as np
 
-from lsvision.cylinder.alternatives import distinct_cylinders, distinct_directions
+from lsvision.cylinder.alternatives import select_distinct_cylinders, select_distinct_directions
 from lsvision.cylinder.problem import (
     MAX_RADIUS_EXTENTS,
     PARAMETERS,
+    build_weighted_problem,
     cylinder_from_parameters,
     parameters_from_cylinder,
-    weighted_problem,
 )
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.geometry import BoolArray, Cylinder, FloatArray, IntArray, Points, tangent_frame
@@ -35,7 +35,7 @@ MAX_DAMPING = 1e9
 MIN_DECREASE = 1e-9
 """Decrease of the sum of squares by the next step, over the sum, below which a fit has converged:
 one of 0.0003 standard deviations for 100 points."""
-ROUNDING = 1e-13
+MAX_ROUNDING_EXTENTS = 1e-13
 """Root mean square residual that is rounding. Unit: extent of the points."""
 MAX_GROUP_POINTS = 2500
 """Number of points that are evaluated together, of several fits: more do not fit into the cache."""
@@ -50,10 +50,12 @@ def find_other_minima(
 
     The points (n, 3) have equal weights.
     """
-    return distinct_cylinders([cylinder, *tilted_minima(points, cylinder, known_radius)])[1:]
+    return select_distinct_cylinders(
+        [cylinder, *find_tilted_minima(points, cylinder, known_radius)]
+    )[1:]
 
 
-def tilted_minima(
+def find_tilted_minima(
     points: Points, cylinder: Cylinder, known_radius: RadiusPrior | None
 ) -> list[Cylinder]:
     """Return the least-squares cylinders near tilted ones, of parallel ones the first.
@@ -81,12 +83,13 @@ def tilted_minima(
     directions = np.einsum("ki,kij->kj", tilts, frames)
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     return [
-        _moved(cylinder_from_parameters(frames[k], solutions[k]), origin)
-        for k in distinct_directions(directions)
+        _translate(cylinder_from_parameters(frames[k], solutions[k]), origin)
+        for k in select_distinct_directions(directions)
     ]
 
 
-def _moved(cylinder: Cylinder, displacement: FloatArray) -> Cylinder:
+def _translate(cylinder: Cylinder, displacement: FloatArray) -> Cylinder:
+    """Return a cylinder moved by a displacement (3,)."""
     return Cylinder(cylinder.point + displacement, cylinder.direction, cylinder.radius)
 
 
@@ -94,7 +97,9 @@ def _principal_frame(points: Points, cylinder: Cylinder) -> FloatArray:
     """Return the principal axes of the error of the direction, and the direction, in rows."""
     frame = tangent_frame(cylinder.direction)
     parameters = parameters_from_cylinder(frame, cylinder)
-    _, jacobian = weighted_problem(points @ frame.T, None, parameters, None).evaluate(parameters)
+    _, jacobian = build_weighted_problem(points @ frame.T, None, parameters, None).evaluate(
+        parameters
+    )
     covariance = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)[2:4, 2:4]
     return np.vstack([np.linalg.eigh(covariance)[1].T @ frame[:2], cylinder.direction])
 
@@ -117,7 +122,7 @@ def _minimise_all(
 
     The points (k, 3, n) are in the frames of the parameters ``(x, y, a, b, r)``.
     """
-    min_cost = points.shape[2] * (ROUNDING * float(np.ptp(points[0]))) ** 2
+    min_cost = points.shape[2] * (MAX_ROUNDING_EXTENTS * float(np.ptp(points[0]))) ** 2
     parameters, damping = parameters.copy(), np.zeros(len(parameters))
     with np.errstate(all="ignore"):
         active = np.arange(len(parameters))

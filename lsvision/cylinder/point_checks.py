@@ -17,7 +17,7 @@ COPLANARITY_TOLERANCE = 1e-7
 """Ratio of thickness to extent of points, below which they are in a plane or on a straight line."""
 MIN_DEGREES_OF_FREEDOM = 3
 """Smallest number of degrees of freedom from which the noise is estimated."""
-EXACT_RADII = 1e-6
+MAX_EXACT_RMS_RADII = 1e-6
 """Largest rms residual of points that are calculated, such as those of a reference data set: far
 below the accuracy of any sensor. Unit: radius."""
 
@@ -75,7 +75,7 @@ def require_noise_estimate(fit: CylinderFit, known_radius: RadiusPrior | None) -
     """
     points = int(fit.inliers.sum())
     needed = PARAMETERS + MIN_DEGREES_OF_FREEDOM - (known_radius is not None)
-    if points < needed and fit.rms > EXACT_RADII * fit.radius:
+    if points < needed and fit.rms > MAX_EXACT_RMS_RADII * fit.radius:
         raise TooFewPoints(
             "a cylinder without covariances", points, needed, "pass covariances, or add points"
         )

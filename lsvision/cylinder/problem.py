@@ -19,6 +19,7 @@ from lsvision.statistics.compiled_routines import LeastSquares, levenberg_marqua
 from lsvision.statistics.robust import mad_std
 
 Evaluation = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+"""Function of the parameters that returns residuals and Jacobian."""
 PARAMETERS = 5
 """Number of parameters."""
 MAX_RADIUS_EXTENTS = 1e5
@@ -113,7 +114,7 @@ def rotate_covariances(covariances: FloatArray, rotation: FloatArray) -> FloatAr
     return rotated.reshape(-1, rows, rows)
 
 
-def distance_stds_and_biases(
+def propagate_point_errors(
     points: Points, covariances: FloatArray, parameters: FloatArray
 ) -> tuple[FloatArray, FloatArray, Points]:
     """Return standard deviation and bias of each point's distance, and its foot point.
@@ -160,7 +161,7 @@ def distance_stds_and_biases(
     return np.sqrt(variances), offsets, foot_points.T
 
 
-def weighted_problem(
+def build_weighted_problem(
     points: Points,
     covariances: FloatArray | None,
     parameters: FloatArray,
@@ -174,7 +175,7 @@ def weighted_problem(
     if covariances is None:
         ones = np.ones(len(points))
         return CylinderProblem(points, ones, 0 * ones, known_radius)
-    stds, offsets, foot_points = distance_stds_and_biases(points, covariances, parameters)
+    stds, offsets, foot_points = propagate_point_errors(points, covariances, parameters)
     distances_from_feet = (
         axis_distances(points, parameters)[0] - axis_distances(foot_points, parameters)[0]
     )
@@ -202,7 +203,7 @@ def normalised_residuals(
         std = max(mad_std(residuals), TINY)
         return residuals, np.full(len(points), std), residuals / std
     frame = tangent_frame(cylinder.direction)
-    stds, offsets, _ = distance_stds_and_biases(
+    stds, offsets, _ = propagate_point_errors(
         points @ frame.T,
         rotate_covariances(covariances, frame),
         parameters_from_cylinder(frame, cylinder),

@@ -28,7 +28,9 @@ MIN_SIN_PHI = 1e-6
 """Smallest sin(phi) used as a divisor, against division by 0; where it is reached the linear errors
 are limited to the section's ``phi_std`` anyway."""
 PLACED_HEADER = ("point x y z mm", "± mm", "direction x y z", "± deg")
+"""Header of `placed_cells`."""
 PLACED_COVARIANCE_ORDER = "point x, y, z (mm), direction along e_phi, e_theta (rad), radius (mm)"
+"""Order of `PlacedCylinder.covariance`, as results state it."""
 
 
 class SectionMount(Protocol):

@@ -8,7 +8,7 @@ import numpy as np
 
 from lsvision.detection.arcs import MAX_OVERLAP
 from lsvision.ellipse.intervals import is_limit_of_radius
-from lsvision.ellipse.prior_check import contradicting_radius
+from lsvision.ellipse.prior_check import find_contradicting_radius
 from lsvision.ellipse.section import CylinderSection
 from lsvision.geometry import Ellipse
 from lsvision.geometry.noisy_points import ComplexArray
@@ -58,7 +58,7 @@ class AcceptanceSettings:
         return math.cos(math.radians(min(self.max_tilt_deg + TILT_MARGIN_DEG, 90.0)))
 
 
-def shape_rejection_reason(
+def find_shape_rejection_reason(
     ellipse: Ellipse,
     normals: ComplexArray,
     radius_range: tuple[float, float],
@@ -95,7 +95,7 @@ def shape_rejection_reason(
     return None
 
 
-def rejection_reason(
+def find_rejection_reason(
     profile: PreparedProfile,
     section: CylinderSection,
     radius_range: tuple[float, float],
@@ -115,7 +115,7 @@ def rejection_reason(
         Limits on points, coverage and tilt.
     """
     fit = section.fit
-    reason = shape_rejection_reason(fit.ellipse, fit.normals, radius_range, settings)
+    reason = find_shape_rejection_reason(fit.ellipse, fit.normals, radius_range, settings)
     if reason is not None:
         return reason
     # Total variances (the trace): on a steep flank those along the normal vanish.
@@ -130,15 +130,15 @@ def rejection_reason(
     if not fit.converged and fit.problem.known_radius is None:
         stop = f"the fit stopped at a tilt of {math.degrees(fit.ellipse.phi):.0f} deg"
         return f"no best ellipse: the flatter the ellipse, the better it fits ({stop})"
-    return undeterminable_radius_reason(section) or contradicted_radius_reason(section)
+    return find_undeterminable_radius_reason(section) or find_contradicted_radius_reason(section)
 
 
-def contradicted_radius_reason(section: CylinderSection) -> str | None:
+def find_contradicted_radius_reason(section: CylinderSection) -> str | None:
     """Return the reason why the points contradict a known radius; None if they do not.
 
     None also if no radius is known.
     """
-    points, known = contradicting_radius(section.fit), section.fit.problem.known_radius
+    points, known = find_contradicting_radius(section.fit), section.fit.problem.known_radius
     if points is None or known is None:
         return None
     where = "they" if section.fit.problem.known_phi is None else "with the known tilt they"
@@ -148,7 +148,7 @@ def contradicted_radius_reason(section: CylinderSection) -> str | None:
     )
 
 
-def undeterminable_radius_reason(section: CylinderSection) -> str | None:
+def find_undeterminable_radius_reason(section: CylinderSection) -> str | None:
     """Return the reason why the points do not determine the radius; None if they do.
 
     None also if the radius or the tilt is known.

@@ -22,7 +22,7 @@ MIN_NORMAL_Y = -0.5
 see."""
 
 
-def span_of(indices: IntArray) -> Arc:
+def arc_from_indices(indices: IntArray) -> Arc:
     """Return the span from the first to the last of one or more ascending indices."""
     return Arc(int(indices[0]), int(indices[-1]) + 1)
 
@@ -44,7 +44,7 @@ class IdentifiedArc(NamedTuple):
     @property
     def arc(self) -> Arc:
         """Span from the first to the last inlier."""
-        return span_of(self.indices)
+        return arc_from_indices(self.indices)
 
 
 class ScreenedArc(NamedTuple):

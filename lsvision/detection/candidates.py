@@ -110,7 +110,7 @@ def find_candidates(
     limits = np.array([(*radius_ranges[i], profiles[i].noise_std) for i in searched])
     passed = _passes_limits(circles, *limits.take(spans.rows, axis=0).T).nonzero()[0]
     spans, centres = select_rows((spans, circles.centre), passed)
-    sizes, _ = stack_with_mask([_component_sizes(components[i]) for i in searched])
+    sizes, _ = stack_with_mask([_repeat_component_sizes(components[i]) for i in searched])
     is_component = spans.stops - spans.starts == sizes[spans.rows, spans.starts]
     order = _order_by_coverage(points, spans, centres, is_component)
     best = order[_suppress_non_maxima(select_rows(spans, order))]
@@ -124,13 +124,14 @@ def find_candidates(
 def _build_windows(components: Sequence[list[IntArray]], smallest: int) -> windows.Windows:
     """Return the windows, of `smallest` points or more, of the components of each profile."""
     spans = [
-        windows.multiscale_windows(list(map(len, segments)), smallest) for segments in components
+        windows.build_multiscale_windows(list(map(len, segments)), smallest)
+        for segments in components
     ]
     rows = np.repeat(np.arange(len(spans)), [row_spans.shape[1] for row_spans in spans])
     return windows.Windows(rows, *np.concatenate(spans, axis=1))
 
 
-def _component_sizes(components: list[IntArray]) -> IntArray:
+def _repeat_component_sizes(components: list[IntArray]) -> IntArray:
     """Return the number of points of the component of each point."""
     counts = list(map(len, components))
     return np.repeat(counts, counts)
@@ -148,11 +149,11 @@ def _passes_limits(
     # The radius of curvature of an ellipse is between b^2 / a and a^2 / b.
     passed &= circles.radius >= low / MAX_AXIS_RATIO
     passed &= circles.radius / MAX_AXIS_RATIO**2 <= high
-    passed &= circles.rms <= max_circle_rms(circles.radius, noise_std)
+    passed &= circles.rms <= compute_max_circle_rms(circles.radius, noise_std)
     return passed
 
 
-def max_circle_rms(radius: FloatArray, noise_std: float | FloatArray) -> FloatArray:
+def compute_max_circle_rms(radius: FloatArray, noise_std: float | FloatArray) -> FloatArray:
     """Return the largest accepted rms distance of points from circles of these radii. Units: mm."""
     # The rms of a noise-free section tilted by 45 deg is up to 1 % of the radius over 90 deg; of a
     # more tilted section, windows that cover less pass.
@@ -164,10 +165,10 @@ def _order_by_coverage(
 ) -> IntArray:
     """Return the positions of windows that cover enough, by row, in descending order of coverage.
 
-    `points` and `centres` are those of `windows.arc_coverage`; windows that are a whole component
-    (w,) need not cover enough.
+    `points` and `centres` are those of `windows.measure_arc_coverage`; windows that are a whole
+    component (w,) need not cover enough.
     """
-    coverage = windows.arc_coverage(points, spans, centres)
+    coverage = windows.measure_arc_coverage(points, spans, centres)
     # In float32, so that windows whose coverage differs only by rounding are sorted by the x of
     # their centre.
     order = np.lexsort((centres.real, -coverage.astype(np.float32), spans.rows))
@@ -195,10 +196,10 @@ def _suppress_non_maxima(ordered: windows.Windows) -> list[int]:
     return best
 
 
-def seed_ellipse(profile: PreparedProfile, candidate: Candidate) -> Ellipse:
+def fit_seed_ellipse(profile: PreparedProfile, candidate: Candidate) -> Ellipse:
     """Return the algebraic ellipse of a candidate, or its circle if that is implausible."""
     indices, centre, radius = candidate
-    ellipse = _algebraic_ellipse(profile.points[indices])
+    ellipse = _fit_algebraic_ellipse(profile.points[indices])
     if (
         ellipse is not None
         and ellipse.semi_major <= MAX_AXIS_RATIO * min(radius, ellipse.semi_minor)
@@ -209,7 +210,7 @@ def seed_ellipse(profile: PreparedProfile, candidate: Candidate) -> Ellipse:
     return Ellipse(centre, radius, radius, 0.0)
 
 
-def _algebraic_ellipse(points: Points) -> Ellipse | None:
+def _fit_algebraic_ellipse(points: Points) -> Ellipse | None:
     """Return the ellipse of Halir and Flusser's fit, whose axes are biased to small values.
 
     None if the fit fails.

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lsvision.detection.acceptance import AcceptanceSettings, shape_rejection_reason
+from lsvision.detection.acceptance import AcceptanceSettings, find_shape_rejection_reason
 from lsvision.detection.arcs import INTERRUPTING_RUN, MIN_NORMAL_Y, IdentifiedArc
 from lsvision.ellipse.parameters import (
     PARAMETERS,
@@ -20,7 +20,7 @@ from lsvision.ellipse.parameters import (
 from lsvision.ellipse.robust_gauss_newton import (
     EllipseResiduals,
     ellipse_residuals,
-    gauss_newton_step,
+    take_gauss_newton_step,
 )
 from lsvision.profile import PreparedProfile
 
@@ -89,16 +89,16 @@ def _join(
     starts = [parameters_from_ellipse(arc.ellipse) for arc in (first, second)]
     parameters = min(starts, key=lambda start: _chi2(ellipse_residuals(points, start)))
     for _ in range(GAUSS_NEWTON_STEPS):
-        parameters = gauss_newton_step(ellipse_residuals(points, parameters), parameters)
+        parameters = take_gauss_newton_step(ellipse_residuals(points, parameters), parameters)
         if math.isnan(parameters[0]):
             return None
-    separate = sum(_chi2(_residuals_of(profile, arc)) for arc in (first, second))
+    separate = sum(_chi2(_compute_residuals(profile, arc)) for arc in (first, second))
     variance_factor = separate / (len(indices) - 2 * PARAMETERS)
     joint = ellipse_residuals(points, parameters)
     if _chi2(joint) - separate > MAX_CHI2_INCREASE * variance_factor:
         return None
     ellipse, faces_sensor = ellipse_from_parameters(parameters), joint.normals.imag > MIN_NORMAL_Y
-    reason = shape_rejection_reason(ellipse, joint.normals, radius_range, settings)
+    reason = find_shape_rejection_reason(ellipse, joint.normals, radius_range, settings)
     if reason is not None or not faces_sensor.all():
         return None
     return IdentifiedArc(indices, ellipse)
@@ -119,7 +119,7 @@ def _is_separate(profile: PreparedProfile, arc: IdentifiedArc, other: Identified
     return all(distance > INTERRUPTING_RUN * profile.pitch for distance in distances)
 
 
-def _residuals_of(profile: PreparedProfile, arc: IdentifiedArc) -> EllipseResiduals:
+def _compute_residuals(profile: PreparedProfile, arc: IdentifiedArc) -> EllipseResiduals:
     """Return the residuals of an arc from its ellipse."""
     parameters = parameters_from_ellipse(arc.ellipse)
     return ellipse_residuals(profile.noisy_points[arc.indices], parameters)

@@ -45,7 +45,7 @@ MIN_BEAD_CURVATURE = 2.0
 cylinder: it is 2 to 8 for the beads beside a pipe, and at most 1 beyond a rounded corner."""
 
 
-def tangential_end_reason(
+def find_tangential_end_reason(
     profile: PreparedProfile, arc: IdentifiedArc, screened: ScreenedArc
 ) -> str | None:
     """Return the reason to reject an arc whose line continues tangentially; None if it ends.
@@ -66,9 +66,9 @@ def tangential_end_reason(
     count = max(DIRECTION_POINTS, int(DIRECTION_FRACTION * len(arc.indices)))
     min_count, curved_count = max(DIRECTION_POINTS, count // 2), max(CURVED_POINTS, count)
     longest, mixed_points = np.union1d(arc.indices, screened.indices), screened.mixed_points
-    measured = _without_dropped_lines(profile, longest, screened, curved_count + mixed_points)
+    measured = _exclude_dropped_lines(profile, longest, screened, curved_count + mixed_points)
     turns_deg = [
-        math.degrees(_end_turn(inner, beyond[mixed_points:], arc.ellipse, min_count))
+        math.degrees(_measure_end_turn(inner, beyond[mixed_points:], arc.ellipse, min_count))
         for inner, beyond in _split_ends(profile, measured, count + mixed_points)
     ]
     if min(turns_deg) >= MIN_TURN_DEG:
@@ -87,14 +87,14 @@ def tangential_end_reason(
     return f"continues tangentially at both ends (turns {turns} deg)"
 
 
-def _without_dropped_lines(
+def _exclude_dropped_lines(
     profile: PreparedProfile, longest: IntArray, screened: ScreenedArc, count: int
 ) -> IntArray:
     """Return the indices of an arc without those ends at which screening dropped another line.
 
     Such a line has `count` points or more, and is beyond the noise from the screened ellipse.
     """
-    max_rms = SIGNIFICANT_SIGMAS * _noise_std(profile, screened)
+    max_rms = SIGNIFICANT_SIGMAS * _estimate_noise_std(profile, screened)
 
     def is_line(dropped: IntArray) -> bool:
         points = profile.points[dropped]
@@ -107,7 +107,7 @@ def _without_dropped_lines(
     return longest[start : last + 1 if is_line(longest[last + 1 :]) else len(longest)]
 
 
-def _noise_std(profile: PreparedProfile, screened: ScreenedArc) -> float:
+def _estimate_noise_std(profile: PreparedProfile, screened: ScreenedArc) -> float:
     """Return the standard deviation of the points of a screened arc. Units: mm."""
     return profile.noise_std * math.sqrt(screened.variance_factor)
 
@@ -163,7 +163,9 @@ def _split_ends(
     ]
 
 
-def _end_turn(inner: ComplexArray, beyond: ComplexArray, ellipse: Ellipse, min_count: int) -> float:
+def _measure_end_turn(
+    inner: ComplexArray, beyond: ComplexArray, ellipse: Ellipse, min_count: int
+) -> float:
     """Return the angle between the tangent at the last point and the line beyond it. Units: rad.
 
     `inner` are the arc's points near its end, `beyond` those beyond it, outwards. The angle is pi
@@ -178,15 +180,15 @@ def _end_turn(inner: ComplexArray, beyond: ComplexArray, ellipse: Ellipse, min_c
     normal *= along_major
     if normal.imag < 0:
         return math.pi
-    tangent = _oriented(1j * normal, inner)
+    tangent = _orient(1j * normal, inner)
     # The angle of the principal axis of complex numbers is half that of the sum of their squares.
     centred = beyond - beyond.sum() / len(beyond)
-    direction = _oriented(cmath.sqrt(complex((centred * centred).sum())), beyond)
+    direction = _orient(cmath.sqrt(complex((centred * centred).sum())), beyond)
     turn = direction * tangent.conjugate()
     return math.pi if (normal * turn).imag < 0 else abs(cmath.phase(turn))
 
 
-def _oriented(direction: complex, points: ComplexArray) -> complex:
+def _orient(direction: complex, points: ComplexArray) -> complex:
     """Return the direction, reversed if it leads from the last point to the first."""
     forwards = (direction * complex(points[-1] - points[0]).conjugate()).real >= 0
     return direction if forwards else -direction
@@ -200,10 +202,10 @@ def _find_welds(
     The fillet is measured over `count` points beyond the screened arc, and the bead beyond the
     `longest` arc, which may contain the fillet.
     """
-    radius, noise_std = screened.ellipse.radius, _noise_std(profile, screened)
+    radius, noise_std = screened.ellipse.radius, _estimate_noise_std(profile, screened)
     fillet_curvatures, bead_curvatures = (
         [
-            _significant_curvature(beyond, noise_std)
+            _measure_significant_curvature(beyond, noise_std)
             for _, beyond in _split_ends(profile, indices, count)
         ]
         for indices in (screened.indices, longest)
@@ -214,7 +216,7 @@ def _find_welds(
     ]
 
 
-def _significant_curvature(line: ComplexArray, noise_std: float) -> float:
+def _measure_significant_curvature(line: ComplexArray, noise_std: float) -> float:
     """Return the curvature of a line (n,), positive if concave towards the sensor. Units: 1/mm.
 
     0 if it is not significant, or the line has no chord or fewer than three positions along it.

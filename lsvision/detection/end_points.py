@@ -42,7 +42,7 @@ MAX_STEP_RATIO = 5.0
 """Largest ratio of two successive steps with which another line is extrapolated."""
 MIN_INCIDENCE_COSINE = 0.05
 """Smallest cosine of the angle of incidence (87 deg) at which a sensor can see a surface."""
-EXCLUDED = 1 / math.sqrt(np.finfo(float).eps)
+EXCLUDED_VARIANCE_FACTOR = 1 / math.sqrt(np.finfo(float).eps)
 """Factor on the variance of points that the filter must not use: the inverse square root of the
 precision of a float, so that the factorisation keeps half of the digits."""
 PREDECESSORS = 2
@@ -155,7 +155,9 @@ def find_end_inliers(ends: EndPoints, prediction: Prediction) -> EndInliers:
     # with larger variances where errors are correlated: n points then count as fewer.
     variances = point_variances + covariance.diagonal(axis1=-2, axis2=-1)
     possible = visible & (_log_inlier_density(residuals, variances) > log_outlier)
-    filter_variances = np.where(possible, correlation_time, EXCLUDED) * point_variances
+    filter_variances = (
+        np.where(possible, correlation_time, EXCLUDED_VARIANCE_FACTOR) * point_variances
+    )
     residuals, variances = _predict_sequentially(covariance, filter_variances, residuals)
     # The point's own part is its true variance again, not that with which the filter weights it.
     variances = np.maximum(variances - filter_variances, 0.0) + point_variances
@@ -202,7 +204,7 @@ def _predict_sequentially(
     return predicted, predicted_variances
 
 
-def departure_free_probability(
+def compute_departure_free_probability(
     ends: EndPoints, prediction: Prediction, members: BoolArray, following: BoolArray
 ) -> FloatArray:
     """Return the probability (n, k) that the line still follows the ellipse at each inlier.

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lsvision.detection.acceptance import AcceptanceSettings, shape_rejection_reason
+from lsvision.detection.acceptance import AcceptanceSettings, find_shape_rejection_reason
 from lsvision.detection.arcs import (
     INTERRUPTING_RUN,
     MAX_OVERLAP,
@@ -22,7 +22,7 @@ from lsvision.detection.arcs import (
     IdentifiedArc,
     Rejection,
 )
-from lsvision.detection.candidates import Candidate, seed_ellipse
+from lsvision.detection.candidates import Candidate, fit_seed_ellipse
 from lsvision.detection.divided_arcs import join_divided_arcs
 from lsvision.ellipse.parameters import (
     ellipse_from_parameters,
@@ -31,8 +31,8 @@ from lsvision.ellipse.parameters import (
 from lsvision.ellipse.robust_gauss_newton import (
     EllipseResiduals,
     ellipse_residuals,
-    gauss_newton_step,
     row_medians,
+    take_gauss_newton_step,
 )
 from lsvision.geometry import BoolArray, FloatArray, IntArray
 from lsvision.geometry.arrays import as_column, select_rows
@@ -182,7 +182,7 @@ class _SearchedProfile:
             if not self._free[arc.indices].all():
                 return
             self._spans.append(arc.arc)
-            reason = shape_rejection_reason(arc.ellipse, normals, self._radius_range, settings)
+            reason = find_shape_rejection_reason(arc.ellipse, normals, self._radius_range, settings)
             if reason is None:
                 self._arcs.append(arc)
                 self._free[arc.arc.start : arc.arc.stop] = False
@@ -259,7 +259,7 @@ def grow_arcs(seeds: Sequence[Seed]) -> list[GrownArc | None]:
     """
     all_arcs = list(map(_GrowingArc, seeds))
     arcs = [arc for arc in all_arcs if len(arc.inliers) >= MIN_POINTS]
-    ellipses = [seed_ellipse(arc.seed.profile, arc.seed.candidate) for arc in arcs]
+    ellipses = [fit_seed_ellipse(arc.seed.profile, arc.seed.candidate) for arc in arcs]
     parameters = np.array([parameters_from_ellipse(ellipse) for ellipse in ellipses])
     for _ in range(MAX_ITERATIONS):
         if arcs:
@@ -293,7 +293,7 @@ def _grow_once(
     if len(rows) < len(arcs):
         stacks = arcs, evaluated, parameters, members
         arcs, evaluated, parameters, members = select_rows(stacks, rows)
-    parameters = gauss_newton_step(evaluated, parameters, members)
+    parameters = take_gauss_newton_step(evaluated, parameters, members)
     fitted = ~np.isnan(parameters[:, 0])
     return (arcs, parameters) if fitted.all() else select_rows((arcs, parameters), fitted)
 

@@ -60,7 +60,7 @@ def order_along_line(points: Points) -> IntArray | None:
     by_x: IntArray = x.argsort(kind="stable")
     separated = _separate_returns(points[by_x])
     new_order = by_x if separated is None else by_x[separated]
-    if _path_length(points[new_order]) < MAX_PATH_RATIO * _path_length(points):
+    if _measure_path_length(points[new_order]) < MAX_PATH_RATIO * _measure_path_length(points):
         return new_order
     leftmost, rightmost = int(by_x[0]), int(by_x[-1])
     closed = end_distance < MAX_CLOSURE_RATIO * float(x[rightmost] - x[leftmost])
@@ -91,7 +91,7 @@ def _separate_returns(points: Points) -> IntArray | None:
     ascending = x[0] <= x[-1]
     mask = _follow_two_lines(points) if ascending else _follow_two_lines(points[::-1])[::-1]
     order = _join_lines(points, mask.nonzero()[0], (~mask).nonzero()[0])
-    shorter = _path_length(points[order]) < MAX_PATH_RATIO * _path_length(points)
+    shorter = _measure_path_length(points[order]) < MAX_PATH_RATIO * _measure_path_length(points)
     return order if shorter else None
 
 
@@ -133,7 +133,7 @@ def _join_lines(points: Points, first: IntArray, second: IntArray) -> IntArray:
     return np.concatenate([near, np.roll(far, -farthest)])
 
 
-def _path_length(points: Points) -> float:
+def _measure_path_length(points: Points) -> float:
     """Return the sum of the distances between successive points. Units: mm."""
     z = as_complex(points)
     return float(np.abs(z[1:] - z[:-1]).sum())

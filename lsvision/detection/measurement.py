@@ -5,14 +5,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lsvision.detection.arcs import Rejection, span_of
-from lsvision.ellipse.section import CylinderSection, compute_intervals
+from lsvision.detection.arcs import Rejection, arc_from_indices
+from lsvision.ellipse.section import CylinderSection, precompute_intervals
 from lsvision.ellipse.section_table import section_cells
 from lsvision.profile import PreparedProfile, Profile
 from lsvision.results.picture import draw_svg
 from lsvision.results.quantities import Record
 from lsvision.results.result import Result
-from lsvision.results.summaries import counted, cylinder_summary, rejection_notes
+from lsvision.results.summaries import counted, list_rejections, summarise_cylinders
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -75,7 +75,7 @@ class Measurement(Result):
         >>> Measurement((), ()).to_dict()
         {'cylinders': [], 'rejections': []}
         """
-        compute_intervals(self.cylinders)
+        precompute_intervals(self.cylinders)
         return {
             "cylinders": [cylinder.to_dict() for cylinder in self.cylinders],
             "rejections": [rejection.to_dict() for rejection in self.rejections],
@@ -83,19 +83,19 @@ class Measurement(Result):
 
     def _summary(self) -> str:
         rejected = counted(len(self.rejections), "arc")
-        return f"{cylinder_summary(self.cylinders)}, {rejected} rejected"
+        return f"{summarise_cylinders(self.cylinders)}, {rejected} rejected"
 
     def _cells(self) -> list[tuple[str, ...]]:
-        compute_intervals(self.cylinders)
+        precompute_intervals(self.cylinders)
         return section_cells(self.cylinders)
 
     def _notes(self) -> list[str]:
         if not self.cylinders and not self.rejections:
             return [f"no cylinder found: {self.reason}"]
-        return rejection_notes(self.rejections, "arc", has_cylinders=bool(self.cylinders))
+        return list_rejections(self.rejections, "arc", has_cylinders=bool(self.cylinders))
 
     def _rows(self) -> list[Record]:
-        compute_intervals(self.cylinders)
+        precompute_intervals(self.cylinders)
         return [row for cylinder in self.cylinders for row in cylinder._rows()]
 
     def _picture(self) -> str:
@@ -135,10 +135,10 @@ def build_measurement(
 
     def with_columns(section: CylinderSection) -> CylinderSection:
         indices = columns[section.indices]
-        return CylinderSection(section.fit, span_of(np.sort(indices)), indices)
+        return CylinderSection(section.fit, arc_from_indices(np.sort(indices)), indices)
 
     rejected = [
-        Rejection(span_of(np.sort(columns[r.arc.start : r.arc.stop])), r.reason, r.convex)
+        Rejection(arc_from_indices(np.sort(columns[r.arc.start : r.arc.stop])), r.reason, r.convex)
         for r in rejections
     ]
     ordered = sorted(map(with_columns, cylinders), key=lambda section: section.centre[0])

@@ -65,7 +65,7 @@ def prepare_profile(profile: Profile, noise: NoiseModel | None) -> PreparedProfi
         If the noise model's covariance of a valid point is not finite, zero, or has a negative
         eigenvalue.
     """
-    columns = _valid_columns(profile.points)
+    columns = _select_valid_columns(profile.points)
     points = profile.points[columns]
     order = order_along_line(points)
     if order is not None:
@@ -75,7 +75,7 @@ def prepare_profile(profile: Profile, noise: NoiseModel | None) -> PreparedProfi
         columns, points = np.arange(len(profile)), profile.points
     if noise is None:
         ray, factor = 1j, MIN_ESTIMATED_VARIANCE_FACTOR
-        pitch = typical_pitch(points[valid])
+        pitch = measure_typical_pitch(points[valid])
         step = find_rounding([points[valid, 1]])
         if step is None:
             std = estimate_noise_std(points[valid], pitch)
@@ -86,13 +86,13 @@ def prepare_profile(profile: Profile, noise: NoiseModel | None) -> PreparedProfi
         covariances, factor = noise.covariances(profile.points)[columns], 1.0
         noisy = _add_covariances(points, covariances, valid)
         ray = noisy[valid].mean_ray
-        pitch = typical_pitch(as_vectors(in_ray_frame(noisy.z[valid], ray)))
+        pitch = measure_typical_pitch(as_vectors(in_ray_frame(noisy.z[valid], ray)))
         # Of errors along the ray, the variance is the trace of the covariance.
         std = math.sqrt(2 * upper_median(noisy.mean_variance)) if len(valid) else 0.0
     return PreparedProfile(points, noisy, valid, columns, std, pitch, factor, ray)
 
 
-def _valid_columns(points: Points) -> IntArray:
+def _select_valid_columns(points: Points) -> IntArray:
     """Return the columns that are not lost, thinned symmetrically from both ends."""
     valid: IntArray = (~np.isnan(points[:, 0])).nonzero()[0]
     if len(valid) <= MAX_POINTS:
@@ -112,7 +112,7 @@ def _add_covariances(points: Points, covariances: FloatArray, valid: IntArray) -
     return noisy
 
 
-def typical_pitch(points: Points) -> float:
+def measure_typical_pitch(points: Points) -> float:
     """Return the median spacing of ordered points (n, 2) along X (across the rays). Units: mm.
 
     Where all have the same x, their extent along Y over their number; 1 if all coincide or there is

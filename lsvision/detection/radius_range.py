@@ -20,7 +20,7 @@ MAX_RADIUS_EXTENTS = 0.5 / math.sin(math.radians(AcceptanceSettings().min_covera
 cover less than the smallest accepted angle."""
 
 
-def search_range(
+def find_radius_range(
     radius: float | tuple[float, float] | None, known: RadiusPrior | None, profile: PreparedProfile
 ) -> tuple[float, float]:
     """Return the smallest and the largest radius of the search. Units: mm.

@@ -24,7 +24,8 @@ JUMP_PITCHES = 0.5
 """Number of pitches that are added to this distance: the top of a narrow crest is by as much above
 the median of five points."""
 MAX_ADJACENT_JUMPS = 2
-"""Largest number of adjacent jumps that the median filter removes."""
+"""Largest number of adjacent jumps that the median filter removes: it takes the median of 2 n + 1
+points, of which n may be jumps. Longer runs are components of their own, too short for an arc."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,7 +81,7 @@ def build_range_image(
     return RangeImage(indices, connected)
 
 
-def connected_components(range_image: RangeImage, smallest: int) -> list[IntArray]:
+def find_connected_components(range_image: RangeImage, smallest: int) -> list[IntArray]:
     """Return the indices of the points of each component with at least `smallest` points."""
     indices, connected = range_image
     cuts = (~connected).nonzero()[0] + 1

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from lsvision.detection import candidates, windows
-from lsvision.detection.arcs import MAX_OVERLAP, Rejection, span_of
+from lsvision.detection.arcs import MAX_OVERLAP, Rejection, arc_from_indices
 from lsvision.ellipse.section import CylinderSection
 from lsvision.geometry import BoolArray, IntArray
 from lsvision.profile import Arc, PreparedProfile
@@ -81,7 +81,7 @@ def _find_unexplained(
         edges = (is_explained[1:] != is_explained[:-1]).nonzero()[0] + 1
         for i, j in pairwise([0, *edges.tolist(), len(component)]):
             if j - i >= smallest and not is_explained[i]:
-                segments.append(Rejection(span_of(component[i:j]), ""))
+                segments.append(Rejection(arc_from_indices(component[i:j]), ""))
     return segments
 
 
@@ -101,7 +101,9 @@ def _add_reasons(
     rows = np.zeros(len(starts), dtype=int)
     circles = windows.fit_window_circles(points, windows.Windows(rows, starts, stops))
     flat = circles.line_rms < MAX_FLAT_SIGMAS * profile.noise_std
-    fits_circle = circles.rms <= candidates.max_circle_rms(circles.radius, profile.noise_std)
+    fits_circle = circles.rms <= candidates.compute_max_circle_rms(
+        circles.radius, profile.noise_std
+    )
     straight = flat | ~(circles.rms < circles.line_rms)
     low, high = radius_range
 

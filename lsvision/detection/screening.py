@@ -21,10 +21,10 @@ from lsvision.detection.end_points import (
     EndInliers,
     EndPoints,
     Prediction,
-    departure_free_probability,
+    compute_departure_free_probability,
     find_end_inliers,
 )
-from lsvision.ellipse.arc_noise import estimate_arc_noise, smoothed_noise
+from lsvision.ellipse.arc_noise import apply_smoothing_sensor_noise, estimate_arc_noise
 from lsvision.ellipse.parameters import PARAMETERS, are_ellipses, ellipse_from_parameters
 from lsvision.ellipse.robust_gauss_newton import (
     EllipseResiduals,
@@ -33,8 +33,8 @@ from lsvision.ellipse.robust_gauss_newton import (
     arc_lengths,
     damped_step,
     ellipse_residuals,
-    gauss_newton_step,
-    inverse_information,
+    invert_information_or_nan,
+    take_gauss_newton_step,
 )
 from lsvision.geometry import BoolArray, FloatArray, IntArray
 from lsvision.geometry.arrays import select_rows
@@ -65,7 +65,7 @@ class _Noises(NamedTuple):
     variance_factor: FloatArray
     autocorrelation_time: FloatArray
     low_frequency_time: FloatArray
-    smoothed: BoolArray
+    sensor_smooths: BoolArray
 
     @property
     def mixed_points(self) -> IntArray:
@@ -142,14 +142,14 @@ def _fit_middles(arcs: list[SplitArc]) -> Iterator[_ArcFits]:
     fits = _fit_middle(ArcStack.of(arcs)) if arcs else None
     if fits is None:
         return
-    smoothed = fits.noise.smoothed
-    if not smoothed.any():
+    sensor_smooths = fits.noise.sensor_smooths
+    if not sensor_smooths.any():
         yield fits
         return
-    yield select_rows(fits, ~smoothed)
-    stack, evaluated, _ = select_rows(fits, smoothed)
+    yield select_rows(fits, ~sensor_smooths)
+    stack, evaluated, _ = select_rows(fits, sensor_smooths)
     stds = np.array([[arc.profile.noise_std] for arc in stack.arcs])
-    points = smoothed_noise(stack.points, evaluated.normals, stds)
+    points = apply_smoothing_sensor_noise(stack.points, evaluated.normals, stds)
     fits = _fit_middle(stack._replace(points=points))
     if fits is not None:
         yield fits
@@ -162,7 +162,7 @@ def _fit_middle(stack: ArcStack) -> _ArcFits | None:
     """
     middle = stack.middle
     evaluated = ellipse_residuals(stack.points[..., middle], stack.parameters)
-    parameters = gauss_newton_step(evaluated, stack.parameters, stack.middle_valid)
+    parameters = take_gauss_newton_step(evaluated, stack.parameters, stack.middle_valid)
     stack, fitted = stack._replace(parameters=parameters), ~np.isnan(parameters[:, 0])
     if not fitted.any():
         return None
@@ -189,9 +189,9 @@ def _compare_ends(fits: _ArcFits) -> Iterator[tuple[int, ScreenedArc | Identifie
         fits, ends, converged = _compare_once(fits)
         finished = converged | (remaining == 0)
         if finished.all():
-            yield from _screened_arcs(fits, ends)
+            yield from _finish_arcs(fits, ends)
             return
-        yield from _screened_arcs(*select_rows((fits, ends), finished))
+        yield from _finish_arcs(*select_rows((fits, ends), finished))
         fits = select_rows(fits, ~finished)
         evaluated = ellipse_residuals(fits.stack.points, fits.stack.parameters)
         fits = fits._replace(evaluated=evaluated)
@@ -214,7 +214,7 @@ def _compare_once(fits: _ArcFits) -> tuple[_ArcFits, _EndComparison, BoolArray]:
     # Each end is predicted from the middle part and the other end.
     others = with_prior[:, None] + ends.normal_equations(stack.members)[:, ::-1]
     prediction, singular = _predict(others, fits)
-    points = _end_points(fits, rows[..., :PARAMETERS, :])
+    points = _build_end_points(fits, rows[..., :PARAMETERS, :])
     inliers = find_end_inliers(points, prediction)
     changed = np.logical_or.reduce(inliers.members != stack.members, axis=(1, 2))
     equations += ends.normal_equations(inliers.members).sum(axis=1)
@@ -227,7 +227,7 @@ def _compare_once(fits: _ArcFits) -> tuple[_ArcFits, _EndComparison, BoolArray]:
 
 def _predict(equations: FloatArray, fits: _ArcFits) -> tuple[Prediction, BoolArray]:
     """Return the predictions of both ends (k, 2), and which arcs have singular equations (k,)."""
-    covariance = inverse_information(equations)
+    covariance = invert_information_or_nan(equations)
     singular = np.isnan(covariance[..., 0, 0])
     covariance[singular] = 0.0
     offset = (covariance @ equations[..., PARAMETERS:])[..., 0]
@@ -241,7 +241,7 @@ def _predict(equations: FloatArray, fits: _ArcFits) -> tuple[Prediction, BoolArr
     return prediction, singular[:, 0] | singular[:, 1]
 
 
-def _end_points(fits: _ArcFits, jacobian: FloatArray) -> EndPoints:
+def _build_end_points(fits: _ArcFits, jacobian: FloatArray) -> EndPoints:
     """Return the points of both ends of k arcs, (k, 2, m + 2), with their `jacobian`."""
     evaluated, all_points, take_ends = fits.evaluated, fits.stack.points, fits.stack.take_ends
     mean_variance, deviator = take_ends(all_points.mean_variance), take_ends(all_points.deviator)
@@ -254,7 +254,7 @@ def _end_points(fits: _ArcFits, jacobian: FloatArray) -> EndPoints:
     return EndPoints(residuals, variances, jacobian, cosines, positions)
 
 
-def _screened_arcs(
+def _finish_arcs(
     fits: _ArcFits, ends: _EndComparison
 ) -> Iterator[tuple[int, ScreenedArc | IdentifiedArc]]:
     """Yield the number of each arc with its result, as `_compare_ends` does."""
@@ -279,13 +279,14 @@ def _select_probable(fits: _ArcFits, ends: _EndComparison) -> BoolArray:
     """
     members, log_odds, leverages = ends.inliers
     following = _mark_connected_beyond(fits.stack)
-    # Quadratic costs of a wrong decision: without a true inlier the ellipse remains as it is; a
-    # false one may shift the ellipse by sqrt(leverage) of its standard deviations.
+    # Including an outlier costs its leverage (the square of the shift of the ellipse there, over
+    # the variance of a point), leaving out an inlier costs 1: a point is included where
+    # probability(inlier) * 1 > probability(outlier) * leverage.
     selected = members & (log_odds > np.log(leverages))
     continues: BoolArray = np.logical_or.reduce(following, axis=-1)
     if continues.any():
         continued = select_rows((ends.points, ends.prediction, members, following), continues)
-        selected[continues] &= departure_free_probability(*continued) > MIN_DEPARTURE_FREE
+        selected[continues] &= compute_departure_free_probability(*continued) > MIN_DEPARTURE_FREE
     # A contact has enough connected points beyond the last inlier, or enough rejected inliers.
     rejected = (members & ~selected).sum(axis=-1)
     contact = np.maximum(following.sum(axis=-1), rejected) >= MIN_CONTACT_POINTS

@@ -55,7 +55,7 @@ class WindowCircles:
     convex: BoolArray
 
 
-def multiscale_windows(sizes: Sequence[int], smallest: int) -> IntArray:
+def build_multiscale_windows(sizes: Sequence[int], smallest: int) -> IntArray:
     """Return starts and stops (2, w) of windows of increasing length in successive components.
 
     `sizes` are the numbers of points of one or more components, `smallest` is that of the shortest
@@ -64,14 +64,14 @@ def multiscale_windows(sizes: Sequence[int], smallest: int) -> IntArray:
     """
     firsts = accumulate(sizes[:-1], initial=0)
     spans = [
-        first + _component_windows(size, smallest)
+        first + _build_component_windows(size, smallest)
         for first, size in zip(firsts, sizes, strict=True)
     ]
     return np.concatenate(spans, axis=1)
 
 
 @lru_cache(maxsize=MAX_CACHED_SIZES)
-def _component_windows(size: int, smallest: int) -> IntArray:
+def _build_component_windows(size: int, smallest: int) -> IntArray:
     """Return starts and stops (2, w) of the windows of a component of `size` points."""
     starts, stops, length = list[int](), list[int](), smallest
     while length < size:
@@ -130,15 +130,21 @@ def fit_window_circles(points: ComplexArray, windows: Windows) -> WindowCircles:
         centre = variance * cov_qz - pseudo_variance * cov_qz.conj()
         centre /= variance**2 - modulus**2
         from_mean = centre - mean
+        # radius^2 = E |z - centre|^2.
         radius = np.sqrt(variance + (from_mean * from_mean.conj()).real)
         radius = np.fmin(radius, np.inf)  # NaN becomes inf
+        # The algebraic residual |z - centre|^2 - radius^2 is 2 radius times the distance; at the
+        # minimum its variance is that of q minus the part that 2 Re(conj(centre) z) explains.
         rms = np.sqrt(np.maximum(var_q - 2 * (centre.conj() * cov_qz).real, 0.0)) / (2 * radius)
+    # The smaller eigenvalue of the covariance of x and y: the variance perpendicular to the line.
     line_rms = np.sqrt(np.maximum(variance - modulus, 0.0) / 2)
     centre += origins.take(rows)
     return WindowCircles(centre, radius, rms, line_rms, from_mean.imag < 0)
 
 
-def arc_coverage(points: ComplexArray, windows: Windows, centres: ComplexArray) -> FloatArray:
+def measure_arc_coverage(
+    points: ComplexArray, windows: Windows, centres: ComplexArray
+) -> FloatArray:
     """Return the angle (w,) between the first and the last point of each window. Units: rad.
 
     `points` are rows (p, n) of points, `centres` (w,) the centres of the circles, x + iy in mm. The

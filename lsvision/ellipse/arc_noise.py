@@ -32,7 +32,7 @@ MAX_INCIDENCE_STD_FACTOR = 4.0
 MIN_SCORE_SIGMAS = 2.0
 """Score (Breusch and Pagan), in standard deviations, above which errors are taken to increase with
 incidence: by chance in 2 % of the arcs."""
-ROUNDING = 4 * float(np.finfo(float).eps)
+MAX_ROUNDING_FRACTION = 4 * float(np.finfo(float).eps)
 """Largest rms of residuals that consist of rounding errors only, relative to the coordinates: for
 exact points it is a third of an eps, and the correlation of rounding errors is not the sensor's."""
 
@@ -48,14 +48,14 @@ class ArcNoise(NamedTuple):
         Number of points per effective point.
     low_frequency_time : float
         Autocorrelation time of the lowest frequencies alone: the factor on the covariance of a fit.
-    smoothed : bool
+    sensor_smooths : bool
         Whether neighbouring errors are correlated, since the sensor smooths along the line.
     """
 
     variance_factor: float
     autocorrelation_time: float
     low_frequency_time: float
-    smoothed: bool
+    sensor_smooths: bool
 
 
 def estimate_arc_noise(normalised: FloatArray, min_variance_factor: float) -> ArcNoise:
@@ -67,17 +67,17 @@ def estimate_arc_noise(normalised: FloatArray, min_variance_factor: float) -> Ar
     scale = upper_mad_std(normalised)
     factor = max(scale * scale, min_variance_factor)
     if min_variance_factor >= 1:
-        return ArcNoise(factor, 1.0, 1.0, smoothed=False)
+        return ArcNoise(factor, 1.0, 1.0, sensor_smooths=False)
     limit = SIGNIFICANT_SIGMAS * scale
     clipped = np.minimum(np.maximum(normalised, -limit), limit)
-    time, smoothed = neighbour_correlation(clipped, FIT_PARAMETERS)
-    if not smoothed:
-        return ArcNoise(factor, time, time, smoothed=False)
+    time, sensor_smooths = neighbour_correlation(clipped, FIT_PARAMETERS)
+    if not sensor_smooths:
+        return ArcNoise(factor, time, time, sensor_smooths=False)
     low_frequency_time = estimate_correlation(clipped).autocorrelation_time
-    return ArcNoise(factor, time, low_frequency_time, smoothed=True)
+    return ArcNoise(factor, time, low_frequency_time, sensor_smooths=True)
 
 
-def smoothed_noise(
+def apply_smoothing_sensor_noise(
     points: NoisyPoints, normals: ComplexArray, std: float | FloatArray
 ) -> NoisyPoints:
     """Return the points with the noise of a sensor that smooths along the line.
@@ -118,7 +118,7 @@ def estimate_arc_correlation(
     `parameters` (5,) are those of the ellipse, see `lsvision.ellipse.parameters`.
     """
     x, y, m = parameters[:3].tolist()
-    rounding = ROUNDING * (math.hypot(x, y) + m)
+    rounding = MAX_ROUNDING_FRACTION * (math.hypot(x, y) + m)
     if float(residuals @ residuals) <= len(residuals) * rounding * rounding:
         return UNCORRELATED
     return estimate_correlation(normalised)

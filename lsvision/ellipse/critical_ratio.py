@@ -9,9 +9,9 @@ which are standard deviations along the principal axes of the covariance of d, t
 ellipse, and F - min F of a phi or theta is the squared distance of the estimate from ring or half
 line. That is below c if the estimate lies in a tube of half width sqrt(c) about them. So c is the
 squared half width of the tube that has the probability `level` (Neyman's construction; see
-`lsvision.ellipse.intervals.intervals` for a reference). Wilks' theorem has a straight line instead:
-c is then the quantile of chi^2 with one degree of freedom. At the circle, where the ring is a
-point, it is that with two; near it c lies between them.
+`lsvision.ellipse.intervals.find_intervals` for a reference). Wilks' theorem has a straight line
+instead: c is then the quantile of chi^2 with one degree of freedom. At the circle, where the ring
+is a point, it is that with two; near it c lies between them.
 """
 
 import math
@@ -28,7 +28,7 @@ from lsvision.geometry.arrays import TINY
 from lsvision.geometry.noisy_points import ComplexArray
 from lsvision.statistics.quantiles import normal_probability, squared_quantile
 
-MAX_RING_SIGMAS, MAX_CURVATURE_RADIUS = 20.0, 1.2
+MIN_STRAIGHT_RING_SIGMAS, MIN_STRAIGHT_CURVATURE_RADIUS_SIGMAS = 20.0, 1.2
 """Distance of the true d from the circle, and smallest radius of curvature of the ring, in sigmas,
 beyond which the ring counts as a straight line. A curved tube gains as much probability on its
 inner side as it loses on its outer one, to first order in the curvature. So c, which is never below
@@ -108,7 +108,8 @@ class CriticalRatios:
         whitened = _whiten_directions(deviators, semi_axes, principal_axes)
         # The smallest radius of curvature of an ellipse with semi-axes a h and b h is h b^2 / a.
         min_straight_h = np.minimum(
-            MAX_CURVATURE_RADIUS * a / b**2, MAX_RING_SIGMAS / np.abs(whitened)
+            MIN_STRAIGHT_CURVATURE_RADIUS_SIGMAS * a / b**2,
+            MIN_STRAIGHT_RING_SIGMAS / np.abs(whitened),
         )
         fractions, prior_ratios = _phi_priors_about_circles(stack, variances, level)
         return cls(
@@ -250,7 +251,7 @@ def _phi_priors_about_circles(
             # Information is 1 over variance: the mean variance of d over that of the prior.
             prior_std = known.deviator_std * stack.parameters[k, 2]
             fractions[k] = min(variances[k].sum() / (2 * prior_std**2), 1.0)
-            ratios[k] = known.max_likelihood_ratio(level)
+            ratios[k] = known.compute_critical_ratio(level)
     return fractions, ratios
 
 

@@ -34,13 +34,13 @@ from lsvision.ellipse.problem import (
     Solution,
     minimise,
 )
-from lsvision.ellipse.robust_gauss_newton import inverse_or_huge
+from lsvision.ellipse.robust_gauss_newton import invert_information_or_huge
 from lsvision.errors import LsvisionError, TooFewPoints
 from lsvision.geometry import Ellipse, FloatArray, Points, as_readonly_array
 from lsvision.geometry.arrays import TINY, require_coordinates, require_covariances
 from lsvision.geometry.noisy_points import NoisyPoints, as_complex
 from lsvision.statistics.numerical_failures import report_numerical_failure, require_finite
-from lsvision.statistics.robust import SIGNIFICANT_SIGMAS
+from lsvision.statistics.robust import estimate_excess_variance
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -232,7 +232,7 @@ def _fit(arcs: list[StartedArc], priors: Priors, settings: FittingSettings) -> F
     return fits
 
 
-def with_known_radius(fit: EllipseFit, known_radius: RadiusPrior) -> EllipseFit:
+def refit_with_known_radius(fit: EllipseFit, known_radius: RadiusPrior) -> EllipseFit:
     """Repeat a fit with a prior on the radius, and with the noise estimated by that fit.
 
     Parameters
@@ -303,7 +303,7 @@ def _update_fit(fit: EllipseFit, problem: EllipseProblem, solution: Solution) ->
         parameters=solution.parameters,
         residuals=residuals,
         normalised=residuals / fit.problem.stds * inverse_factor,
-        unscaled_covariance=inverse_or_huge(solution.information),
+        unscaled_covariance=invert_information_or_huge(solution.information),
         variance_factor=1.0,
         converged=solution.converged,
     )
@@ -318,8 +318,7 @@ def _build_fit(arc: SolvedArc, variance: Literal["given", "estimated"]) -> Ellip
     dof = float(max(count - PARAMETERS, 1)) + problem.prior_residual_count
     reduced_chi2 = float(normalised @ normalised) / dof
     if variance == "given":
-        significant = reduced_chi2 > 1 + SIGNIFICANT_SIGMAS * math.sqrt(2 / dof)
-        factor, dof = (reduced_chi2 if significant else 1.0), np.inf
+        factor, dof = estimate_excess_variance(reduced_chi2, dof), np.inf
     else:
         factor = max(reduced_chi2, TINY)
         normalised = normalised / np.sqrt(factor)
@@ -335,7 +334,7 @@ def _build_fit(arc: SolvedArc, variance: Literal["given", "estimated"]) -> Ellip
         residuals=residuals,
         normalised=normalised,
         normals=solution.normals,
-        unscaled_covariance=inverse_or_huge(solution.information),
+        unscaled_covariance=invert_information_or_huge(solution.information),
         variance_factor=factor * correlation.autocorrelation_time,
         degrees_of_freedom=dof,
         correlation=correlation,

@@ -11,7 +11,8 @@ from lsvision.geometry.noisy_points import ComplexArray
 from lsvision.statistics.correlation import Correlation
 
 NONCIRCULAR_SIGMAS = 5.0
-"""Standard deviations of (p, q) from 0 above which phi and theta are normally distributed."""
+"""Standard deviations of (p, q) from 0 above which phi and theta are taken as normally distributed:
+there the mean of |(p, q)| exceeds its true value by 0.1 standard deviations (std^2 / (2 h))."""
 
 
 @dataclass(frozen=True, eq=False)

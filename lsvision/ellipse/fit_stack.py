@@ -71,7 +71,7 @@ class FitStack:
             degrees_of_freedom=np.array([fit.degrees_of_freedom for fit in fits], dtype=float),
             points=points,
             weights=weights,
-            arc_middles=_directions(middles, parameters),
+            arc_middles=_compute_directions(middles, parameters),
             known_radius=np.array([problem.known_radius is not None for problem in problems]),
             has_prior=np.array([problem.prior_residual_count > 0 for problem in problems]),
             may_be_circle=np.array([tilt is None or tilt.includes_circle for tilt in tilts]),
@@ -87,7 +87,7 @@ def _stack_points(problems: Sequence[EllipseProblem]) -> tuple[ComplexArray, Flo
     return stack_padded(points, indices), valid / variances
 
 
-def _directions(points: ComplexArray, parameters: FloatArray) -> ComplexArray:
+def _compute_directions(points: ComplexArray, parameters: FloatArray) -> ComplexArray:
     """Return w of the point where the ray from each centre to a point meets the ellipse, (s,)."""
     offset = points - as_complex(parameters[:, :2])
     # Solution of offset = t E w with t > 0.

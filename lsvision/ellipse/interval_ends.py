@@ -58,7 +58,7 @@ MAX_RATIO = 6.0
 STEP_REDUCTION, STEP_GROWTH = 0.35, 1.5
 """Factors on the fraction of a step that is taken: after a rejected step (which includes one that
 leads to no ellipse), and after an accepted step."""
-FIRST, SECOND = list(SECOND_ENDS), list(SECOND_ENDS.values())
+FIRST_COLUMNS, SECOND_COLUMNS = list(SECOND_ENDS), list(SECOND_ENDS.values())
 """Columns of the ends that may have two local extrema, and columns of their second extrema."""
 MAX_FLATTENING = 0.998
 """Largest h / m of a step: an axis ratio of 1 to 1000."""
@@ -259,10 +259,10 @@ class _Search:
         values_in_region = np.where(in_region, values, -np.inf)
         values_at_ends = np.diagonal(values, axis1=1, axis2=2).copy()
         # Of two local extrema of one quantity, the more extreme one counts.
-        both = np.maximum(values_at_ends[:, FIRST], values_at_ends[:, SECOND])
-        for columns in (FIRST, SECOND):
+        both = np.maximum(values_at_ends[:, FIRST_COLUMNS], values_at_ends[:, SECOND_COLUMNS])
+        for columns in (FIRST_COLUMNS, SECOND_COLUMNS):
             single = values_at_ends[:, columns]
-            values_at_ends[:, columns] = np.where(is_found[:, SECOND], both, single)
+            values_at_ends[:, columns] = np.where(is_found[:, SECOND_COLUMNS], both, single)
         slack = SURPASSING_FRACTION * np.abs(values_at_ends - values[:, END_COUNT])
         is_surpassed = values_in_region.max(axis=1) > values_at_ends + slack
         again = self.wanted & (active | is_surpassed)

@@ -46,8 +46,10 @@ from lsvision.ellipse.region_extrema import (
 )
 from lsvision.geometry import FloatArray
 
-Quantity = Literal["radius", "theta", "phi", "centre_x", "centre_y"]
+SectionQuantity = Literal["radius", "theta", "phi", "centre_x", "centre_y"]
+"""Quantities of a section that have an interval."""
 Interval = tuple[float, float]
+"""Low and high end. Units: mm or rad."""
 
 THETA_LEVEL, MAX_THETA_ERROR = 0.95, math.radians(23.0)
 """Level of confidence of a determined theta, and largest half width of its interval (rad): far from
@@ -55,8 +57,10 @@ a circle, that of 30 deg at 99 %."""
 MAX_PHI = math.radians(88.0)
 """Largest phi of an interval; at 90 deg the section is no ellipse. Units: rad."""
 MIN_RADIUS_FACTOR, MAX_RADIUS_FACTOR = 0.02, 50.0
-"""Limits of an interval of the radius, as multiples of the estimated radius. The second is also the
-largest distance of an end of the centre's interval from the estimate, in semi-major axes."""
+"""Limits of an interval of the radius, as multiples of the estimated radius: so far beyond the
+factor of 2 from which on detection rejects a radius that their size does not matter. The second is
+also the largest distance of an end of the centre's interval from the estimate, in semi-major
+axes."""
 ENDS_OF = {
     "radius": ((RADIUS_LOW, RADIUS_LOW_2), (RADIUS_HIGH,)),
     "phi": ((PHI_LOW, CIRCLE), (PHI_HIGH, PHI_HIGH_2)),
@@ -67,8 +71,9 @@ ENDS_OF = {
 ENDS_OF_THETA = THETA_LOW, THETA_HIGH, CIRCLE
 """The same for both ends of theta."""
 MAX_PRIOR_STD_RATIO = 0.995
-"""Largest ratio of a known quantity's std to its prior's with which the points contribute. Above it
-the interval is that of the prior."""
+"""Largest ratio of a known quantity's std to its prior's with which the points contribute: there
+the points have 1 % of the information of the prior (1 / 0.995^2 - 1). Above it the interval is that
+of the prior."""
 MIN_NOISE_RATIO = 1e-9
 """Smallest ratio of the points' noise to the mean semi-axis m: below it F consists of rounding
 errors."""
@@ -84,7 +89,7 @@ class Intervals(NamedTuple):
     centre_y: Interval
 
 
-class _Found(NamedTuple):
+class _FitIntervals(NamedTuple):
     """Intervals of a fit, and whether a circle is excluded at 99.9 %."""
 
     intervals: Intervals
@@ -92,10 +97,10 @@ class _Found(NamedTuple):
 
 
 # Results that were computed for each fit, by level; they are dropped together with the fit.
-_FOUND: WeakKeyDictionary[EllipseFit, dict[float, _Found]] = WeakKeyDictionary()
+_INTERVALS_BY_FIT: WeakKeyDictionary[EllipseFit, dict[float, _FitIntervals]] = WeakKeyDictionary()
 
 
-def interval(fit: EllipseFit, quantity: Quantity, level: float = 0.95) -> Interval:
+def find_interval(fit: EllipseFit, quantity: SectionQuantity, level: float = 0.95) -> Interval:
     """Return the interval that contains the true value of a quantity with probability `level`.
 
     Parameters
@@ -110,20 +115,22 @@ def interval(fit: EllipseFit, quantity: Quantity, level: float = 0.95) -> Interv
     Returns
     -------
     low, high : float
-        Ends of the interval; see `intervals`.
+        Ends of the interval; see `find_intervals`.
 
     Raises
     ------
     ValueError
         If the quantity is unknown, or the level is not between 0 and 1.
     """
-    if quantity not in get_args(Quantity):
-        raise ValueError(f"expected one of {', '.join(get_args(Quantity))}, got {quantity!r}")
-    ends: Interval = getattr(intervals(fit, level), quantity)
+    if quantity not in get_args(SectionQuantity):
+        raise ValueError(
+            f"expected one of {', '.join(get_args(SectionQuantity))}, got {quantity!r}"
+        )
+    ends: Interval = getattr(find_intervals(fit, level), quantity)
     return ends
 
 
-def intervals(fit: EllipseFit, level: float = 0.95) -> Intervals:
+def find_intervals(fit: EllipseFit, level: float = 0.95) -> Intervals:
     """Return the intervals of all quantities, each with a coverage probability of `level`.
 
     Parameters
@@ -151,13 +158,13 @@ def intervals(fit: EllipseFit, level: float = 0.95) -> Intervals:
     Chuang and Lai, Hybrid resampling methods for confidence intervals, Statistica Sinica 10,
     2000 (the critical value of a likelihood ratio is computed for each value of the quantity).
     """
-    return intervals_of_fits([fit], level)[0]
+    return find_intervals_of_fits([fit], level)[0]
 
 
-def intervals_of_fits(fits: Sequence[EllipseFit], level: float = 0.95) -> list[Intervals]:
+def find_intervals_of_fits(fits: Sequence[EllipseFit], level: float = 0.95) -> list[Intervals]:
     """Return the intervals of all quantities of several fits, three times as fast as of each alone.
 
-    Each fit keeps its intervals, so that `intervals` does not compute them again.
+    Each fit keeps its intervals, so that `find_intervals` does not compute them again.
 
     Parameters
     ----------
@@ -169,37 +176,37 @@ def intervals_of_fits(fits: Sequence[EllipseFit], level: float = 0.95) -> list[I
     Returns
     -------
     list of Intervals
-        See `intervals`.
+        See `find_intervals`.
     """
     if not 0 < level < 1:
         raise ValueError(f"expected a level between 0 and 1, got {level}")
-    return [found.intervals for found in _find_intervals(fits, float(level))]
+    return [found.intervals for found in _look_up_intervals(fits, float(level))]
 
 
-def theta_is_determined(fit: EllipseFit) -> bool:
+def is_theta_determined(fit: EllipseFit) -> bool:
     """Return whether a circle is excluded at 99.9 %, and an error of theta of 23 deg at 95 %."""
     return are_thetas_determined([fit])[0]
 
 
 def are_thetas_determined(fits: Sequence[EllipseFit]) -> list[bool]:
-    """Return `theta_is_determined` of several fits; it takes their intervals at 95 %."""
+    """Return `is_theta_determined` of several fits; it takes their intervals at 95 %."""
     determined = []
-    for fit, (found, is_no_circle) in zip(fits, _find_intervals(fits, THETA_LEVEL), strict=True):
+    for fit, (found, is_no_circle) in zip(fits, _look_up_intervals(fits, THETA_LEVEL), strict=True):
         (low, high), theta = found.theta, fit.ellipse.theta
         determined.append(is_no_circle and max(high - theta, theta - low) < MAX_THETA_ERROR)
     return determined
 
 
-def _find_intervals(fits: Sequence[EllipseFit], level: float) -> list[_Found]:
+def _look_up_intervals(fits: Sequence[EllipseFit], level: float) -> list[_FitIntervals]:
     """Return the intervals of fits, those that are kept and those that are computed now."""
-    kept = [_FOUND.setdefault(fit, {}) for fit in fits]
+    kept = [_INTERVALS_BY_FIT.setdefault(fit, {}) for fit in fits]
     new = [fit for fit, levels in zip(fits, kept, strict=True) if level not in levels]
     for fit, found in zip(new, _compute_intervals(new, level), strict=True):
-        _FOUND[fit][level] = found
+        _INTERVALS_BY_FIT[fit][level] = found
     return [levels[level] for levels in kept]
 
 
-def _compute_intervals(fits: Sequence[EllipseFit], level: float) -> list[_Found]:
+def _compute_intervals(fits: Sequence[EllipseFit], level: float) -> list[_FitIntervals]:
     """Return the intervals of fits whose results are not kept."""
     if not fits:
         return []
@@ -217,7 +224,7 @@ def _compute_intervals(fits: Sequence[EllipseFit], level: float) -> list[_Found]
     is_no_circle |= ~stack.may_be_circle
     computed = map(_intervals_between, stack.fits, _split_by_fit(critical_ratios, ends))
     return [
-        _Found(intervals_of_fit._replace(**quantities), excluded)
+        _FitIntervals(intervals_of_fit._replace(**quantities), excluded)
         for intervals_of_fit, quantities, excluded in zip(
             computed, known, is_no_circle.tolist(), strict=True
         )
@@ -285,7 +292,7 @@ def _split_by_fit(critical_ratios: CriticalRatios, ends: IntervalEnds) -> Iterat
 
 def _intervals_between(fit: EllipseFit, ends: _EndsOfFit) -> Intervals:
     """Return the intervals between end points, clipped to their limits."""
-    limits = _limits(fit)
+    limits = _limit_intervals(fit)
     x, y, m, p, q = ends.parameters.T.tolist()
     h = list(map(math.hypot, p, q))
     # Both local extrema, if both were searched; the first, with the estimate in it, if none was.
@@ -336,7 +343,7 @@ def _theta_interval(fit: EllipseFit, ends: FloatArray) -> Interval:
     return theta + (low if low <= 0 else -quarter), theta + (high if high >= 0 else quarter)
 
 
-def _limits(fit: EllipseFit) -> Intervals:
+def _limit_intervals(fit: EllipseFit) -> Intervals:
     """Return the widest intervals that are reported."""
     ellipse, (x, y) = fit.ellipse, fit.ellipse.centre
     far = MAX_RADIUS_FACTOR * ellipse.semi_major

@@ -19,7 +19,7 @@ PARAMETER_TOLERANCE = 1e-10
 """Size of the trust region, relative to the parameters, below which the iteration has converged. A
 larger one would depend on the distance of the origin."""
 REGION_TOLERANCE = 0.1
-"""Relative error with which a step is fitted into the trust region."""
+"""Relative error with which a step is fitted into the trust region; as in lmder."""
 MIN_RELATIVE_INFORMATION = 1e-8
 """Smallest information about a parameter, relative to the largest, as a scale of the trust region:
 points on a straight line along X have no information about the centre's y, whose step would
@@ -27,18 +27,19 @@ otherwise be unlimited."""
 MAX_DAMPING_ITERATIONS = 10
 """Largest number of iterations for the damping of a step."""
 MIN_GAIN = 1e-4
-"""Ratio of the actual to the predicted decrease of chi^2 from which a step is accepted."""
+"""Ratio of the actual to the predicted decrease of chi^2 from which a step is accepted, as in
+lmder."""
 SMALL_GAIN, LARGE_GAIN = 0.25, 0.75
-"""Ratios up to which the trust region shrinks, and from which it grows."""
+"""Ratios up to which the trust region shrinks, and from which it grows; as in lmder."""
 MIN_SHRINK_FACTOR = 0.1
-"""Smallest factor by which the trust region shrinks after a failure."""
+"""Smallest factor by which the trust region shrinks after a failure; as in lmder."""
 MAX_GAIN = 2.0
 """Largest ratio with which the iteration may end: above it the prediction is wrong."""
 UNEVALUATED_FRACTION = 1e-2
 """Predicted decrease of chi^2, over the tolerance, up to which the last step is taken without an
 evaluation: most arcs then need 2 evaluations instead of 3. The residuals at the solution are then
 extrapolated to first order; their error is the square of a step of a tenth of the tolerated one."""
-MAX_INCREASE = 100.0
+MAX_CHI2_RATIO = 100.0
 """Ratio of chi^2 to the best one above which a step has failed, however small it was."""
 
 
@@ -151,7 +152,7 @@ class LevenbergMarquardt:
 
     def _update_region(self, cost: float) -> bool:
         """Adapt the trust region to chi^2 after a step; return whether the step is accepted."""
-        failed = not cost < MAX_INCREASE * self.cost
+        failed = not cost < MAX_CHI2_RATIO * self.cost
         actual, predicted = -1.0 if failed else 1 - cost / self.cost, self._predicted
         gain = actual / predicted if predicted else 0.0
         if gain <= SMALL_GAIN:

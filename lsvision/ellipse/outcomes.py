@@ -7,13 +7,13 @@ from lsvision.errors import LsvisionError
 
 T = TypeVar("T")
 """Type of a success."""
-Result = TypeVar("Result")
+Output = TypeVar("Output")
 
 
 def apply_to_successes(
-    step: Callable[[list[T]], Iterable[Result | LsvisionError]],
+    step: Callable[[list[T]], Iterable[Output | LsvisionError]],
     outcomes: Sequence[T | LsvisionError],
-) -> list[Result | LsvisionError]:
+) -> list[Output | LsvisionError]:
     """Apply a function of a list to the outcomes that are no errors; errors stay where they are.
 
     Parameters
@@ -42,9 +42,9 @@ def apply_to_successes(
 
 
 def replace_some(
-    outcomes: list[Result | LsvisionError],
+    outcomes: list[Output | LsvisionError],
     inputs: Mapping[int, T],
-    step: Callable[[list[T]], Iterable[Result | LsvisionError]],
+    step: Callable[[list[T]], Iterable[Output | LsvisionError]],
 ) -> None:
     """Replace some outcomes, in place, by the results of a function of a list of new inputs.
 
@@ -69,7 +69,7 @@ def replace_some(
             outcomes[index] = result
 
 
-def catch_error(step: Callable[..., Result], *arguments: object) -> Result | LsvisionError:
+def catch_error(step: Callable[..., Output], *arguments: object) -> Output | LsvisionError:
     """Return the result of a function, or the error that it raises.
 
     Examples

@@ -1,9 +1,9 @@
 """Ellipse parameters that are regular at a circle, and residuals of points from the ellipse.
 
-The ellipse is ``c + E w`` for all unit vectors w, with the symmetric matrix
-``E = [[m + p, q], [q, m - p]]``; so ``a = m + h``, ``b = m - h``, ``h = |(p, q)|`` and
-``theta = atan2(q, p) / 2``. In (a, b, theta) a circle (a pipe perpendicular to the laser plane)
-is a singular point; in (m, p, q) it is regular.
+The ellipse is ``c + E w`` for all unit vectors w, with the symmetric matrix ``E = [[m + p, q], [q,
+m - p]]``; so ``a = m + h``, ``b = m - h``, ``h = |(p, q)|`` and ``theta = atan2(q, p) / 2``. Since
+``cos(phi) = b / a``, ``tan^2(phi / 2) = h / m``. In (a, b, theta) a circle (a pipe perpendicular to
+the laser plane) is a singular point; in (m, p, q) it is regular.
 
 Points z = x + iy, unit vectors w and the deviator d = p + iq are complex numbers here and in the
 other modules of the package, so that ``E w = m w + d conj(w)``.
@@ -24,8 +24,10 @@ PARAMETERS = 5
 FOOT_TOLERANCE = 3e-3
 """Newton step (rad) below which the iteration ends: nearest points are then exact to 1e-5 rad and
 distances to 1e-9 mm."""
-MAX_STEP = 0.2
+MAX_FOOT_STEP = 0.2
 """Largest Newton step (rad) of a point near the ellipse."""
+MIN_SEMI_MINOR_MM = 1e-12
+"""Smallest |b| as a divisor. Units: mm."""
 MIN_AXIS_RATIO = 1e-3
 """Smallest axis ratio of a valid ellipse; below it the points are collinear."""
 
@@ -98,7 +100,7 @@ def _nearest_by_newton(
         largest_steps = np.abs(step).max(axis=1).tolist()
         lowest_curvatures = curvatures.min(axis=1).tolist()
         for row, (size, lowest) in enumerate(zip(largest_steps, lowest_curvatures, strict=True)):
-            if not (size < MAX_STEP and lowest > 0):
+            if not (size < MAX_FOOT_STEP and lowest > 0):
                 w[row] = _nearest_directions(offsets[row], parameters[row])
         moving = [row for row, size in enumerate(largest_steps) if not size < FOOT_TOLERANCE]
         if len(moving) < len(w):
@@ -256,7 +258,7 @@ def axes_from_parameters(parameters: FloatArray) -> tuple[float, float, complex]
     _, _, m, p, q = parameters.tolist()
     h = math.hypot(p, q)
     theta = 0.5 * math.atan2(q, p)
-    return abs(m + h), max(abs(m - h), 1e-12), complex(math.cos(theta), math.sin(theta))
+    return abs(m + h), max(abs(m - h), MIN_SEMI_MINOR_MM), complex(math.cos(theta), math.sin(theta))
 
 
 def _complex(real: FloatArray | float, imaginary: FloatArray) -> ComplexArray:

@@ -16,7 +16,7 @@ EXACT_STD = 1e-6
 against noise, but not singular."""
 PERPENDICULAR_PHI_STD = 1e-3
 """Standard deviation of an exact phi near 0: a - b is then half a millionth of a. Units: rad."""
-CIRCLE_SIGMAS = 2.0
+MAX_CIRCLE_SIGMAS = 2.0
 """Ratio of phi to its prior std up to which the section may be a circle."""
 TINY_DIVISOR = 1e-12
 """Smallest divisor m, and ratio h / m, of a step that is not an ellipse."""
@@ -71,7 +71,7 @@ class PhiPrior:
     @property
     def includes_circle(self) -> bool:
         """Whether a circle lies within two sigmas."""
-        return self.phi <= CIRCLE_SIGMAS * self.std or self.phi < EXACT_STD
+        return self.phi <= MAX_CIRCLE_SIGMAS * self.std or self.phi < EXACT_STD
 
     @property
     def residual_count(self) -> int:
@@ -84,7 +84,7 @@ class PhiPrior:
         f, v = (self.phi / 2) ** 2, (max(self.std, PERPENDICULAR_PHI_STD) / 2) ** 2
         return math.sqrt((f * f + 6 * f * v + 3 * v * v) / 2)
 
-    def max_likelihood_ratio(self, level: float) -> float:
+    def compute_critical_ratio(self, level: float) -> float:
         """Return the critical likelihood ratio of the prior alone, near a circle.
 
         Definition: (h / m)^2 / deviator_std^2 at the `level` quantile of phi, the modulus of a

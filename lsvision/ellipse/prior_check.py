@@ -7,7 +7,7 @@ from typing import NamedTuple
 from lsvision.ellipse.fit_result import EllipseFit
 from lsvision.ellipse.parameters import PARAMETERS, semi_minor, semi_minor_gradient
 from lsvision.ellipse.problem import Solution, minimise
-from lsvision.ellipse.robust_gauss_newton import inverse_or_huge
+from lsvision.ellipse.robust_gauss_newton import invert_information_or_huge
 from lsvision.geometry.arrays import TINY
 from lsvision.statistics.correlation import estimate_correlation
 
@@ -25,7 +25,7 @@ class RadiusOfPoints(NamedTuple):
     std: float
 
 
-def contradicting_radius(fit: EllipseFit) -> RadiusOfPoints | None:
+def find_contradicting_radius(fit: EllipseFit) -> RadiusOfPoints | None:
     """Return the radius of the points alone, if they contradict the known radius of a fit.
 
     Parameters
@@ -66,5 +66,5 @@ def contradicting_radius(fit: EllipseFit) -> RadiusOfPoints | None:
     if agrees:
         return None
     gradient = semi_minor_gradient(free.parameters)
-    variance = float(gradient @ inverse_or_huge(free.information) @ gradient)
+    variance = float(gradient @ invert_information_or_huge(free.information) @ gradient)
     return RadiusOfPoints(radius, math.sqrt(max(factor * variance, 0.0)))

@@ -27,7 +27,7 @@ from lsvision.geometry.noisy_points import ComplexArray, as_complex
 
 MAX_EVALUATIONS = 100
 """Largest number of evaluations of the residuals, by default."""
-NARROW_PRIOR = 1e-3
+MAX_NARROW_PRIOR_FRACTION = 1e-3
 """Largest standard deviation, as a fraction of the radius, of a narrow prior: fits with one take
 steps along the cone of constant b (`add_step_on_cone`). With a limit of 1e-2 fits stop at circles,
 the apex of the cone; without such steps they stop at other ellipses."""
@@ -139,7 +139,7 @@ class EllipseProblem:
     def has_narrow_prior(self) -> bool:
         """Whether the radius is known so precisely that its prior is a narrow valley of chi^2."""
         known = self.known_radius
-        return known is not None and known.std <= NARROW_PRIOR * known.radius
+        return known is not None and known.std <= MAX_NARROW_PRIOR_FRACTION * known.radius
 
     def prior_rows(self, parameters: FloatArray) -> FloatArray:
         """Return the rows of the priors at parameters (5,).

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
-from lsvision.ellipse.arc_noise import errors_grow_with_incidence, smoothed_noise
+from lsvision.ellipse.arc_noise import apply_smoothing_sensor_noise, errors_grow_with_incidence
 from lsvision.ellipse.fit import Fits, FittingSettings, fit_noisy_points
 from lsvision.ellipse.fit_result import EllipseFit
 from lsvision.ellipse.outcomes import replace_some
@@ -56,12 +56,12 @@ def _refine_estimated(
 ) -> Fits:
     """Fit ellipses to arcs with estimated noise; fit some again with that of a smoothing sensor."""
     fits = fit_noisy_points([(points, guess) for points, guess, _ in arcs], priors, settings)
-    smoothed = {
-        i: (smoothed_noise(points, fit.normals, std), fit.ellipse)
+    with_smoothing_sensor = {
+        i: (apply_smoothing_sensor_noise(points, fit.normals, std), fit.ellipse)
         for i, (fit, (points, _, std)) in enumerate(zip(fits, arcs, strict=True))
         if isinstance(fit, EllipseFit) and _shows_smoothing(fit)
     }
-    replace_some(fits, smoothed, lambda arcs: fit_noisy_points(arcs, priors, settings))
+    replace_some(fits, with_smoothing_sensor, lambda arcs: fit_noisy_points(arcs, priors, settings))
     return fits
 
 

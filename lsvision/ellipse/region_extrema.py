@@ -37,6 +37,7 @@ from lsvision.geometry.noisy_points import as_complex, as_vectors
 
 RADIUS_LOW, RADIUS_HIGH, PHI_LOW, PHI_HIGH, RADIUS_LOW_2, PHI_HIGH_2 = range(6)
 X_LOW, X_HIGH, Y_LOW, Y_HIGH, THETA_LOW, THETA_HIGH, CIRCLE = range(6, 13)
+"""Ends of the intervals of a fit, with second extrema (`SECOND_ENDS`), and its best circle."""
 DIRECTED_END_COUNT, END_COUNT = 6, 13
 """Number of ends that have a direction u, which come first, and of all ends of a fit."""
 SECOND_ENDS = {RADIUS_LOW: RADIUS_LOW_2, PHI_HIGH: PHI_HIGH_2}
@@ -48,10 +49,10 @@ IS_PHI = np.isin(np.arange(END_COUNT), (PHI_LOW, PHI_HIGH, PHI_HIGH_2))
 """Whether each of the 13 ends is one of phi."""
 IS_CENTRE = np.isin(np.arange(END_COUNT), (X_LOW, X_HIGH, Y_LOW, Y_HIGH))
 """Whether each of the 13 ends is one of the centre."""
-GRADIENTS = np.zeros((END_COUNT, PARAMETERS))
+LINEAR_GRADIENTS = np.zeros((END_COUNT, PARAMETERS))
 """f of the quantities that are linear, centre_x and centre_y; 0 for the other ends."""
-GRADIENTS[[X_LOW, X_HIGH, Y_LOW, Y_HIGH], [0, 0, 1, 1]] = -1.0, 1.0, -1.0, 1.0
-CIRCLE_GRADIENTS = GRADIENTS[:, :3].copy()
+LINEAR_GRADIENTS[[X_LOW, X_HIGH, Y_LOW, Y_HIGH], [0, 0, 1, 1]] = -1.0, 1.0, -1.0, 1.0
+CIRCLE_GRADIENTS = LINEAR_GRADIENTS[:, :3].copy()
 """f by (x, y, m) among circles, of the quantities whose extremum may be a circle: the largest
 radius, which is m there, and with a known radius the centre."""
 CIRCLE_GRADIENTS[RADIUS_HIGH, 2] = 1.0
@@ -278,7 +279,7 @@ class Regions:
 
 def _gradients_of_ends(ends: IntArray, angles: FloatArray, m_factors: FloatArray) -> FloatArray:
     """Return f (k, 5) of centre, radius and phi; 0 for theta and the best circle."""
-    f = GRADIENTS[ends]
+    f = LINEAR_GRADIENTS[ends]
     directed = np.flatnonzero(ends < DIRECTED_END_COUNT)
     u = np.cos(angles[directed]), np.sin(angles[directed])
     f[directed, 2:] = (FLATTENING_SIGNS[ends[directed]] * [-m_factors[directed], *u]).T

@@ -29,13 +29,16 @@ from lsvision.statistics.robust import MAD_TO_STD, SIGNIFICANT_SIGMAS, upper_med
 FLATTENING_PRIOR_STD = 0.3
 """Prior standard deviation of (a - b) / (a + b): a tilt of 57 deg."""
 IDENTITY = np.eye(PARAMETERS)
+"""Identity matrix of the size of an information matrix."""
 FLATTENING_INFORMATION = np.diag([0, 0, 0, 1, 1, 0])[:PARAMETERS] / FLATTENING_PRIOR_STD**2
 """Normal equations (5, 6) of the prior on the flattening, at a circle with m = 1 mm."""
 FLATTENING_DIAGONAL = FLATTENING_INFORMATION.sum(axis=1, keepdims=True)
 """Information of the prior on the flattening about each parameter, (5, 1), for m = 1 mm."""
 DAMPING_STEP_FRACTION = 0.1
 """Step, as a fraction of m, whose damping costs as much as a residual of one sigma."""
-DAMPED_PRIOR = IDENTITY / DAMPING_STEP_FRACTION**2 + FLATTENING_INFORMATION[:, :PARAMETERS]
+DAMPING_AND_PRIOR_INFORMATION = (
+    IDENTITY / DAMPING_STEP_FRACTION**2 + FLATTENING_INFORMATION[:, :PARAMETERS]
+)
 """Information of the damping and of the prior on the flattening, for m = 1 mm. Units: 1/mm^2."""
 VARIANCE_FLOOR_FRACTION = 0.05
 """Fraction of a point's total variance that is added to the variance along any normal, as for a
@@ -191,12 +194,12 @@ def damped_step(equations: FloatArray, parameters: FloatArray) -> FloatArray:
     `equations` (..., 5, 6) are those without the prior, `parameters` (..., 5) the present ones.
     """
     m = parameters[..., 2:3, None]
-    information = equations[..., :PARAMETERS] + DAMPED_PRIOR / (m * m)
+    information = equations[..., :PARAMETERS] + DAMPING_AND_PRIOR_INFORMATION / (m * m)
     rhs = equations[..., PARAMETERS:] - FLATTENING_DIAGONAL / (m * m) * parameters[..., None]
     return solve_positive_definite(information, rhs)[..., 0]
 
 
-def inverse_information(equations: FloatArray) -> FloatArray:
+def invert_information_or_nan(equations: FloatArray) -> FloatArray:
     """Return the inverse (..., 5, 5) of the information in normal equations (..., 5, 6).
 
     It is the covariance of the parameters; NaN where it is singular. Units: mm^2.
@@ -207,7 +210,7 @@ def inverse_information(equations: FloatArray) -> FloatArray:
     return np.array(inverses).reshape(information.shape)
 
 
-def gauss_newton_step(
+def take_gauss_newton_step(
     evaluated: EllipseResiduals, parameters: FloatArray, members: BoolArray | None = None
 ) -> FloatArray:
     """Return the parameters (..., 5) after one robust, weighted step; NaN if not an ellipse.
@@ -259,7 +262,7 @@ def solve_positive_definite(matrix: FloatArray, rhs: FloatArray) -> FloatArray:
     return np.full_like(solution, np.nan) if failed else solution
 
 
-def inverse_or_huge(information: FloatArray) -> FloatArray:
+def invert_information_or_huge(information: FloatArray) -> FloatArray:
     """Return the inverse of an information matrix (5, 5), with huge variances if it is singular."""
     inverse = solve_positive_definite(information, IDENTITY)
     if math.isnan(inverse[0, 0]):

@@ -11,16 +11,17 @@ import numpy as np
 
 from lsvision.ellipse.fit_result import EllipseFit
 from lsvision.ellipse.intervals import (
-    Quantity,
+    SectionQuantity,
     are_thetas_determined,
-    interval,
-    intervals_of_fits,
+    find_interval,
+    find_intervals_of_fits,
     is_limit_of_radius,
-    theta_is_determined,
+    is_theta_determined,
 )
 from lsvision.ellipse.parameters import semi_major_gradient, semi_minor_gradient
 from lsvision.ellipse.section_table import SECTION_QUANTITIES, section_cells, section_row
 from lsvision.geometry import Ellipse, FloatArray, IntArray
+from lsvision.geometry.arrays import TINY
 from lsvision.geometry.ellipse import WithEllipse
 from lsvision.profile import Arc
 from lsvision.results.picture import draw_svg
@@ -35,7 +36,10 @@ SKEWED_RADIUS_SIGMAS = 20.0, 25.0
 """Ratios of the radius to its `local_radius_std` below which the skewness of the likelihood counts
 fully, and above which it does not count. Short arcs determine 1 / b: at the first ratio the upper
 half of the 95 % interval is longer by 2 / 20, 10 %."""
-THETA_UNKNOWN_STD = math.pi / math.sqrt(12)
+MIN_FLATTENING_MM = 1e-12
+"""Smallest (a - b) / 2 as a divisor; the standard uncertainty of theta is then that of any
+direction. Units: mm."""
+UNIFORM_THETA_STD = math.pi / math.sqrt(12)
 """Standard deviation of an undetermined direction, uniform in [0, pi). Units: rad."""
 
 
@@ -123,10 +127,13 @@ class CylinderSection(WithEllipse, Result):
     def local_radius_std(self) -> float:
         """Standard uncertainty of the radius from the covariance at the estimate. Units: mm.
 
-        Definition: rms change of b over the distribution of (m, p, q), by a cubature rule of third
-        degree with six points. Far from a circle this is the linear approximation; near a circle,
-        b = m - |(p, q)| has a kink, where the linear approximation is wrong. The points of the
-        rule leave the curved surface of a known radius, whose own uncertainty is the upper limit.
+        Definition: rms change of b over the normal distribution of (m, p, q), by the cubature rule
+        of third degree: the mean over both points at sqrt(3) standard deviations along each of its
+        three principal axes (Arasaratnam and Haykin, Cubature Kalman filters, IEEE Transactions on
+        Automatic Control 54, 2009). Far from a circle this is the linear approximation; near a
+        circle, b = m - |(p, q)| has a kink, where the linear approximation is wrong. The points of
+        the rule leave the curved surface of a known radius, whose own uncertainty is the upper
+        limit.
         """
         covariance = self.fit.parameter_covariance[2:, 2:]
         variances, axes = np.linalg.eigh(covariance)
@@ -140,7 +147,7 @@ class CylinderSection(WithEllipse, Result):
     @property
     def theta_std(self) -> float:
         """Standard uncertainty of theta; at most that of a uniform direction. Units: rad."""
-        return min(self._std(self._theta_gradient), THETA_UNKNOWN_STD)
+        return min(self._std(self._theta_gradient), UNIFORM_THETA_STD)
 
     @property
     def phi_std(self) -> float:
@@ -153,7 +160,7 @@ class CylinderSection(WithEllipse, Result):
         parameters = self.fit.parameters
         ratio = semi_minor_gradient(parameters) / a - semi_major_gradient(parameters) * b / a**2
         ratio_std = self._std(ratio)
-        linear = ratio_std / max(math.sin(self.phi), 1e-12)
+        linear = ratio_std / max(math.sin(self.phi), TINY)
         return min(linear, math.acos(max(1 - ratio_std, 0.0)))
 
     @property
@@ -169,9 +176,9 @@ class CylinderSection(WithEllipse, Result):
     @property
     def theta_determined(self) -> bool:
         """Whether a circle is excluded at 99.9 %, and an error of theta of 23 deg at 95 %."""
-        return theta_is_determined(self.fit)
+        return is_theta_determined(self.fit)
 
-    def interval(self, quantity: Quantity, level: float = 0.95) -> tuple[float, float]:
+    def interval(self, quantity: SectionQuantity, level: float = 0.95) -> tuple[float, float]:
         """Return the interval that contains the true value with probability `level`.
 
         Parameters
@@ -201,14 +208,14 @@ class CylinderSection(WithEllipse, Result):
         >>> 0 < low < pipe.phi < high
         True
         """
-        return interval(self.fit, quantity, level)
+        return find_interval(self.fit, quantity, level)
 
     @cached_property
     def estimates(self) -> tuple[Estimate, ...]:
         """Quantities of tables and files in mm and deg, with uncertainties and 95 % intervals."""
         return tuple(
             replace(each, interval=each.quantity.in_unit(self.interval(name, LEVEL)))
-            for each, name in zip(self._values, get_args(Quantity), strict=True)
+            for each, name in zip(self._values, get_args(SectionQuantity), strict=True)
         )
 
     @property
@@ -269,7 +276,7 @@ class CylinderSection(WithEllipse, Result):
     def _theta_gradient(self) -> FloatArray:
         """Derivative of theta by the parameters of the fit, (5,). Units: rad/mm."""
         p, q = (float(value) for value in self.fit.parameters[3:])
-        h = max(math.hypot(p, q), 1e-12)
+        h = max(math.hypot(p, q), MIN_FLATTENING_MM)
         across = (-q / h, p / h) if p or q else (0.0, 1.0)
         return np.array([0.0, 0.0, 0.0, *across]) / (2 * h)
 
@@ -279,7 +286,7 @@ class CylinderSection(WithEllipse, Result):
         return math.sqrt(max(variance, 0.0))  # of an exactly known value rounding may make it < 0
 
 
-def compute_intervals(sections: Iterable[CylinderSection], level: float = LEVEL) -> None:
+def precompute_intervals(sections: Iterable[CylinderSection], level: float = LEVEL) -> None:
     """Compute the intervals of many sections at once, about three times as fast as one by one.
 
     Each section keeps its intervals, which all its results and tables use.
@@ -293,5 +300,5 @@ def compute_intervals(sections: Iterable[CylinderSection], level: float = LEVEL)
     """
     fits = iter([section.fit for section in sections])
     while group := list(islice(fits, SECTIONS_AT_ONCE)):
-        intervals_of_fits(group, level)
+        find_intervals_of_fits(group, level)
         are_thetas_determined(group)

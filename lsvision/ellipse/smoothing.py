@@ -26,10 +26,10 @@ WINDOW_FRACTION = 0.3
 """Width of the local regression as a fraction of the arc (paper: 30 % of the points)."""
 TUKEY_CONSTANT = 4.685
 """Tukey's constant, for an efficiency of 95 % with normally distributed residuals."""
-POSITIONS = 16
+POSITION_COUNT = 16
 """Number of positions at equal steps of arc length (paper section 3.3.2) at which the local
 quadratic is evaluated: five per window of 30 %, since a quadratic has no finer details."""
-EVEN_STEPS = np.linspace(0, 1, POSITIONS)
+EVEN_FRACTIONS = np.linspace(0, 1, POSITION_COUNT)
 """Arc lengths of these positions, as fractions of the arc's length."""
 RIDGE = 1e-9
 """Ridge of the regression relative to its weights, and smallest step relative to the arc's length,
@@ -94,7 +94,7 @@ def smooth_arcs(points: Sequence[NoisyPoints], ellipses: Sequence[Ellipse]) -> l
     # Strictly ascending up to the last point; padding has the length of that one.
     counts = np.minimum(np.arange(float(lengths.shape[1])), as_column(sizes) - 1)
     lengths += (RIDGE * lengths[:, -1:] + TINY) * counts
-    even = EVEN_STEPS * lengths[:, -1:]
+    even = EVEN_FRACTIONS * lengths[:, -1:]
     smooth, weights = smooth_residuals(lengths, residuals, stds, even, valid)
     inliers = np.empty(weights.shape, dtype=bool)
     inliers.put(order, weights > 0)

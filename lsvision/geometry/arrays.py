@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 Item = TypeVar("Item")
-Result = TypeVar("Result")
+Output = TypeVar("Output")
 Stack = TypeVar("Stack", bound=tuple[Any, ...])
 
 FloatArray = npt.NDArray[np.float64]
@@ -100,11 +100,11 @@ def select_rows(stack: Stack, rows: BoolArray | IntArray | list[int]) -> Stack:
 
 
 def apply_in_groups(
-    step: Callable[[list[Item]], Iterable[Result]],
+    step: Callable[[list[Item]], Iterable[Output]],
     items: Sequence[Item],
     sizes: Sequence[int],
     max_elements: int,
-) -> list[Result]:
+) -> list[Output]:
     """Apply a function that stacks the arrays of its items to groups of items of similar size.
 
     `step` returns one result for each item of a list, `sizes` are the numbers of array elements of
@@ -124,7 +124,7 @@ def apply_in_groups(
             group.append(index)
         else:
             groups.append([index])
-    results: dict[int, Result] = {}
+    results: dict[int, Output] = {}
     for group in groups:
         results |= zip(group, step([items[index] for index in group]), strict=True)
     return [results[index] for index in range(len(items))]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.geometry.arrays import FloatArray, as_unit_vector, freeze_arrays
+from lsvision.geometry.arrays import TINY, FloatArray, as_unit_vector, freeze_arrays
 from lsvision.geometry.directions import tangent_frame
 from lsvision.geometry.ellipse import Ellipse
 from lsvision.geometry.equality import ComparedByValue
@@ -151,11 +151,39 @@ class Cylinder(ComparedByValue):
         >>> Cylinder((0, 0, 0), (0, 0, 1), radius=10.0).signed_distances([[12, 0, 7], [0, 0, 0]])
         array([  2., -10.])
         """
-        from_axis = np.asarray(points, dtype=np.float64) - self.point
-        axial_positions = from_axis @ self.direction
-        radial = from_axis - np.outer(axial_positions, self.direction)
-        distances: FloatArray = np.linalg.norm(radial, axis=1) - self.radius
+        distances: FloatArray = np.linalg.norm(self._radial_vectors(points), axis=1) - self.radius
         return distances
+
+    def normals(self, points: npt.ArrayLike) -> FloatArray:
+        """Return the outward unit normals of the surface at its points nearest to given points.
+
+        Parameters
+        ----------
+        points : (n, 3) array_like
+            Points in the cylinder's frame. Units: mm.
+
+        Returns
+        -------
+        (n, 3) ndarray
+            Unit vectors from the axis towards the points; 0 for a point on the axis.
+
+        Examples
+        --------
+        >>> Cylinder((0, 0, 0), (0, 0, 1), radius=10.0).normals([[12, 0, 7]]).tolist()
+        [[1.0, 0.0, 0.0]]
+        """
+        radial = self._radial_vectors(points)
+        normals: FloatArray = radial / np.maximum(
+            np.linalg.norm(radial, axis=1, keepdims=True), TINY
+        )
+        return normals
+
+    def _radial_vectors(self, points: npt.ArrayLike) -> FloatArray:
+        """Return the vectors (n, 3) from the axis to points (n, 3), perpendicular to it."""
+        from_point = np.asarray(points, dtype=np.float64) - self.point
+        axial_positions = from_point @ self.direction
+        radial: FloatArray = from_point - np.outer(axial_positions, self.direction)
+        return radial
 
     def section(self) -> Ellipse:
         """Return the ellipse in which the plane z = 0 cuts the cylinder (paper section 2.2).

@@ -221,6 +221,7 @@ class Ellipse:
 
     @property
     def _rotation(self) -> FloatArray:
+        """Rotation (2, 2) from the ellipse frame to the section frame."""
         cos, sin = math.cos(self.theta), math.sin(self.theta)
         return np.array([[cos, -sin], [sin, cos]])
 

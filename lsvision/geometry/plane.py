@@ -95,7 +95,7 @@ class Plane(ComparedByValue):
         return Plane(normal, self.distance + float(normal @ pose.translation))
 
 
-def section_pose(plane: Plane) -> Pose:
+def find_section_pose(plane: Plane) -> Pose:
     """Return ``camera_from_section``: the section frame of a plane in the frame of the camera.
 
     Origin at the point of the plane nearest to the camera's centre; Y in the plane, opposite to the
@@ -105,7 +105,7 @@ def section_pose(plane: Plane) -> Pose:
 
     Examples
     --------
-    >>> section_pose(Plane((0.0, 0.866, 0.5), 150.0)).rotation[:, 1].round(3)
+    >>> find_section_pose(Plane((0.0, 0.866, 0.5), 150.0)).rotation[:, 1].round(3)
     array([ 0.   ,  0.5  , -0.866])
     """
     normal, optical_axis = plane.normal, np.array([0.0, 0.0, 1.0])

@@ -36,6 +36,7 @@ def _format_changes(settings: Any) -> str:
 
 
 def _default(field: "Field[Any]") -> Any:
+    """Return the default of a field of a dataclass, MISSING if it has none."""
     if field.default_factory is not MISSING:
         return field.default_factory()
     return field.default

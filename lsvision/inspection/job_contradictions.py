@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Iterator, Sequence
 
-from lsvision.detection.search_range import NOMINAL_SPREAD
+from lsvision.detection.radius_range import NOMINAL_SPREAD
 from lsvision.inspection.job_mistakes import Location
 from lsvision.inspection.job_tables import Golden, Measure, Part, RelationLimits
 from lsvision.inspection.limits import POSSIBLE_RANGES, Limits, quantity_from_key

@@ -10,8 +10,8 @@ import numpy as np
 
 from lsvision.detection.acceptance import UNDETERMINABLE
 from lsvision.detection.arcs import Rejection
-from lsvision.ellipse.fit import with_known_radius
-from lsvision.ellipse.prior_check import contradicting_radius
+from lsvision.ellipse.fit import refit_with_known_radius
+from lsvision.ellipse.prior_check import find_contradicting_radius
 from lsvision.ellipse.problem import Priors
 from lsvision.ellipse.section import CylinderSection
 from lsvision.inspection.decision import Decision, QuantityVerdict, judge_quantity, widen_interval
@@ -154,8 +154,8 @@ def _apply_known_radius(cylinder: MeasuredCylinder, part: Part) -> MeasuredCylin
             f"known_radius_mm of part {part.name!r} is for profiles: for a scan write it under "
             "[measure]"
         )
-    fit = with_known_radius(cylinder.fit, prior)
-    return replace(cylinder, fit=fit) if contradicting_radius(fit) is None else cylinder
+    fit = refit_with_known_radius(cylinder.fit, prior)
+    return replace(cylinder, fit=fit) if find_contradicting_radius(fit) is None else cylinder
 
 
 def _describe_contradicted_radii(

@@ -27,12 +27,13 @@ if TYPE_CHECKING:
 
 SINGULARITY_TOLERANCE = 1e-13
 """Smallest eigenvalue of a regular information matrix, after scaling its diagonal to 1."""
-UNIFORM_THETA = math.pi / math.sqrt(12)
+UNIFORM_THETA_STD = math.pi / math.sqrt(12)
 """Standard deviation of an angle that is uniform in [0, pi): 52 deg."""
 _UNDETERMINED = (
     "the points leave radius and axis undetermined (too few, or too short an arc): "
     "measure more of the pipe, add sections, or give the known radius"
 )
+"""Message for points that do not determine all parameters."""
 
 
 def fisher_information(jacobian: FloatArray, variances: FloatArray) -> FloatArray:
@@ -190,7 +191,7 @@ def _predict_section(ellipse: Ellipse, bound: FloatArray, points: int) -> Sectio
     linear_phi_std = ratio_std / sin_phi if sin_phi > 0 else math.inf
     return SectionPrediction(
         radius_std=float(radius_std),
-        theta_std=min(math.sqrt(covariance[4, 4]), UNIFORM_THETA),
+        theta_std=min(math.sqrt(covariance[4, 4]), UNIFORM_THETA_STD),
         phi_std=min(linear_phi_std, math.sqrt(2 * ratio_std)),
         centre_x_std=float(centre_x_std),
         centre_y_std=float(centre_y_std),
@@ -286,7 +287,7 @@ def _predict_scan(cylinder: Cylinder, covariance: FloatArray, points: int) -> Sc
     return ScanPrediction(
         radius_std=math.sqrt(variances[4]),
         direction_std=math.sqrt(variances[2] + variances[3]),
-        theta_std=min(theta_std, UNIFORM_THETA),
+        theta_std=min(theta_std, UNIFORM_THETA_STD),
         phi_std=math.sqrt(variances[2]),
         position_std=math.sqrt(variances[0] + variances[1]),
         covariance=covariance,

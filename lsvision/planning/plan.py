@@ -186,6 +186,7 @@ def _pose_error_jacobian(
 
 
 def _require_points(count: int) -> None:
+    """Raise TooFewPoints for fewer visible points than an ellipse has parameters."""
     if count < 5:
         hint = "check standoff and offset against the sensor's range and width, or refine the pitch"
         raise TooFewPoints("the view of the pipe", count, 5, hint)
@@ -311,6 +312,7 @@ def sections_needed(  # noqa: PLR0913 - the parameters of `plan_scan`, and the t
 
 
 def _describe_unreachable(longest: ScanPrediction) -> str:
+    """Return the message for a target that the longest scan does not reach."""
     return (
         f"{longest.sections} sections over {longest.length:g} mm reach radius "
         f"{longest.radius_std:.2g} mm, direction {math.degrees(longest.direction_std):.2g} deg, "

@@ -38,10 +38,10 @@ class _Prediction(Result):
         return record
 
     def _summary(self) -> str:
-        return summary_of_stds(self.to_dict())
+        return summarise_stds(self.to_dict())
 
     def _cells(self) -> list[tuple[str, ...]]:
-        return cells_of_stds(self.to_dict())
+        return build_std_cells(self.to_dict())
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -112,12 +112,12 @@ class ScanPrediction(_Prediction):
     length: float = 0.0
 
 
-def cells_of_stds(record: Record) -> list[tuple[str, ...]]:
+def build_std_cells(record: Record) -> list[tuple[str, ...]]:
     """Return the cells of a table: a header and one row.
 
     Examples
     --------
-    >>> cells_of_stds({"radius_std_mm": 0.3912, "points": 56})
+    >>> build_std_cells({"radius_std_mm": 0.3912, "points": 56})
     [('± radius mm', 'points'), ('0.39', '56')]
     """
     columns = [(_heading(key), _number(key, value)) for key, value in record.items()]
@@ -125,12 +125,12 @@ def cells_of_stds(record: Record) -> list[tuple[str, ...]]:
     return [tuple(header), tuple(row)]
 
 
-def summary_of_stds(record: Record) -> str:
+def summarise_stds(record: Record) -> str:
     """Return all standard uncertainties in one line.
 
     Examples
     --------
-    >>> summary_of_stds({"radius_std_mm": 0.3912, "points": 56})
+    >>> summarise_stds({"radius_std_mm": 0.3912, "points": 56})
     'one sigma: radius 0.39 mm, points 56'
     """
     texts = []
@@ -148,4 +148,5 @@ def _heading(key: str) -> str:
 
 
 def _number(key: str, value: float) -> str:
+    """Return a number as text, with two digits if it is a standard uncertainty."""
     return format_std(value) if "_std_" in key else f"{value:g}"

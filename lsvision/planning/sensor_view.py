@@ -10,9 +10,9 @@ from lsvision.geometry.arrays import BoolArray
 from lsvision.geometry.settings_repr import ShowsChanges
 from lsvision.sensors.profile_sensor import LPS36HI, ProfileSensor
 
-MAX_STD = 1000.0
-"""Largest standard uncertainty of a scan's poses (mm) and feed direction (rad): with far larger
-ones covariances overflow."""
+MAX_POSE_OR_FEED_STD = 1000.0
+"""Largest standard uncertainty of a scan's poses (mm) and of its feed direction (rad), which no
+scan has: with far larger ones covariances overflow."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -121,8 +121,10 @@ class Feed:
             raise ValueError(f"expected a finite, non-zero feed direction, got {self.direction}")
         for name in ("pose_std", "feed_std"):
             value = getattr(self, name)
-            if not 0 <= value <= MAX_STD:
-                raise ValueError(f"expected {name} >= 0 and at most {MAX_STD:g}, got {value}")
+            if not 0 <= value <= MAX_POSE_OR_FEED_STD:
+                raise ValueError(
+                    f"expected {name} >= 0 and at most {MAX_POSE_OR_FEED_STD:g}, got {value}"
+                )
 
     @property
     def unit(self) -> FloatArray:
@@ -167,10 +169,7 @@ def cylinder_normals(cylinder: Cylinder, points: Points) -> FloatArray:
     """Return the (n, 3) outward unit normals at (n, 2) or (n, 3) points of the surface."""
     if points.shape[1] == 2:
         points = np.column_stack([points, np.zeros(len(points))])
-    from_axis = points - cylinder.point
-    radial = from_axis - np.outer(from_axis @ cylinder.direction, cylinder.direction)
-    normals: FloatArray = radial / np.linalg.norm(radial, axis=1, keepdims=True)
-    return normals
+    return cylinder.normals(points)
 
 
 def _first_hits(ellipse: Ellipse, origin: FloatArray, rays: FloatArray) -> FloatArray:

@@ -14,6 +14,7 @@ Unit = Literal["mm", "deg", "mm_per_m", "percent"]
 LEVEL = 0.95
 """Level of confidence of the intervals in tables and files; the 95 in keys and columns."""
 DEG_PER_RAD = math.degrees(1.0)
+"""Factor from rad to deg."""
 
 
 @dataclass(frozen=True)

@@ -29,28 +29,28 @@ def counted(count: int, noun: str) -> str:
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
-def cylinder_summary(cylinders: Sequence[HasRadius]) -> str:
+def summarise_cylinders(cylinders: Sequence[HasRadius]) -> str:
     """Return the number of cylinders and their radii.
 
     Examples
     --------
-    >>> cylinder_summary(())
+    >>> summarise_cylinders(())
     '0 cylinders'
     """
     radii = ", ".join(f"radius {format_value(c.radius, c.radius_std)} mm" for c in cylinders)
     return counted(len(cylinders), "cylinder") + (f" ({radii})" if radii else "")
 
 
-def rejection_notes(rejections: Sequence[object], noun: str, *, has_cylinders: bool) -> list[str]:
+def list_rejections(rejections: Sequence[object], noun: str, *, has_cylinders: bool) -> list[str]:
     """Return lines with the number of rejections, and each of them if no cylinder was found.
 
     The noun is that of a rejected item, in the singular.
 
     Examples
     --------
-    >>> rejection_notes(["points 3 to 9: too short"], "arc", has_cylinders=True)
+    >>> list_rejections(["points 3 to 9: too short"], "arc", has_cylinders=True)
     ['1 arc rejected: see .rejections']
-    >>> rejection_notes(["points 3 to 9: too short"], "arc", has_cylinders=False)
+    >>> list_rejections(["points 3 to 9: too short"], "arc", has_cylinders=False)
     ['no cylinder found, 1 arc rejected', '  points 3 to 9: too short']
     """
     rejected = f"{counted(len(rejections), noun)} rejected"

@@ -17,9 +17,9 @@ import numpy as np
 from lsvision.cylinder.alternatives import (
     MAX_CANDIDATE_INCREASE,
     CylinderComparison,
-    distinct_cylinders,
     find_equivalent,
     keep_equivalent,
+    select_distinct_cylinders,
     sort_by_chi2,
 )
 from lsvision.cylinder.fit import CylinderFittingSettings, fit_cylinder
@@ -39,7 +39,7 @@ from lsvision.scan.point_assignment import (
     measure_point_distances,
 )
 from lsvision.scan.scan_result import ScanRejection
-from lsvision.scan.single_section import fit_of_single_section
+from lsvision.scan.single_section import fit_single_section
 from lsvision.scan.tracks import ArcObservation, Track
 from lsvision.statistics.robust import median
 
@@ -126,12 +126,14 @@ def fit_tracks(
     has_one_section = len(np.unique(cloud.point_sections)) == 1
     fits: list[JointFit] = []
     rejections: list[ScanRejection] = []
-    for track in sorted(tracks, key=_count_points, reverse=True):
+    point_counts = [sum(len(arc.arc.indices) for arc in track) for track in tracks]
+    for k in np.argsort(np.negative(point_counts), kind="stable"):
+        track = tracks[k]
         unassigned = tuple(itertools.compress(track, _are_mostly_in(cloud, track)))
         if not unassigned:
             continue
         if has_one_section:
-            fits.append(_joint_fit_of_single_section(cloud, unassigned[0]))
+            fits.append(_build_single_section_fit(cloud, unassigned[0]))
             continue
         result = fit_track(cloud, unassigned, known_radius, settings)
         if isinstance(result, JointFit):
@@ -145,15 +147,12 @@ def fit_tracks(
     return fits, rejections
 
 
-def _joint_fit_of_single_section(cloud: ScanCloud, observation: ArcObservation) -> JointFit:
+def _build_single_section_fit(cloud: ScanCloud, observation: ArcObservation) -> JointFit:
+    """Return one of the two twins of an arc, with the other one."""
     arc, section = observation.arc, observation.section
     arc_points = cloud.subset(cloud.find_rows(section, arc.indices))
-    fit, twin = fit_of_single_section(arc, arc_points.points, cloud.poses[section])
+    fit, twin = fit_single_section(arc, arc_points.points, cloud.poses[section])
     return JointFit(fit, arc_points, 1.0, twin)
-
-
-def _count_points(track: Track) -> int:
-    return sum(len(observation.arc.indices) for observation in track)
 
 
 def _are_mostly_in(cloud: ScanCloud, observations: Sequence[ArcObservation]) -> BoolArray:
@@ -171,10 +170,8 @@ def _check_recognised_fraction(
 ) -> JointFit | ScanRejection:
     """Return the fit, or a rejection if detection found too few of its sections' arcs."""
     observations = list(itertools.chain.from_iterable(tracks))
-    fitted_observations = itertools.compress(
-        observations, _are_mostly_in(joint_fit.cloud, observations)
-    )
-    recognised = {observation.section for observation in fitted_observations}
+    is_fitted = _are_mostly_in(joint_fit.cloud, observations)
+    recognised = {arc.section for arc in itertools.compress(observations, is_fitted)}
     section_count = len(np.unique(joint_fit.cloud.point_sections))
     if len(recognised) >= settings.min_recognised_fraction * section_count:
         return joint_fit
@@ -205,11 +202,11 @@ def fit_track(
         )
     try:
         best, *others = fit_twins(cloud, track, known_radius, settings)
-        rows = np.sort(_rows_of_arcs(cloud, track))
+        rows = np.sort(_find_arc_rows(cloud, track))
         joint_fit = _assign_and_fit(cloud, best.cylinder, rows, known_radius, settings)
     except LsvisionError as failure:
         return ScanRejection(sections, str(failure))
-    reason = _rejection_reason(joint_fit, settings)
+    reason = _find_rejection_reason(joint_fit, settings)
     if reason is not None:
         return ScanRejection(sections, reason)
     return replace(joint_fit, twin=_find_twin(joint_fit, others, settings))
@@ -222,7 +219,7 @@ def _find_twin(
     cloud, known_radius = joint_fit.cloud, joint_fit.known_radius
     rows = np.arange(len(cloud))
     fits, _ = _fit_all(cloud, rows, [fit.cylinder for fit in others], known_radius, settings)
-    comparison = _comparison(cloud, rows, known_radius, settings)
+    comparison = _build_comparison(cloud, rows, known_radius, settings)
     return find_equivalent(joint_fit.fit, [fit.cylinder for fit in fits], comparison)
 
 
@@ -244,11 +241,12 @@ def fit_twins(
         If the fit fails from every initial guess.
     """
     trial_indices = np.linspace(0, len(track) - 1, min(len(track), settings.trial_sections))
-    rows = _rows_of_arcs(cloud, [track[index] for index in np.unique(trial_indices.astype(int))])
-    fits, failure = _fit_all(cloud, rows, _initial_guesses(track), known_radius, settings)
+    rows = _find_arc_rows(cloud, [track[index] for index in np.unique(trial_indices.astype(int))])
+    fits, failure = _fit_all(cloud, rows, _guess_cylinders(track), known_radius, settings)
     if failure is not None and not fits:
         raise failure
-    fits, comparison = distinct_cylinders(fits), _comparison(cloud, rows, known_radius, settings)
+    fits = select_distinct_cylinders(fits)
+    comparison = _build_comparison(cloud, rows, known_radius, settings)
     best = sort_by_chi2(fits, comparison)[0].cylinder
     minima = find_other_minima(comparison.points, best, known_radius)
     minima = [c for c in minima if comparison.increase(c, best) < MAX_CANDIDATE_INCREASE]
@@ -256,10 +254,11 @@ def fit_twins(
     best_fit, *others = keep_equivalent(fits, comparison)
     if not others or len(track) <= settings.trial_sections:
         return [best_fit, *others]
-    rows = _rows_of_arcs(cloud, track)
+    rows = _find_arc_rows(cloud, track)
     cylinders = [fit.cylinder for fit in (best_fit, *others)]
     all_fits, _ = _fit_all(cloud, rows, cylinders, known_radius, settings)
-    return keep_equivalent(all_fits or [best_fit], _comparison(cloud, rows, known_radius, settings))
+    comparison = _build_comparison(cloud, rows, known_radius, settings)
+    return keep_equivalent(all_fits or [best_fit], comparison)
 
 
 def _fit_all(
@@ -279,7 +278,7 @@ def _fit_all(
     return fits, failure
 
 
-def _comparison(
+def _build_comparison(
     cloud: ScanCloud,
     rows: IntArray,
     known_radius: RadiusPrior | None,
@@ -295,13 +294,13 @@ def _comparison(
     )
 
 
-def _rows_of_arcs(cloud: ScanCloud, track: Sequence[ArcObservation]) -> IntArray:
+def _find_arc_rows(cloud: ScanCloud, track: Sequence[ArcObservation]) -> IntArray:
     return np.concatenate(
         [cloud.find_rows(observation.section, observation.arc.indices) for observation in track]
     )
 
 
-def _initial_guesses(track: Track) -> list[Cylinder]:
+def _guess_cylinders(track: Track) -> list[Cylinder]:
     """Return the line through the arcs' centres, if they differ, and both twins of the best arc."""
     best = min(track, key=lambda observation: observation.twins_std)
     radius = median(np.array([observation.radius for observation in track]))
@@ -366,7 +365,7 @@ def _assign_and_fit(
     return JointFit(fit, cloud.subset(rows), section_fit.normalised_rms, known_radius=known_radius)
 
 
-def _rejection_reason(joint_fit: JointFit, settings: JointFitSettings) -> str | None:
+def _find_rejection_reason(joint_fit: JointFit, settings: JointFitSettings) -> str | None:
     """Return why a joint fit is rejected; None if it is accepted."""
     fit, rms, max_rms = joint_fit.fit, joint_fit.normalised_rms, settings.max_normalised_rms
     if rms > max_rms:
@@ -377,10 +376,10 @@ def _rejection_reason(joint_fit: JointFit, settings: JointFitSettings) -> str | 
             f"{UNDETERMINABLE}: {fit.radius:.3g} mm with a standard uncertainty of "
             f"{fit.radius_std:.2g} mm, limit {max_std:.2g} mm"
         )
-    return _contradicted_radius_reason(joint_fit, settings)
+    return _find_contradiction(joint_fit, settings)
 
 
-def _contradicted_radius_reason(joint_fit: JointFit, settings: JointFitSettings) -> str | None:
+def _find_contradiction(joint_fit: JointFit, settings: JointFitSettings) -> str | None:
     """Return the reason why the points contradict a known radius; None if they do not.
 
     The limits are those of a single section, whose points often determine no radius that could

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.cylinder.problem import (
-    distance_stds_and_biases,
     parameters_from_cylinder,
+    propagate_point_errors,
     rotate_covariances,
 )
 from lsvision.geometry import BoolArray, Cylinder, FloatArray, IntArray, tangent_frame
@@ -21,7 +21,7 @@ MIN_STEP_MM = 1e-9
 """Change of the shifts and of the radius below which the iteration stops. Units: mm."""
 SHIFT_DAMPING_RADII = 0.5
 """Standard deviation of a section's shift whose information damps the steps. Units: radii."""
-PRESELECTION_RADII = 0.2
+MAX_PRESELECTION_RADII = 0.2
 """Distance from the surface within which points are compared with the noise. Units: radii."""
 PRESELECTION_SHIFTS = 3
 """Multiple of the largest shift of a section that is added to this distance."""
@@ -141,7 +141,7 @@ def measure_point_distances(cloud: ScanCloud, cylinder: Cylinder, rows: IntArray
     frame = tangent_frame(cylinder.direction)
     points, parameters = cloud.points[rows] @ frame.T, parameters_from_cylinder(frame, cylinder)
     covariances = rotate_covariances(cloud.covariances[rows], frame)
-    stds, offsets, _ = distance_stds_and_biases(points, covariances, parameters)
+    stds, offsets, _ = propagate_point_errors(points, covariances, parameters)
     lateral = np.subtract(points[:, :2].T, parameters[:2, None], order="C")
     return PointDistances(cylinder, cloud.point_sections[rows], lateral, stds, offsets)
 
@@ -207,7 +207,7 @@ def assign_points(
     """
     # Preselection, which saves time; the limit on the normalised distance follows.
     largest_shift = float(np.abs(shifts).max(initial=0.0))
-    max_distance = PRESELECTION_RADII * cylinder.radius + PRESELECTION_SHIFTS * largest_shift
+    max_distance = MAX_PRESELECTION_RADII * cylinder.radius + PRESELECTION_SHIFTS * largest_shift
     near_rows = np.flatnonzero(np.abs(cylinder.signed_distances(cloud.points)) < max_distance)
     if len(near_rows) == 0:
         return near_rows
@@ -221,8 +221,8 @@ def assign_points(
     arcs = _split_into_arcs(near_rows, sections, inliers, settings)
     if not arcs:
         return near_rows[:0]
-    start_trim = _trim_count(arcs, normalised, settings)
-    end_trim = _trim_count([arc[::-1] for arc in arcs], normalised, settings)
+    start_trim = _count_trimmed(arcs, normalised, settings)
+    end_trim = _count_trimmed([arc[::-1] for arc in arcs], normalised, settings)
     rows: IntArray = near_rows[
         np.concatenate([arc[start_trim : len(arc) - end_trim] for arc in arcs])
     ]
@@ -256,7 +256,7 @@ def _split_into_arcs(
     ]
 
 
-def _trim_count(
+def _count_trimmed(
     arcs: list[IntArray], normalised: FloatArray, settings: PointAssignmentSettings
 ) -> int:
     """Return how many points to trim from the start of every arc.

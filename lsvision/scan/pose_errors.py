@@ -71,7 +71,7 @@ def require_feed(base_from_sections: Sequence[Pose], errors: PoseErrors) -> None
         origin, as of a sensor that moves there and back.
     """
     if errors.feed_std > 0 and len(base_from_sections) > 1:
-        feed, _ = feed_direction(base_from_sections)
+        feed, _ = measure_feed(base_from_sections)
         if not feed.any():
             raise ValueError(
                 f"feed_std {errors.feed_std:g} rad without a feed: the first and the last section "
@@ -167,7 +167,7 @@ def common_error_jacobian(
     """
     columns = [np.zeros((len(directions), 0))]
     if errors.feed_std > 0:
-        feed, distances = feed_direction(cloud.poses)
+        feed, distances = measure_feed(cloud.poses)
         lateral = tangent_frame(feed)[:2]
         columns.append(
             errors.feed_std * distances[cloud.point_sections][:, None] * (directions @ lateral.T)
@@ -183,7 +183,9 @@ def common_error_jacobian(
             np.einsum("ni,nij->nj", vectors, rotations)
             for vectors in _translation_and_rotation_jacobians(directions, cloud, pivots)
         ]
-        columns.append(np.hstack(in_flange) @ _covariance_root(errors.calibration.covariance))
+        columns.append(
+            np.hstack(in_flange) @ _compute_covariance_root(errors.calibration.covariance)
+        )
     return np.hstack(columns)
 
 
@@ -197,7 +199,7 @@ def section_error_jacobian(
     """
     if errors.calibration is None:
         return errors.pose_std * directions
-    pivots = np.array([_flange_origin(pose, errors.calibration) for pose in cloud.poses])
+    pivots = np.array([_locate_flange(pose, errors.calibration) for pose in cloud.poses])
     jacobians = _translation_and_rotation_jacobians(directions, cloud, pivots)
     return np.hstack(jacobians) * _section_stds(errors, errors.calibration)
 
@@ -219,11 +221,12 @@ def _translation_and_rotation_jacobians(
     return directions, np.cross(cloud.points - pivots[cloud.point_sections], directions)
 
 
-def _flange_origin(base_from_section: Pose, calibration: SectionMount) -> FloatArray:
+def _locate_flange(base_from_section: Pose, calibration: SectionMount) -> FloatArray:
+    """Return the origin (3,) of the flange in the base frame, in mm."""
     return base_from_section.apply_one(calibration.flange_from_section.inverse().translation)
 
 
-def _covariance_root(covariance: FloatArray) -> FloatArray:
+def _compute_covariance_root(covariance: FloatArray) -> FloatArray:
     """Return a matrix C with C C' = covariance, which may be singular."""
     values, vectors = np.linalg.eigh(covariance)
     root: FloatArray = vectors * np.sqrt(np.maximum(values, 0.0))
@@ -239,14 +242,14 @@ def _single_section_response(
     # Rows: point (3), direction (3), radius.
     common, own = [np.zeros((7, 0))], errors.pose_std * np.eye(7, 3)
     if errors.feed_std > 0:
-        feed, distances = feed_direction(cloud.poses)
+        feed, distances = measure_feed(cloud.poses)
         lateral = tangent_frame(feed)[:2].T
         common.append(errors.feed_std * distances[section] * np.eye(7, 3) @ lateral)
     if calibration is not None:
         axes = pose.rotation @ calibration.flange_from_section.rotation.T
         mount_jacobian = rigid_motion_jacobian(fit.cylinder, pose.translation, axes)
-        common.append(mount_jacobian @ _covariance_root(calibration.covariance))
-        flange = _flange_origin(pose, calibration)
+        common.append(mount_jacobian @ _compute_covariance_root(calibration.covariance))
+        flange = _locate_flange(pose, calibration)
         own = rigid_motion_jacobian(fit.cylinder, flange, np.eye(3))
         own = own * _section_stds(errors, calibration)
     basis = np.zeros((PARAMETERS, 7))
@@ -332,7 +335,7 @@ def _scaled_variance_factor(normalised: FloatArray, dof: int, cloud: ScanCloud) 
     return factor * std_scale**2
 
 
-def feed_direction(base_from_sections: Sequence[Pose]) -> tuple[FloatArray, FloatArray]:
+def measure_feed(base_from_sections: Sequence[Pose]) -> tuple[FloatArray, FloatArray]:
     """Return the feed direction (3,), and the position (k,) of each section along it in mm.
 
     The direction is the unit vector from the first section's origin to the last's, zero if they

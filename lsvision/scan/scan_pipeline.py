@@ -30,7 +30,7 @@ from lsvision.scan.pose_errors import (
     PoseErrorResponse,
     PoseErrors,
     common_error_jacobian,
-    feed_direction,
+    measure_feed,
     propagate_pose_errors,
     require_feed,
     section_error_jacobian,
@@ -290,7 +290,7 @@ def build_scanned_cylinder(joint_fit: JointFit, errors: PoseErrors) -> ScannedCy
 
 def _is_against_feed(direction: FloatArray, base_from_sections: Sequence[Pose]) -> bool:
     """Return whether a direction is against the feed; see `ScannedCylinder`."""
-    feed, _ = feed_direction(base_from_sections)
+    feed, _ = measure_feed(base_from_sections)
     cosine = float(feed @ direction)
     if abs(cosine) < MIN_FEED_COSINE:
         cosine = float(base_from_sections[0].rotation[:, 2] @ direction)

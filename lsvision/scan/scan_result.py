@@ -23,7 +23,7 @@ from lsvision.results.number_format import format_ranges
 from lsvision.results.picture import draw_space_svg
 from lsvision.results.quantities import Record, json_numbers
 from lsvision.results.result import Result
-from lsvision.results.summaries import counted, cylinder_summary, rejection_notes
+from lsvision.results.summaries import counted, list_rejections, summarise_cylinders
 from lsvision.scan.pose_errors import PoseErrors
 
 RING_POINTS = 49
@@ -335,7 +335,7 @@ class ScanMeasurement(Result):
 
     def _summary(self) -> str:
         profiles = counted(len(self.measurements), "profile")
-        return f"{cylinder_summary(self.cylinders)}, {profiles}"
+        return f"{summarise_cylinders(self.cylinders)}, {profiles}"
 
     def _cells(self) -> list[tuple[str, ...]]:
         return tube_cells(self.cylinders)
@@ -343,7 +343,7 @@ class ScanMeasurement(Result):
     def _notes(self) -> list[str]:
         if not self.cylinders and not self.rejections:
             return [f"no cylinder found: {self.reason}"]
-        rejected = rejection_notes(self.rejections, "track", has_cylinders=bool(self.cylinders))
+        rejected = list_rejections(self.rejections, "track", has_cylinders=bool(self.cylinders))
         return [*twin_notes(self.cylinders), *rejected]
 
     def _rows(self) -> list[Record]:

@@ -22,17 +22,19 @@ from lsvision.scan.shape_result import FormDeviation, SectionCentres, TubeShape
 PARAMETERS = 10
 """Point (2) and direction (2) perpendicular to the axis, radius; bow (2), taper (1), ovality
 (2)."""
+CENTRE, TILT, RADIUS = slice(0, 2), slice(2, 4), 4
+"""Indices of the parameters of the straight tube."""
 BOW, TAPER, OVALITY = slice(5, 7), slice(7, 8), slice(8, 10)
-"""Indices of the deviations among the parameters; the radius is parameter 4."""
+"""Indices of the deviations among the parameters."""
 DERIVATIVE_STEP_RADII = 1e-5
 """Step of the central differences by the parameters. Units: radii."""
 MIN_POSITIONS = 3
 """Smallest number of positions of sections along the axis: two centres always lie on a straight
 line."""
-MIN_SPACING = 0.05
+MIN_SPACING_FRACTION = 0.05
 """Distance along the axis below which two sections count as one position, as a fraction of the
 distance between the first and the last: at 0.02 some fits of the bow do not converge."""
-MAX_LINEAR_STD = 0.02
+MAX_LINEAR_STD_FRACTION = 0.02
 """Largest standard deviation of a parameter with which the fit continues at the bent shape, over
 the smaller of radius and half of the measured length. Of scans of straight tubes shorter than half
 a radius, 11 % would have a bow with a p-value below 0.001 without this limit, 1 % with 0.03, and
@@ -97,7 +99,7 @@ def measure_shape(tube: ScannedCylinder) -> TubeShape:
     # Centres refer to the straight axis of the joint fit; only the radius is the mean radius here.
     points = axis_points.points + np.array([[0.0], [0.0], [sum(tube.axial_range) / 2]])
     stds = axis_points.stds * std_scale * math.sqrt(factor)
-    radius, radius_std = float(estimate[4]), math.sqrt(covariance[4, 4])
+    radius, radius_std = float(estimate[RADIUS]), math.sqrt(covariance[RADIUS, RADIUS])
     centres = fit_section_centres(tube.point_sections, points, stds, radius, radius_std)
     if tube.pose_errors != PoseErrors():
         by_poses = centre_covariances(tube, centres.along)
@@ -137,13 +139,13 @@ def _estimate_covariance(
 def count_positions(tube: ScannedCylinder) -> int:
     """Return the number of positions along the axis at which sections were measured.
 
-    Sections closer together than `MIN_SPACING`, such as profiles of a sensor that stands still,
-    count once.
+    Sections closer together than `MIN_SPACING_FRACTION`, such as profiles of a sensor that stands
+    still, count once.
     """
     along = (tube.points - tube.point) @ tube.direction
     _, index = np.unique(tube.point_sections, return_inverse=True)
     means = np.sort(np.bincount(index, along) / np.bincount(index))
-    spacing = MIN_SPACING * float(means[-1] - means[0])
+    spacing = MIN_SPACING_FRACTION * float(means[-1] - means[0])
     count, last = 1, means[0]
     for mean in means[1:]:
         if mean - last > spacing:
@@ -190,6 +192,7 @@ class _AxisFramePoints:
 
 
 def _transform_to_axis_frame(tube: ScannedCylinder) -> _AxisFramePoints:
+    """Return the points of a tube along e_phi, e_theta and its axis."""
     fit = tube.fit
     middle = fit.point + fit.direction * sum(tube.axial_range) / 2
     points = tangent_frame(fit.direction) @ (tube.points - middle).T
@@ -206,14 +209,14 @@ def _fit_deviations(axis_points: _AxisFramePoints) -> tuple[FloatArray, FloatArr
     that is far too small.
     """
     straight = np.zeros(PARAMETERS)
-    straight[4] = axis_points.radius
+    straight[RADIUS] = axis_points.radius
     residuals, jacobian = _residuals(axis_points, straight), _jacobian(axis_points, straight)
     covariance = np.asarray(np.linalg.inv(jacobian.T @ jacobian), dtype=np.float64)
     step = -covariance @ jacobian.T @ residuals
     residuals += jacobian @ step
     variance_factor = float(residuals @ residuals) / max(len(residuals) - PARAMETERS, 1)
     largest_std = math.sqrt(variance_factor * covariance.diagonal().max())
-    if not largest_std < MAX_LINEAR_STD * min(axis_points.radius, axis_points.half_length):
+    if not largest_std < MAX_LINEAR_STD_FRACTION * min(axis_points.radius, axis_points.half_length):
         return straight + step, jacobian, residuals
     return _fit_bent_tube(axis_points, straight)
 
@@ -252,7 +255,7 @@ def _residuals(axis_points: _AxisFramePoints, parameters: FloatArray) -> FloatAr
     Tilt, bow and taper are displacements at the end of the measured length (t = 1): so all
     parameters are in mm and of similar magnitude.
     """
-    centre, tilt, bow = parameters[:2], parameters[2:4], parameters[BOW]
+    centre, tilt, bow = parameters[CENTRE], parameters[TILT], parameters[BOW]
     t = axis_points.points[2] / axis_points.half_length
     from_axis = axis_points.points[:2] - centre[:, None] - np.outer(tilt, t) - np.outer(bow, t * t)
     slope = (tilt[:, None] + 2 * np.outer(bow, t)) / axis_points.half_length
@@ -260,8 +263,8 @@ def _residuals(axis_points: _AxisFramePoints, parameters: FloatArray) -> FloatAr
     along_tangent = (from_axis * slope).sum(axis=0) ** 2 / (1 + (slope**2).sum(axis=0))
     distance = np.sqrt((from_axis**2).sum(axis=0) - along_tangent)
     psi = np.arctan2(from_axis[1], from_axis[0])
-    mean_radius, taper, o1, o2 = parameters[[4, 7, 8, 9]]
-    radius = mean_radius + taper * t
+    (taper,), (o1, o2) = parameters[TAPER], parameters[OVALITY]
+    radius = parameters[RADIUS] + taper * t
     radius += o1 * np.cos(2 * psi) + o2 * np.sin(2 * psi)
     residuals: FloatArray = (distance - radius - axis_points.offsets) / axis_points.stds
     return residuals

@@ -42,9 +42,7 @@ class PoseDisplacements:
     @classmethod
     def of_tube(cls, tube: ScannedCylinder) -> Self:
         """Return the displacements of the points of a tube."""
-        from_point = tube.points - tube.point
-        normals = from_point - np.outer(from_point @ tube.direction, tube.direction)
-        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        normals = tube.cylinder.normals(tube.points)
         scale = tube.fit.stds[:, None]
         return cls(
             common_error_jacobian(normals, tube, tube.pose_errors) / scale,

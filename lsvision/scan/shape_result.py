@@ -212,4 +212,5 @@ def shape_lines(shape: TubeShape) -> list[str]:
 
 
 def _significance(deviation: FormDeviation) -> str:
+    """Return whether a deviation is significant, in words."""
     return "significant" if deviation.is_significant() else "not significant"

@@ -8,7 +8,7 @@ from lsvision.ellipse.section import CylinderSection
 from lsvision.geometry import Cylinder, FloatArray, Points, Pose, tangent_frame
 
 
-def fit_of_single_section(
+def fit_single_section(
     arc: CylinderSection, points: Points, pose: Pose
 ) -> tuple[CylinderFit, Cylinder]:
     """Return the cylinder of one arc, the first of its two twins, and the second one.

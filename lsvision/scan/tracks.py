@@ -18,6 +18,9 @@ from lsvision.statistics.robust import median
 
 DIRECTION_SIGMAS = 2.0
 """Number of standard deviations taken as the uncertainty of a predicted direction."""
+MIN_LENGTH_MM = 1e-12
+"""Smallest length of a line through centres as a divisor: coinciding centres have no direction.
+Units: mm."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -86,6 +89,7 @@ class ArcObservation:
 
 
 Track = tuple[ArcObservation, ...]
+"""Arcs of one cylinder in different sections, in the order of the sections."""
 
 
 def transform_arc_to_base(section: int, arc: CylinderSection, pose: Pose) -> ArcObservation:
@@ -119,7 +123,7 @@ def associate_arcs(
             (distance, track_index, arc_index)
             for track_index, prediction in enumerate(predictions)
             for arc_index, arc in enumerate(arcs)
-            if (distance := _normalised_gate_distance(prediction, arc, settings)) < 1
+            if (distance := _compute_gate_ratio(prediction, arc, settings)) < 1
         )
         extended_tracks: set[int] = set()
         assigned_arcs: set[int] = set()
@@ -148,6 +152,7 @@ class _Prediction:
 
 
 def _predict(recent: Sequence[ArcObservation]) -> _Prediction:
+    """Predict radius and axis of a cylinder from the most recent arcs of its track."""
     radius = median(np.array([observation.radius for observation in recent]))
     radius_std = min(observation.radius_std for observation in recent)
     centres = np.array([observation.centre for observation in recent])
@@ -156,13 +161,13 @@ def _predict(recent: Sequence[ArcObservation]) -> _Prediction:
     if len(recent) > 1:
         _, lengths, directions = np.linalg.svd(centres - mean_centre, full_matrices=False)
         centre_std = median(np.array([observation.centre_std for observation in recent]))
-        line_std = centre_std / max(float(lengths[0]), 1e-12)
+        line_std = centre_std / max(float(lengths[0]), MIN_LENGTH_MM)
         if line_std < best.twins_std:
             return _Prediction(radius, radius_std, mean_centre, directions[:1], line_std)
     return _Prediction(radius, radius_std, best.centre, best.twins, best.twins_std)
 
 
-def _normalised_gate_distance(
+def _compute_gate_ratio(
     prediction: _Prediction, arc: ArcObservation, settings: TrackSettings
 ) -> float:
     """Return the distance of an arc's centre from the predicted axis, divided by the gate."""

@@ -75,7 +75,7 @@ class Camera(ComparedByValue):
                 f"expected no number above {MAX_VALUE:g} in the distortion, got {distortion}"
             )
         width, height = as_numbers(self.size, 2, "a size (width, height) in px")
-        if not (_is_length(width) and _is_length(height)):
+        if not (_is_positive_integer(width) and _is_positive_integer(height)):
             raise ValueError(f"expected a size (width, height) in px, got {self.size}")
         if not max(width, height) <= MAX_SIZE_PX:
             raise ValueError(
@@ -164,7 +164,7 @@ class Camera(ComparedByValue):
         return distorted @ self.matrix[:2, :2].T + self.matrix[:2, 2]
 
 
-def _is_length(value: float) -> bool:
+def _is_positive_integer(value: float) -> bool:
     """Return whether a number is positive and whole."""
     return value > 0 and value.is_integer()
 

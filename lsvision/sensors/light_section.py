@@ -20,7 +20,7 @@ import numpy.typing as npt
 from lsvision.errors import DegenerateGeometry, LsvisionError
 from lsvision.geometry import FloatArray, Plane, Points, Pose
 from lsvision.geometry.equality import ComparedByValue
-from lsvision.geometry.plane import section_pose
+from lsvision.geometry.plane import find_section_pose
 from lsvision.laser_line.extraction import LaserLine, LineSettings, extract_laser_line
 from lsvision.laser_line.image_array import as_image
 from lsvision.laser_line.line_blur import correct_line_blur
@@ -35,7 +35,7 @@ at a steep flank would be infinite."""
 MIN_BASELINE_MM = 0.1
 """Smallest distance of the laser plane from the camera's centre: a plane through it shows no depth.
 Units: mm."""
-MIN_SLANT = 1e-3
+MIN_SLANT_SINE = 1e-3
 """Smallest sine of the angle between optical axis and laser plane (0.06 deg)."""
 NORMAL_STEP_MM = 0.1
 """Length of the plane's normal that is projected to find its direction in the image. Units: mm."""
@@ -109,7 +109,7 @@ class LightSection(ComparedByValue):
     @cached_property
     def camera_from_section(self) -> Pose:
         """Pose of the section frame in the camera frame, as the class defines it. Units: mm."""
-        return section_pose(self.laser_plane)
+        return find_section_pose(self.laser_plane)
 
     def profile(
         self,
@@ -316,7 +316,7 @@ class LightSection(ComparedByValue):
         """
         valid = pixels[np.isfinite(pixels).all(axis=1)]
         ray = self.camera.rays(valid[[len(valid) // 2]])
-        point = ray * _depths(ray, self.laser_plane)
+        point = ray * _intersect_rays(ray, self.laser_plane)
         shifted = point + NORMAL_STEP_MM * self.laser_plane.normal
         start, stop = self.camera.project(np.vstack([point, shifted]))
         length = math.hypot(*(stop - start))
@@ -335,7 +335,7 @@ class LightSection(ComparedByValue):
         """Return the section points (n, 2) of pixels, and their Jacobian by the pixel (n, 2, 2)."""
         rays, ray_jacobians = self.camera.rays_with_jacobian(pixels)
         normal, pose = self.laser_plane.normal, self.camera_from_section
-        depth = _depths(rays, self.laser_plane)
+        depth = _intersect_rays(rays, self.laser_plane)
         axes = pose.rotation[:, :2]
         points = (rays * depth[:, None] - pose.translation) @ axes
         # X = z m with z = D / (n . m), so dX/dm_j = z (e_j - m n_j / (n . m)).
@@ -354,7 +354,7 @@ def _pixel_stds(line: LaserLine) -> FloatArray:
     return stds
 
 
-def _depths(rays: Points, plane: Plane) -> FloatArray:
+def _intersect_rays(rays: Points, plane: Plane) -> FloatArray:
     """Return the depths z (n,) at which rays (z = 1) meet the plane, in mm; NaN if they do not."""
     ray_dot_normal = rays @ plane.normal
     in_front = ray_dot_normal * plane.distance > 0
@@ -369,7 +369,7 @@ def _check_plane(camera: Camera, plane: Plane) -> None:
             f"needs at least {MIN_BASELINE_MM:g} mm: from within the plane all depths have the "
             "same image; move the laser sideways and calibrate again"
         )
-    if abs(plane.normal[2]) < MIN_SLANT:
+    if abs(plane.normal[2]) < MIN_SLANT_SINE:
         raise DegenerateGeometry(
             f"the laser plane is parallel to the optical axis (normal {plane.normal.round(6)}): "
             "turn the laser so that its plane crosses the optical axis at the working distance"
@@ -379,7 +379,7 @@ def _check_plane(camera: Camera, plane: Plane) -> None:
         np.linspace(0, width - 1, CHECKED_PIXELS), np.linspace(0, height - 1, CHECKED_PIXELS)
     )
     rays = camera.rays(np.column_stack([u.ravel(), v.ravel()]))
-    if not np.isfinite(_depths(rays, plane)).any():
+    if not np.isfinite(_intersect_rays(rays, plane)).any():
         raise DegenerateGeometry(
             f"the laser plane is not in view (normal {plane.normal.round(4)}, distance "
             f"{plane.distance:.3f} mm): it lies behind the camera or beside the image; check the "

@@ -16,11 +16,16 @@ MIN_REPEATS = 3
 MIN_MULTIPLICITY_RATIO = 2.5
 """Smallest ratio of the repetitions of a marker to the mean repetitions of the other values:
 rounded heights and planes without noise repeat, too."""
-MIN_LIMIT_GAP, MIN_KNOWN_GAP, MIN_ZERO_GAP, MIN_UNKNOWN_GAP = 0.1, 1.0, 2.0, 4.0
+MIN_LIMIT_GAP_SPANS, MIN_KNOWN_GAP_SPANS, MIN_ZERO_GAP_SPANS, MIN_UNKNOWN_GAP_SPANS = (
+    0.1,
+    1.0,
+    2.0,
+    4.0,
+)
 """Smallest distance of a marker from the nearest other value, in spans of the other values: for the
 limit of an integer type, a repeated value such as -9999, 0, and any other value (a floor without
 noise under a pipe is 3 spans from it)."""
-MIN_SINGLE_KNOWN_GAP = 5.0
+MIN_SINGLE_KNOWN_GAP_SPANS = 5.0
 """The same for a value such as -9999 that is not repeated."""
 _BITS = (15, 16, 23, 24, 31, 32)
 """Sizes of the integer types (with and without sign) in which sensors store distances; the limits
@@ -32,6 +37,9 @@ _LIMITS = frozenset(
     if abs(limit) > 32000
 )
 """Limits of these types."""
+_MIN_SCALED_LIMIT = 32.0
+"""Smallest size of a limit over a power of ten (32.767 of 16 bits): smaller ones, such as 3.2767,
+are also plausible heights."""
 _HUGE = 1e15
 """Size from which a value is a marker in any unit."""
 
@@ -119,14 +127,14 @@ def _min_spans(
 ) -> float:
     """Return the smallest distance of a marker, in spans of the others; inf if it is none."""
     if value in limits or _is_limit(value) or (is_range and value <= 0 and not known_only):
-        return MIN_LIMIT_GAP
+        return MIN_LIMIT_GAP_SPANS
     if _is_common_marker(value):
-        return MIN_KNOWN_GAP if count > 1 else MIN_SINGLE_KNOWN_GAP
+        return MIN_KNOWN_GAP_SPANS if count > 1 else MIN_SINGLE_KNOWN_GAP_SPANS
     if known_only or count < MIN_REPEATS:
         return math.inf
     if is_range:
-        return MIN_KNOWN_GAP
-    return MIN_UNKNOWN_GAP if value else MIN_ZERO_GAP
+        return MIN_KNOWN_GAP_SPANS
+    return MIN_UNKNOWN_GAP_SPANS if value else MIN_ZERO_GAP_SPANS
 
 
 def _is_known_marker(value: float) -> bool:
@@ -139,7 +147,7 @@ def _is_limit(value: float) -> bool:
     size = abs(value)
     if size >= _HUGE:
         return True
-    if size < 32:
+    if size < _MIN_SCALED_LIMIT:
         return False
     return any(round(value * scale, 6) in _LIMITS for scale in (1, 10, 100, 1e3, 1e4))
 

@@ -1,4 +1,6 @@
-"""Robust estimates of scale (median absolute deviation)."""
+"""Robust estimates of scale (median absolute deviation), and significant excess of a variance."""
+
+import math
 
 import numpy as np
 
@@ -10,6 +12,21 @@ MAD_TO_STD = 1.4826
 SIGNIFICANT_SIGMAS = 3.0
 """Standard deviations that chance exceeds in 0.3 % of the cases: a smaller deviation is not
 significant, a larger one of a single point may be an outlier."""
+
+
+def estimate_excess_variance(reduced_chi2: float, degrees_of_freedom: float) -> float:
+    """Return the factor by which the variance of residuals exceeds a stated one; 1 by default.
+
+    It is the reduced chi^2 if this exceeds 1, its mean if the stated variance is right, by more
+    than `SIGNIFICANT_SIGMAS` of its standard deviations, sqrt(2 / degrees_of_freedom).
+
+    Examples
+    --------
+    >>> estimate_excess_variance(1.2, 50.0), estimate_excess_variance(2.5, 50.0)
+    (1.0, 2.5)
+    """
+    max_by_chance = 1 + SIGNIFICANT_SIGMAS * math.sqrt(2 / degrees_of_freedom)
+    return reduced_chi2 if reduced_chi2 > max_by_chance else 1.0
 
 
 def upper_median(values: FloatArray) -> float:

@@ -6,8 +6,8 @@ import numpy as np
 
 from lsvision.geometry import FloatArray
 
-_MIN_TIES = 0.5
-"""Smallest share of neighbours of equal height: with noise of half a step, about half are."""
+_MIN_TIE_FRACTION = 0.5
+"""Smallest fraction of neighbours with equal heights: with noise of half a step, about half are."""
 _MAX_STEP_RATIO = 2.5
 """Largest median of the steps between other neighbours, in units of the smallest."""
 _MIN_POINTS, _MIN_STEPS = 20, 10
@@ -20,7 +20,7 @@ def find_rounding(heights: Sequence[FloatArray]) -> float | None:
     """Return the step to which the heights of profiles are rounded; None if noise exceeds it.
 
     Most neighbours then have equal heights, and most others differ by one step. The error of
-    rounding has a standard deviation of step / sqrt(12).
+    rounding, uniform in +/- half a step, has a standard deviation of step / sqrt(12).
 
     Examples
     --------
@@ -32,7 +32,7 @@ def find_rounding(heights: Sequence[FloatArray]) -> float | None:
         differences = [np.diff(z[np.isfinite(z)]) for z in heights[:_MAX_PROFILES]]
     steps = np.concatenate([*differences, np.empty(0)])
     moving = np.abs(steps[steps != 0])
-    most_are_equal = len(moving) <= (1 - _MIN_TIES) * len(steps)
+    most_are_equal = len(moving) <= (1 - _MIN_TIE_FRACTION) * len(steps)
     if not most_are_equal or len(steps) < _MIN_POINTS or len(moving) < _MIN_STEPS:
         return None
     step = float(moving.min())

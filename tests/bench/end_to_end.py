@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from lsvision.cli.measure_files import TASK_SIZE
-from lsvision.ellipse.section import compute_intervals
+from lsvision.ellipse.section import precompute_intervals
 from lsvision.measure import measure_profiles
 from lsvision.profile import Profile
 from lsvision.simulate import random_section
@@ -228,7 +228,7 @@ def _measure_and_bound(profiles):
     """Return the processor time per profile (s) of the measurement and of all intervals."""
     measurements, measuring = _timed(lambda: measure_profiles(profiles))
     cylinders = [cylinder for each in measurements for cylinder in each.cylinders]
-    _, bounding = _timed(lambda: compute_intervals(cylinders))
+    _, bounding = _timed(lambda: precompute_intervals(cylinders))
     return measuring / len(profiles), bounding / len(profiles)
 
 

@@ -17,9 +17,9 @@ from lsvision.simulate import random_section
 from tests.bench.goals import Number
 
 STEPS = (
-    "prepare_profile", "search_range", "build_range_image", "connected_components",
-    "find_candidates", "identify_arcs", "screen_arcs", "tangential_end_reason", "smooth_arcs",
-    "homogenise_arcs", "refine_arcs", "rejection_reason", "suppress_overlapping",
+    "prepare_profile", "find_radius_range", "build_range_image", "find_connected_components",
+    "find_candidates", "identify_arcs", "screen_arcs", "find_tangential_end_reason", "smooth_arcs",
+    "homogenise_arcs", "refine_arcs", "find_rejection_reason", "suppress_overlapping",
     "complete_rejections", "build_measurement",
 )  # fmt: skip
 """The functions that `lsvision.measure` calls, in order."""

@@ -6,8 +6,8 @@ import pytest
 from lsvision.cylinder.alternatives import (
     CylinderComparison,
     angle_between_axes,
+    build_in_plane_covariances,
     find_equivalent,
-    in_plane_covariances,
 )
 from lsvision.cylinder.fit import CylinderFittingSettings, fit_cylinder
 from lsvision.cylinder.other_minima import find_other_minima
@@ -97,12 +97,12 @@ def test_points_of_planes_have_errors_within_them() -> None:
     rng = np.random.default_rng(5)
     points, _ = opposite_arcs(rng, 60.0)
     pose = Pose(np.linalg.qr(rng.normal(size=(3, 3)))[0] * [1, 1, 1], (900.0, 20.0, -300.0))
-    covariances = in_plane_covariances(points)
+    covariances = build_in_plane_covariances(points)
     assert covariances is not None
     np.testing.assert_allclose(covariances / covariances[0, 0, 0], [np.diag([1, 1, 0])] * 120)
-    assert in_plane_covariances(points @ pose.rotation.T + pose.translation) is not None
-    assert in_plane_covariances(points + rng.normal(0, 1e-3, points.shape)) is None
-    assert in_plane_covariances(points[[*range(60), 60, 61, 62]]) is None
+    assert build_in_plane_covariances(points @ pose.rotation.T + pose.translation) is not None
+    assert build_in_plane_covariances(points + rng.normal(0, 1e-3, points.shape)) is None
+    assert build_in_plane_covariances(points[[*range(60), 60, 61, 62]]) is None
 
 
 def one_sided_arcs(rng: np.random.Generator, arc_deg: float) -> tuple[np.ndarray, np.ndarray]:

@@ -3,7 +3,11 @@
 import numpy as np
 import pytest
 
-from lsvision.cylinder.alternatives import angle_between_axes, distinct_cylinders, refine
+from lsvision.cylinder.alternatives import (
+    angle_between_axes,
+    refine_cylinder,
+    select_distinct_cylinders,
+)
 from lsvision.cylinder.other_minima import TILTS_DEG, find_other_minima
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import FitFailed
@@ -38,12 +42,12 @@ def minima_one_by_one(points, cylinder, known_radius):
             tilted = np.cos(tilt) * direction + np.sin(tilt) * side
             try:
                 guess = Cylinder(pivot, tilted, cylinder.radius)
-                found.append(refine(points - origin, guess, known_radius))
+                found.append(refine_cylinder(points - origin, guess, known_radius))
             except FitFailed:
                 continue
     return [
         Cylinder(other.point + origin, other.direction, other.radius)
-        for other in distinct_cylinders(found)[1:]
+        for other in select_distinct_cylinders(found)[1:]
     ]
 
 
@@ -54,7 +58,9 @@ def test_fits_that_advance_together_find_the_minima_of_fits_one_by_one(seed, kno
     # The principal axes are those of the frame, X and Y, by symmetry.
     std, gap = 0.01, rng.uniform(6.0, 16.0)
     points = arcs(rng, rng.uniform(45.0, 75.0), gap, std, 2 + seed % 2)
-    start = refine(points - points.mean(axis=0), Cylinder((0, 0, 0), (0, 0, 1), RADIUS), None)
+    start = refine_cylinder(
+        points - points.mean(axis=0), Cylinder((0, 0, 0), (0, 0, 1), RADIUS), None
+    )
     start = Cylinder(start.point + points.mean(axis=0), start.direction, start.radius)
 
     def chi2(cylinder):
@@ -93,5 +99,5 @@ def test_points_of_a_plane_have_no_other_minimum():
 def test_one_cylinder_is_returned_once_however_its_axis_points():
     tube = Cylinder((0, 0, 0), (0, 0, 1), RADIUS)
     reverse, tilted = Cylinder((0, 0, 0), (0, 0, -1), 20.0), Cylinder((0, 0, 0), (0, 0.01, 1), 20.0)
-    assert distinct_cylinders([tube, reverse, tilted, tilted]) == [tube, tilted]
-    assert distinct_cylinders([]) == []
+    assert select_distinct_cylinders([tube, reverse, tilted, tilted]) == [tube, tilted]
+    assert select_distinct_cylinders([]) == []

@@ -11,10 +11,10 @@ import pytest
 from lsvision import Ellipse, PointNoise, Profile, ProfileSensor
 from lsvision.detection.acceptance import (
     AcceptanceSettings,
-    rejection_reason,
-    shape_rejection_reason,
+    find_rejection_reason,
+    find_shape_rejection_reason,
+    find_undeterminable_radius_reason,
     suppress_overlapping,
-    undeterminable_radius_reason,
 )
 from lsvision.detection.profile_preparation import prepare_profile
 from lsvision.ellipse.fit import FittingSettings
@@ -58,7 +58,7 @@ def tilted(phi_deg, radius=20.0):
     ],
 )  # fmt: skip
 def test_each_limit_of_the_shape_has_an_arc_on_either_side(ellipse, normals, reason):
-    assert shape_rejection_reason(ellipse, normals, RANGE) == reason
+    assert find_shape_rejection_reason(ellipse, normals, RANGE) == reason
 
 
 def test_limits_of_the_shape_can_be_set():
@@ -66,13 +66,13 @@ def test_limits_of_the_shape_can_be_set():
     for ellipse, normals in (
         (circle(20), fan(120, 49)), (tilted(31), fan(120)), (circle(20), fan(99)),
     ):  # fmt: skip
-        assert shape_rejection_reason(ellipse, normals, RANGE) is None
-        assert shape_rejection_reason(ellipse, normals, RANGE, strict) is not None
+        assert find_shape_rejection_reason(ellipse, normals, RANGE) is None
+        assert find_shape_rejection_reason(ellipse, normals, RANGE, strict) is not None
 
 
 @pytest.mark.parametrize("middle_deg", [90.0, 175.0])
 def test_coverage_knows_no_cut_at_180_deg(middle_deg):
-    reason = shape_rejection_reason(circle(20), fan(30, middle_deg=middle_deg), RANGE)
+    reason = find_shape_rejection_reason(circle(20), fan(30, middle_deg=middle_deg), RANGE)
     assert reason == "arc covers 30 deg, needs 38 deg"
 
 
@@ -88,7 +88,7 @@ def fitted(profile, start_ellipse, rows=None, *, radius=None, phi=None, settings
 def reason_of(points, std, rows=None, ellipse=None, **priors):
     profile = exact(points, std)
     section = fitted(profile, circle() if ellipse is None else ellipse, rows, **priors)
-    return rejection_reason(profile, section, RANGE)
+    return find_rejection_reason(profile, section, RANGE)
 
 
 ANGLES = np.arange(-70.0, 70.1, 2.0)  # 71 of them
@@ -136,7 +136,7 @@ def test_residuals_of_a_hundredth_of_the_radius_are_never_too_large():
 def test_estimated_noise_is_not_blamed_on_the_sensor(rng):
     points = wavy(1.0, waves=9.0) + 0.01 * rng.normal(size=(71, 2))
     profile = prepare_profile(Profile(points), None)
-    reason = rejection_reason(profile, fitted(profile, circle()), RANGE)
+    reason = find_rejection_reason(profile, fitted(profile, circle()), RANGE)
     assert re.fullmatch(r"residual rms \d+\.\d times the noise, limit \d+\.\d", reason)
 
 
@@ -148,7 +148,7 @@ def test_a_parabola_has_no_best_ellipse():
     few = FittingSettings(reweightings=0, max_evaluations=7, tolerance=1e-6)
     section = fitted(profile, circle(20, (0.0, -420.0)), settings=few)
     wide = AcceptanceSettings(max_tilt_deg=89.0)
-    reason = rejection_reason(profile, section, (1.0, 1000.0), wide)
+    reason = find_rejection_reason(profile, section, (1.0, 1000.0), wide)
     assert re.fullmatch(
         r"no best ellipse: the flatter the .* \(the fit stopped at a tilt of \d\d deg\)",
         reason,
@@ -180,7 +180,7 @@ def section_of(low, high, *, radius=20.0, std=5.0, phi=0.0, known_radius=None, k
     ],
 )
 def test_a_radius_must_be_bounded_within_a_factor_of_two(low, high, is_rejected):
-    reason = undeterminable_radius_reason(section_of(low, high))
+    reason = find_undeterminable_radius_reason(section_of(low, high))
     expected = f"radius not determinable: {low:.3g} to {high:.3g} mm (95 %); a longer arc is needed"
     assert reason == (expected if is_rejected else None)
 
@@ -195,7 +195,7 @@ def test_a_radius_must_be_bounded_within_a_factor_of_two(low, high, is_rejected)
 )
 def test_an_end_of_the_radius_that_was_not_found_is_not_given_as_a_number(low, high, interval):
     """The limits of an interval are 0.02 and 50 radii."""
-    assert undeterminable_radius_reason(section_of(low, high)) == (
+    assert find_undeterminable_radius_reason(section_of(low, high)) == (
         f"radius not determinable: {interval}; a longer arc is needed"
     )
 
@@ -204,13 +204,13 @@ def test_an_end_of_the_radius_that_was_not_found_is_not_given_as_a_number(low, h
 def test_the_interval_of_a_short_arc_has_no_upper_end(seed, degrees):
     profile = prepare_profile(Profile(short_arc(seed, degrees)), SENSOR)
     section = fitted(profile, circle(20.0, (0.0, -400.0)))
-    reason = undeterminable_radius_reason(section)
+    reason = find_undeterminable_radius_reason(section)
     assert reason.startswith("radius not determinable: the 95 % interval has no upper end")
 
 
 @pytest.mark.parametrize("known", [{"known_radius": 20.0}, {"known_phi": 0.0}])
 def test_what_is_known_bounds_the_radius(known):
-    assert undeterminable_radius_reason(section_of(5.0, 100.0, **known)) is None
+    assert find_undeterminable_radius_reason(section_of(5.0, 100.0, **known)) is None
 
 
 @pytest.mark.parametrize(
@@ -226,14 +226,14 @@ def test_what_is_known_bounds_the_radius(known):
 )
 def test_a_radius_of_two_to_six_sigma_needs_its_interval(sigmas, reason):
     """Only then the interval, which takes time, decides: fewer are too few, more are enough."""
-    assert undeterminable_radius_reason(section_of(5.0, 100.0, std=20 / sigmas)) == reason
+    assert find_undeterminable_radius_reason(section_of(5.0, 100.0, std=20 / sigmas)) == reason
 
 
 @pytest.mark.parametrize(("sigmas", "is_rejected"), [(4.2, True), (4.6, False), (9.0, False)])
 def test_a_tilt_by_which_a_short_arc_seems_determined_must_not_be_by_chance(sigmas, is_rejected):
     """The untilted cylinder of an arc at 45 deg has twice the radius, and half as many sigmas."""
     section = section_of(15.0, 30.0, std=20 / sigmas, phi=math.pi / 4)
-    reason = undeterminable_radius_reason(section)
+    reason = find_undeterminable_radius_reason(section)
     untilted = "radius not determinable: 40 +/- 19 mm untilted; a longer arc is needed"
     assert reason == (untilted if is_rejected else None)
 
@@ -255,9 +255,9 @@ def test_the_radius_of_45_deg_with_noise_is_not_determinable(sensor):
     for seed in range(12):
         profile = prepare_profile(Profile(short_arc(seed, 45)), sensor)
         start = circle(20.0, (0.0, -400.0))
-        reason = undeterminable_radius_reason(fitted(profile, start))
+        reason = find_undeterminable_radius_reason(fitted(profile, start))
         for known in ({"radius": RadiusPrior(20.0)}, {"phi": PhiPrior(0.0)}):
-            assert undeterminable_radius_reason(fitted(profile, start, **known)) is None
+            assert find_undeterminable_radius_reason(fitted(profile, start, **known)) is None
         if reason is not None:
             is_rejected += 1
             assert re.fullmatch(
@@ -271,7 +271,9 @@ def test_the_radius_of_45_deg_with_noise_is_not_determinable(sensor):
 def test_the_radius_of_150_deg_is_determinable():
     for seed in range(5):
         profile = prepare_profile(Profile(short_arc(seed, 150)), SENSOR)
-        assert undeterminable_radius_reason(fitted(profile, circle(20.0, (0.0, -400.0)))) is None
+        assert (
+            find_undeterminable_radius_reason(fitted(profile, circle(20.0, (0.0, -400.0)))) is None
+        )
 
 
 def test_a_radius_that_needs_no_interval_is_distinguished_from_a_bound_of_its_std():
@@ -287,10 +289,10 @@ def test_points_with_noise_of_their_own_are_judged_by_it():
     noise = PointNoise(np.tile(0.05**2 * np.eye(2), (71, 1, 1)))
     profile = prepare_profile(Profile(wavy(0.6)), noise)
     section = fitted(profile, circle())
-    assert "residual rms" in rejection_reason(profile, section, RANGE)
+    assert "residual rms" in find_rejection_reason(profile, section, RANGE)
     coarse = PointNoise(np.tile(0.2**2 * np.eye(2), (71, 1, 1)))
     profile = prepare_profile(Profile(wavy(0.6)), coarse)
-    assert rejection_reason(profile, fitted(profile, circle()), RANGE) is None
+    assert find_rejection_reason(profile, fitted(profile, circle()), RANGE) is None
 
 
 @dataclass(frozen=True)

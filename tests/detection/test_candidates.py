@@ -9,10 +9,10 @@ from lsvision.detection.candidates import (
     CandidateSettings,
     _order_by_coverage,
     _suppress_non_maxima,
-    seed_ellipse,
+    fit_seed_ellipse,
 )
 from lsvision.detection.profile_preparation import prepare_profile
-from lsvision.detection.range_image import build_range_image, connected_components
+from lsvision.detection.range_image import build_range_image, find_connected_components
 from lsvision.detection.windows import Windows
 from tests.detection.scenes import bowl, dome, find_candidates, flat, line
 
@@ -20,7 +20,7 @@ RANGE = (5.0, 60.0)
 
 
 def candidates_of(profile, radius_range=RANGE):
-    components = connected_components(build_range_image(profile), 10)
+    components = find_connected_components(build_range_image(profile), 10)
     return find_candidates(profile, components, radius_range)
 
 
@@ -131,7 +131,7 @@ def test_of_two_touching_pipes_each_seeds_an_arc():
 
 def test_the_seed_ellipse_is_near_the_circle_of_a_dome():
     profile = line(dome(0, 20))
-    seed = seed_ellipse(profile, candidates_of(profile)[0])
+    seed = fit_seed_ellipse(profile, candidates_of(profile)[0])
     np.testing.assert_allclose(seed.centre, (0, -440), atol=0.5)
     assert seed.radius == pytest.approx(20, abs=0.5)
 
@@ -141,14 +141,14 @@ def test_a_seed_is_no_ellipse_tilted_by_more_than_60_degrees(ratio, is_ellipse):
     turn = np.radians(np.linspace(10, 170, 80))
     points = np.column_stack([15 * ratio**0.5 * np.cos(turn), 15 / ratio**0.5 * np.sin(turn)])
     profile = prepare_profile(Profile(points), None)
-    seed = seed_ellipse(profile, Candidate(np.arange(80), (0.0, 0.0), 15.0))
+    seed = fit_seed_ellipse(profile, Candidate(np.arange(80), (0.0, 0.0), 15.0))
     expected = ratio if is_ellipse else 1.0
     assert seed.semi_major / seed.semi_minor == pytest.approx(expected, rel=1e-3)
 
 
 def test_where_no_ellipse_fits_the_seed_is_the_circle():
     profile = prepare_profile(Profile(flat(0, 30)), None)
-    seed = seed_ellipse(profile, Candidate(np.arange(50), (15.0, -460.0), 20.0))
+    seed = fit_seed_ellipse(profile, Candidate(np.arange(50), (15.0, -460.0), 20.0))
     assert (seed.centre, seed.semi_major, seed.semi_minor) == ((15.0, -460.0), 20.0, 20.0)
 
 
@@ -165,7 +165,7 @@ def test_no_components_have_no_candidates():
 
 def test_the_shortest_window_is_a_setting():
     profile = line(dome(0, 20, half_deg=80))
-    (component,) = connected_components(build_range_image(profile), 10)
+    (component,) = find_connected_components(build_range_image(profile), 10)
     shortest = [
         min(
             len(c.indices)

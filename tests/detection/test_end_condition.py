@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lsvision import Profile, measure_cylinders
-from lsvision.detection.end_condition import find_connected_beyond, tangential_end_reason
+from lsvision.detection.end_condition import find_connected_beyond, find_tangential_end_reason
 from lsvision.detection.profile_preparation import prepare_profile
 from tests.detection.scenes import arc_points, as_screened, circle, exact, identified, walk
 
@@ -31,7 +31,7 @@ def reason_of(points, start, stop, *, screened=None, std=0.01):
     arc = identified(start, stop, circle())
     kept = arc if screened is None else identified(*screened, circle())
     profile = exact(points)
-    return tangential_end_reason(profile, arc, as_screened(profile, kept, std))
+    return find_tangential_end_reason(profile, arc, as_screened(profile, kept, std))
 
 
 def reason(left_deg, right_deg, **arc):
@@ -86,7 +86,7 @@ def test_points_into_which_a_sensor_mixes_the_arc_do_not_count(mixed):
         points, start, stop = sides([0.0] * count, KINK)
         arc = identified(start, stop, circle())
         profile = exact(points)
-        reason = tangential_end_reason(profile, arc, as_screened(profile, arc, 0.01, mixed))
+        reason = find_tangential_end_reason(profile, arc, as_screened(profile, arc, 0.01, mixed))
         assert (reason is not None) == is_rejected, (count, reason)
 
 
@@ -282,7 +282,7 @@ def test_a_rounded_corner_is_one_at_any_pitch_and_size(pitch, count, mirror, rng
     points *= (mirror, 1)
     profile = prepare_profile(Profile(points), None)
     arc = identified(edge[0], edge[-1] + 1, circle(radius))
-    found = tangential_end_reason(profile, arc, as_screened(profile, arc, 0.02))
+    found = find_tangential_end_reason(profile, arc, as_screened(profile, arc, 0.02))
     assert found.startswith("continues tangentially at one end (turns ")
     assert found.endswith(": a rounded corner")
 
@@ -298,7 +298,7 @@ def test_the_crest_of_a_bent_sheet_goes_on_at_both_ends(pitch, half_deg, rng):
     edge = np.flatnonzero(np.abs(x) < reach)
     profile = prepare_profile(Profile(np.column_stack([x, y])), None)
     arc = identified(edge[0], edge[-1] + 1, circle())
-    assert tangential_end_reason(profile, arc, as_screened(profile, arc, 0.02)).startswith(
+    assert find_tangential_end_reason(profile, arc, as_screened(profile, arc, 0.02)).startswith(
         "continues tangentially at both ends (turns "
     )
 

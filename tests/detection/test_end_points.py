@@ -10,7 +10,9 @@ import pytest
 from scipy.stats import multivariate_normal, norm
 
 from lsvision.detection.end_points import EndInliers, EndPoints, Prediction
-from lsvision.detection.end_points import departure_free_probability as departure_free_probabilities
+from lsvision.detection.end_points import (
+    compute_departure_free_probability as departure_free_probabilities,
+)
 from lsvision.detection.end_points import find_end_inliers as find_inliers_of_ends
 
 OUTLIERS = 0.05
@@ -31,7 +33,7 @@ def find_end_inliers(end, prediction):
     return EndInliers(np.flatnonzero(members), *(field[members] for field in others))
 
 
-def departure_free_probability(end, prediction, members, following):
+def compute_departure_free_probability(end, prediction, members, following):
     """Probability for each position of `members` of one end."""
     masks = np.zeros((2, 1, len(end.residuals) - 2), dtype=bool)
     masks[0, 0, members] = masks[1, 0, following] = True
@@ -266,14 +268,16 @@ def test_a_departure_is_as_likely_as_full_covariances_say(seed, count, time):
     end = end._replace(residuals=end.residuals + foot)
     members = np.flatnonzero(rng.random(count) > 0.1)
     following = count + np.arange(min(seed, 8))
-    probability = departure_free_probability(end, prediction, members, following)
+    probability = compute_departure_free_probability(end, prediction, members, following)
     expected = departure_oracle(end, prediction, members, following)
     np.testing.assert_allclose(probability, expected, rtol=1e-6, atol=1e-9)
 
 
 def test_a_line_that_goes_on_as_it_should_has_most_likely_not_departed():
     end, prediction = certain(np.zeros(20), std=0.05, radius=20.0)
-    probability = departure_free_probability(end, prediction, np.arange(12), np.arange(12, 20))
+    probability = compute_departure_free_probability(
+        end, prediction, np.arange(12), np.arange(12, 20)
+    )
     assert probability.min() > 0.9
 
 
@@ -281,8 +285,8 @@ def test_what_follows_shows_that_the_last_inliers_have_left_already():
     beyond = np.maximum(np.arange(-8.0, 10.0), 0.0)
     end, prediction = certain(0.03 * beyond**2, std=0.05, radius=20.0)
     members, following = np.arange(12), np.arange(12, 18)
-    alone = departure_free_probability(end, prediction, members[:10], members[:0])
-    followed = departure_free_probability(end, prediction, members, following)
+    alone = compute_departure_free_probability(end, prediction, members[:10], members[:0])
+    followed = compute_departure_free_probability(end, prediction, members, following)
     assert alone[9] > 0.5
     assert followed[9] < 0.5
     assert followed[:7].min() > 0.99  # the eighth point is the first that has left

@@ -5,7 +5,7 @@ import pytest
 
 from lsvision import Profile, ProfileSensor
 from lsvision.detection.profile_preparation import prepare_profile
-from lsvision.detection.range_image import build_range_image, connected_components
+from lsvision.detection.range_image import build_range_image, find_connected_components
 from lsvision.simulate import SCENE_KINDS, SectionSettings, random_section
 from tests.detection.scenes import find_candidates
 from tests.other_scenes import other_scene
@@ -40,7 +40,7 @@ SCENES["more points than are kept"] = dense()
 def front_end(points, sensor=None, scale=1.0):
     """Return columns, centre and radius of each candidate, in order."""
     profile = prepare_profile(Profile(points), sensor)
-    components = connected_components(build_range_image(profile), 10)
+    components = find_connected_components(build_range_image(profile), 10)
     candidates = find_candidates(profile, components, (RADII[0] * scale, RADII[1] * scale))
     return [
         (profile.sensor_columns[candidate.indices], candidate.centre, candidate.radius)

@@ -11,8 +11,8 @@ from lsvision.detection.arcs import IdentifiedArc
 from lsvision.detection.candidates import Candidate
 from lsvision.detection.identification import GrownArc, Seed, find_connected_inliers, grow_arcs
 from lsvision.detection.profile_preparation import prepare_profile
-from lsvision.detection.range_image import build_range_image, connected_components
-from lsvision.detection.search_range import search_range
+from lsvision.detection.radius_range import find_radius_range
+from lsvision.detection.range_image import build_range_image, find_connected_components
 from lsvision.geometry.noisy_points import NoisyPoints, as_complex
 from lsvision.profile import Arc
 from lsvision.simulate import SectionSettings
@@ -35,7 +35,7 @@ FIRST, STOP = len(LEFT), len(LEFT) + len(PIPE)
 
 
 def best_candidate(profile):
-    components = connected_components(build_range_image(profile), 10)
+    components = find_connected_components(build_range_image(profile), 10)
     return find_candidates(profile, components, RANGE)[0]
 
 
@@ -54,8 +54,8 @@ def grown(profile, candidate, free=None):
 def arcs_of(points, noise=None):
     """Return the columns of all arcs that grow from the candidates of a profile."""
     profile = prepare_profile(points, noise)
-    radii = search_range(None, None, profile)
-    components = connected_components(build_range_image(profile), 10)
+    radii = find_radius_range(None, None, profile)
+    components = find_connected_components(build_range_image(profile), 10)
     arcs, _ = identify_arcs(profile, find_candidates(profile, components, radii), radii)
     return [np.sort(profile.sensor_columns[arc.indices]) for arc in arcs]
 
@@ -271,7 +271,9 @@ def test_a_seed_at_one_end_of_the_longest_profile_reaches_the_other():
 def test_growth_fails_where_the_fit_breaks_down(iterations, monkeypatch):
     """Also in the last iteration."""
     monkeypatch.setattr(identification, "MAX_ITERATIONS", iterations)
-    monkeypatch.setattr(identification, "gauss_newton_step", lambda *_: np.full((1, 5), np.nan))
+    monkeypatch.setattr(
+        identification, "take_gauss_newton_step", lambda *_: np.full((1, 5), np.nan)
+    )
     profile = exact(arc_points(np.linspace(-60, 60, 90)))
     assert grow_arcs([Seed(profile, seed_at(20, 70), profile.valid_indices)]) == [None]
 
@@ -332,7 +334,7 @@ def test_an_arc_without_the_shape_of_a_pipe_is_reported_once():
 
 def test_two_touching_pipes_are_two_arcs_without_common_points():
     profile = line(dome(0, 20, 85), dome(40, 20, 85))
-    components = connected_components(build_range_image(profile), 10)
+    components = find_connected_components(build_range_image(profile), 10)
     arcs, _ = identify_arcs(profile, find_candidates(profile, components, RANGE), RANGE)
     assert len(arcs) == 2
     assert not set(arcs[0].indices.tolist()) & set(arcs[1].indices.tolist())

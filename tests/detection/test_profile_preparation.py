@@ -6,8 +6,8 @@ import pytest
 from lsvision import PointNoise, Profile, ProfileSensor, measure_cylinders
 from lsvision.detection.profile_preparation import (
     estimate_noise_std,
+    measure_typical_pitch,
     prepare_profile,
-    typical_pitch,
 )
 from lsvision.geometry.noisy_points import as_vectors
 from tests.detection.scenes import PITCH, dome, flat
@@ -134,7 +134,7 @@ def test_an_all_lost_profile_with_a_model_has_no_noise():
     ids=["nothing", "one place", "upright", "duplicate"],
 )
 def test_the_pitch_is_positive_always(points, pitch):
-    assert typical_pitch(points) == pytest.approx(pitch)
+    assert measure_typical_pitch(points) == pytest.approx(pitch)
 
 
 @pytest.mark.parametrize("wrong", [0.0, -1.0, NAN, math.inf, [[1.0, 2.0], [2.0, 1.0]]])

@@ -5,7 +5,7 @@ import pytest
 
 from lsvision import Profile
 from lsvision.detection.profile_preparation import prepare_profile
-from lsvision.detection.search_range import search_range
+from lsvision.detection.radius_range import find_radius_range
 from lsvision.ellipse.problem import RadiusPrior
 from tests.detection.scenes import flat
 
@@ -25,11 +25,11 @@ LINE = prepare_profile(Profile(flat(0, 150)), None)
     ],
 )
 def test_the_range_is_what_was_asked_for(radius, known, expected):
-    assert search_range(radius, known, LINE) == pytest.approx(expected)
+    assert find_radius_range(radius, known, LINE) == pytest.approx(expected)
 
 
 def test_without_a_wish_the_range_follows_the_profile():
-    low, high = search_range(None, None, LINE)
+    low, high = find_radius_range(None, None, LINE)
     assert low == pytest.approx(math.sqrt(150 * 0.6) / 3, rel=0.01)
     assert high == pytest.approx(75 / math.sin(math.radians(19)), rel=0.01)
 
@@ -40,12 +40,12 @@ def test_without_a_wish_the_range_follows_the_profile():
 def test_the_smallest_radius_follows_the_number_of_points(count, pitches):
     x = 0.2 * np.arange(count)
     profile = prepare_profile(Profile(np.column_stack([x, 0 * x])), None)
-    assert search_range(None, None, profile)[0] == pytest.approx(0.2 * pitches, rel=0.01)
+    assert find_radius_range(None, None, profile)[0] == pytest.approx(0.2 * pitches, rel=0.01)
 
 
 @pytest.mark.parametrize("points", [np.empty((0, 2)), [[1.0, 2.0]], [[1.0, 2.0]] * 5])
 def test_profiles_without_an_extent_still_have_a_range(points):
-    low, high = search_range(None, None, prepare_profile(Profile(points), None))
+    low, high = find_radius_range(None, None, prepare_profile(Profile(points), None))
     assert 0 < low < high < math.inf
 
 
@@ -68,4 +68,4 @@ def test_profiles_without_an_extent_still_have_a_range(points):
 )
 def test_what_is_no_radius_is_rejected(radius, message):
     with pytest.raises(ValueError, match=message):
-        search_range(radius, None, LINE)
+        find_radius_range(radius, None, LINE)

@@ -3,12 +3,12 @@ import pytest
 
 from lsvision import PointNoise, Profile, ProfileSensor
 from lsvision.detection.profile_preparation import prepare_profile
-from lsvision.detection.range_image import build_range_image, connected_components
+from lsvision.detection.range_image import build_range_image, find_connected_components
 from tests.detection.scenes import PITCH, flat, line
 
 
 def components_of(profile, smallest=3):
-    return connected_components(build_range_image(profile), smallest)
+    return find_connected_components(build_range_image(profile), smallest)
 
 
 def exact(points, noise_mm=1e-3):

@@ -5,14 +5,14 @@ import pytest
 
 from lsvision import Profile, Rejection
 from lsvision.detection.profile_preparation import prepare_profile
-from lsvision.detection.range_image import build_range_image, connected_components
+from lsvision.detection.range_image import build_range_image, find_connected_components
 from lsvision.detection.rejections import complete_rejections
 from lsvision.profile import Arc
 from tests.detection.scenes import bowl, dome, exact, flat, line
 
 RANGE = (5.0, 60.0)
 PROFILE = line(flat(0, 30), flat(30, 60, y=-420))  # two bars of 50 points each
-COMPONENTS = connected_components(build_range_image(PROFILE), 10)
+COMPONENTS = find_connected_components(build_range_image(PROFILE), 10)
 
 
 def explained(cylinders=(), rejections=()):
@@ -67,7 +67,7 @@ def test_a_rejection_mostly_inside_a_cylinder_is_left_out(stop, kept):
 
 def reasons_of(points):
     profile = prepare_profile(Profile(points), None)
-    components = connected_components(build_range_image(profile), 10)
+    components = find_connected_components(build_range_image(profile), 10)
     return [r.reason for r in complete_rejections(profile, components, [], [], RANGE)]
 
 

@@ -10,7 +10,7 @@ from lsvision.detection import screening
 from lsvision.detection.arc_stack import split_arc
 from lsvision.detection.end_points import EndInliers, find_end_inliers
 from lsvision.detection.profile_preparation import prepare_profile
-from lsvision.detection.range_image import build_range_image, connected_components
+from lsvision.detection.range_image import build_range_image, find_connected_components
 from lsvision.ellipse.arc_noise import ArcNoise
 from lsvision.ellipse.parameters import ellipse_from_parameters, parameters_from_ellipse
 from tests.detection.scenes import (
@@ -168,7 +168,7 @@ def test_a_line_beyond_a_gap_is_no_contact():
 @pytest.mark.parametrize(("time", "dropped"), [(1.0, 0), (1.3, 1), (2.0, 2), (3.0, 4)])
 def test_before_an_edge_a_sensor_that_smooths_costs_points(monkeypatch, time, dropped):
     """Two points per unit of autocorrelation time above 1."""
-    noise = ArcNoise(1.0, time, time, smoothed=False)
+    noise = ArcNoise(1.0, time, time, sensor_smooths=False)
     monkeypatch.setattr(screening, "estimate_arc_noise", lambda *_: noise)
     kept = screened(exact(arc_points(ANGLES)), 0, 81)
     np.testing.assert_array_equal(kept, np.arange(dropped, 81 - dropped))
@@ -220,7 +220,7 @@ def test_what_was_cut_off_on_one_side_is_judged_with_the_other_side():
 def test_a_tube_whose_first_fit_misses_its_end_is_whole_after_the_second():
     points, labels, _ = other_scene(np.random.default_rng([33, 0]), 2, welded=True, cluttered=True)
     profile = prepare_profile(Profile(points), None)
-    components = connected_components(build_range_image(profile), 10)
+    components = find_connected_components(build_range_image(profile), 10)
     candidates = find_candidates(profile, components, (5.0, 60.0))
     arcs, _ = identify_arcs(profile, candidates, (5.0, 60.0))
     kept = [set(profile.sensor_columns[screen_arc(profile, arc).indices].tolist()) for arc in arcs]
@@ -286,7 +286,7 @@ def test_estimated_noise_is_that_of_the_residuals():
 
 def test_no_ellipse_in_the_middle_part_is_no_arc(monkeypatch):
     lost = np.full((1, 5), np.nan)
-    monkeypatch.setattr(screening, "gauss_newton_step", lambda *_: lost)
+    monkeypatch.setattr(screening, "take_gauss_newton_step", lambda *_: lost)
     assert screen_arc(exact(arc_points(ANGLES)), identified(0, 81, circle())) is None
 
 
@@ -314,7 +314,7 @@ def test_no_more_than_a_hundred_points_of_an_end_are_judged(outlier, judged):
     assert (outlier in screened(exact(points), 0, 1000)) != judged
 
 
-def watched(monkeypatch, name, points, arc, noise=ArcNoise(1.0, 1.0, 1.0, smoothed=False)):
+def watched(monkeypatch, name, points, arc, noise=ArcNoise(1.0, 1.0, 1.0, sensor_smooths=False)):
     """Return the arguments of the first call of a step of screening, for each end."""
     step, given = getattr(screening, name), []
 
@@ -339,7 +339,7 @@ def test_the_points_of_an_end_run_outwards_with_their_residuals(monkeypatch):
     """Two points of the middle part come first; the inflated variances are 1.1 sigma^2."""
     points = arc_points(ANGLES)
     points[[2, 75]] = outside(points, 0.5)[[2, 75]]
-    noise = ArcNoise(4.0, 1.0, 1.0, smoothed=False)
+    noise = ArcNoise(4.0, 1.0, 1.0, sensor_smooths=False)
     (left, _), (right, _) = watched(monkeypatch, "find_end_inliers", points, (0, 81), noise)
     for end in (left, right):
         assert len(end.residuals) == 14
@@ -358,7 +358,7 @@ def test_the_points_of_an_end_run_outwards_with_their_residuals(monkeypatch):
 def test_correlated_errors_widen_the_prediction(monkeypatch):
     points = arc_points(ANGLES)
     (_, single), _ = watched(monkeypatch, "find_end_inliers", points, (0, 81))
-    noise = ArcNoise(1.0, 2.5, 4.0, smoothed=False)
+    noise = ArcNoise(1.0, 2.5, 4.0, sensor_smooths=False)
     (_, wide), _ = watched(monkeypatch, "find_end_inliers", points, (0, 81), noise)
     np.testing.assert_allclose(wide.covariance, 4.0 * single.covariance)
     assert (single.autocorrelation_time, wide.autocorrelation_time) == (1.0, 2.5)
@@ -370,7 +370,7 @@ def test_a_departure_is_looked_for_with_the_eight_points_that_follow(monkeypatch
     given = []
     monkeypatch.setattr(
         screening,
-        "departure_free_probability",
+        "compute_departure_free_probability",
         lambda *values: given.append(values) or np.ones(values[2].shape),
     )
     screen_arc(exact(contact(12), STD), identified(0, 81, circle()))
@@ -400,7 +400,7 @@ def test_an_inlier_beyond_a_probable_departure_is_none(monkeypatch):
     found.members[..., 12:] = False
     monkeypatch.setattr(screening, "find_end_inliers", lambda *_: found)
     monkeypatch.setattr(
-        screening, "departure_free_probability", lambda *_: np.pad(free, (0, 12))[None]
+        screening, "compute_departure_free_probability", lambda *_: np.pad(free, (0, 12))[None]
     )
     monkeypatch.setattr(screening, "GUARD_POINTS", 0)
     np.testing.assert_array_equal(screened(exact(contact(12)), 0, 81), np.arange(79))

@@ -6,9 +6,9 @@ from scipy.optimize import least_squares
 
 from lsvision.detection.windows import (
     Windows,
-    arc_coverage,
+    build_multiscale_windows,
     fit_window_circles,
-    multiscale_windows,
+    measure_arc_coverage,
 )
 from lsvision.geometry.noisy_points import as_complex, as_vectors
 from tests.detection.scenes import bowl, dome, flat
@@ -25,7 +25,7 @@ def circle_of(points):
 
 def coverage_of(points):
     centres = circle_of(points).centre
-    return arc_coverage(as_complex(points)[None], window(0, len(points)), centres)[0]
+    return measure_arc_coverage(as_complex(points)[None], window(0, len(points)), centres)[0]
 
 
 @pytest.mark.parametrize("half_deg", [20.0, 60.0, 80.0])
@@ -99,7 +99,7 @@ def test_windows_without_a_circle_give_no_nan_radius(points):
 
 def test_no_window_crosses_into_the_next_component():
     sizes = np.array([30, 11, 57])
-    starts, stops = multiscale_windows(sizes.tolist(), 10)
+    starts, stops = build_multiscale_windows(sizes.tolist(), 10)
     ends = np.cumsum(sizes)
     owner = np.searchsorted(ends, starts, side="right")
     assert (stops <= ends[owner]).all()
@@ -107,19 +107,19 @@ def test_no_window_crosses_into_the_next_component():
 
 
 def test_every_component_has_a_window_over_all_of_it():
-    starts, stops = multiscale_windows([30, 11], 10)
+    starts, stops = build_multiscale_windows([30, 11], 10)
     windows = set(zip(starts.tolist(), stops.tolist(), strict=True))
     assert {(0, 30), (30, 41)} <= windows
 
 
 def test_lengths_double():
-    starts, stops = multiscale_windows([300], 10)
+    starts, stops = build_multiscale_windows([300], 10)
     assert set((stops - starts).tolist()) == {10, 20, 40, 80, 160, 300}
 
 
 @pytest.mark.parametrize("length", [10, 40, 160])
 def test_windows_are_a_third_of_themselves_apart(length):
-    starts, stops = multiscale_windows([997], 10)
+    starts, stops = build_multiscale_windows([997], 10)
     own = np.sort(starts[stops - starts == length])
     assert (own[0], own[-1]) == (0, 997 - length)
     assert np.diff(own).max() <= length // 3
@@ -129,8 +129,8 @@ def test_windows_are_a_third_of_themselves_apart(length):
 def test_windows_are_the_same_from_either_end(rng):
     for _ in range(20):
         sizes = rng.integers(10, 400, rng.integers(1, 6))
-        starts, stops = multiscale_windows(sizes.tolist(), 10)
-        back_starts, back_stops = multiscale_windows(sizes[::-1].tolist(), 10)
+        starts, stops = build_multiscale_windows(sizes.tolist(), 10)
+        back_starts, back_stops = build_multiscale_windows(sizes[::-1].tolist(), 10)
         mirrored = sizes.sum() - np.column_stack([back_stops, back_starts])
         assert set(zip(starts.tolist(), stops.tolist(), strict=True)) == set(
             map(tuple, mirrored.tolist())

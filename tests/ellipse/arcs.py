@@ -11,8 +11,8 @@ from lsvision.ellipse.problem import ProblemStack
 from lsvision.ellipse.robust_gauss_newton import (
     WeightedSystem,
     ellipse_residuals,
-    gauss_newton_step,
-    inverse_information,
+    invert_information_or_nan,
+    take_gauss_newton_step,
 )
 
 SENSOR = ProfileSensor(range_std=0.05)
@@ -52,14 +52,14 @@ def residuals_and_jacobian(problem, parameters):
 def parameter_stds(points, parameters):
     """Standard deviations of an ellipse's parameters, from noisy points that lie on it."""
     system = WeightedSystem.of(ellipse_residuals(points, parameters), 1.0)
-    return np.sqrt(np.diag(inverse_information(system.normal_equations())))
+    return np.sqrt(np.diag(invert_information_or_nan(system.normal_equations())))
 
 
 def refine_ellipse(points, parameters, steps):
     """Parameters after robust Gauss-Newton steps; NaN where a step gives no ellipse."""
     for _ in range(steps):
         if not math.isnan(parameters[0]):
-            parameters = gauss_newton_step(ellipse_residuals(points, parameters), parameters)
+            parameters = take_gauss_newton_step(ellipse_residuals(points, parameters), parameters)
     return parameters
 
 

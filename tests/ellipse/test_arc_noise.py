@@ -5,9 +5,9 @@ import pytest
 from scipy.stats import norm
 
 from lsvision.ellipse.arc_noise import (
+    apply_smoothing_sensor_noise,
     errors_grow_with_incidence,
     estimate_arc_noise,
-    smoothed_noise,
 )
 from lsvision.geometry.noisy_points import NoisyPoints
 from tests.tolerances import FIVE_SIGMA, ROUNDING, spread_of_share
@@ -30,7 +30,7 @@ def smoothed_along(count, width, rng):
 def std_factors(incidence_deg):
     normals = 1j * np.exp(1j * np.radians(np.atleast_1d(incidence_deg)))
     points = NoisyPoints(0 * normals, np.ones(len(normals)), normals)
-    return np.sqrt(smoothed_noise(points, normals, 0.05).mean_variance) / 0.05
+    return np.sqrt(apply_smoothing_sensor_noise(points, normals, 0.05).mean_variance) / 0.05
 
 
 @pytest.mark.parametrize("std_ratio", [0.3, 1.0, 3.0])
@@ -45,7 +45,7 @@ def test_a_given_noise_model_is_not_improved_upon(rng):
     quiet = 0.2 * smoothed_along(200, 9, rng)
     noise = estimate_arc_noise(quiet, 1.0)
     assert (noise.variance_factor, noise.autocorrelation_time) == (1.0, 1.0)
-    assert (noise.low_frequency_time, noise.smoothed) == (1.0, False)
+    assert (noise.low_frequency_time, noise.sensor_smooths) == (1.0, False)
 
 
 def test_a_given_noise_model_may_be_too_small(rng):
@@ -55,7 +55,7 @@ def test_a_given_noise_model_may_be_too_small(rng):
 
 def test_an_average_over_five_columns_is_reported(rng):
     noise = estimate_arc_noise(smoothed_along(2000, 5, rng), ESTIMATED)
-    assert noise.smoothed
+    assert noise.sensor_smooths
     assert noise.autocorrelation_time == pytest.approx(5, rel=0.15)
     assert noise.low_frequency_time >= noise.autocorrelation_time
 
@@ -64,7 +64,7 @@ def test_low_waves_alone_say_nothing_of_neighbours():
     """A form error of 2.5 waves, smaller than the white noise: the ellipse is less certain."""
     white = np.random.default_rng(5).normal(size=200)
     noise = estimate_arc_noise(white + 0.5 * np.cos(np.linspace(0, 5 * np.pi, 200)), ESTIMATED)
-    assert not noise.smoothed
+    assert not noise.sensor_smooths
     assert noise.low_frequency_time == noise.autocorrelation_time
 
 
@@ -82,7 +82,7 @@ def test_outliers_count_as_three_sigma_in_the_correlation(rng):
 def test_smoothed_noise_is_isotropic_and_leaves_the_points():
     normals = fan(30)
     points = NoisyPoints(400 * normals, np.full(30, 7.0), normals)
-    noisy = smoothed_noise(points, normals, 0.05)
+    noisy = apply_smoothing_sensor_noise(points, normals, 0.05)
     np.testing.assert_array_equal(noisy.z, points.z)
     np.testing.assert_array_equal(noisy.deviator, 0)
     np.testing.assert_allclose(noisy.mean_variance[14:16], 0.05**2, rtol=1e-6)

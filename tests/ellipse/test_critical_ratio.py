@@ -117,7 +117,7 @@ def test_a_known_phi_near_zero_raises_it_to_that_of_the_prior():
     known = PhiPrior(0.0, math.radians(2))
     std = known.deviator_std * M
     ratios = ratios_of(fit_with((std, std), (0.0, 0.0), known_phi=known), 0.95)
-    expected = known.max_likelihood_ratio(0.95)
+    expected = known.compute_critical_ratio(0.95)
     assert expected > ratios.two_dof
     assert ratios.for_circle == pytest.approx(expected)
     half = ratios_of(fit_with((std, 1e-6), (0.0, 0.0), known_phi=known), 0.95)

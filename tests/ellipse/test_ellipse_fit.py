@@ -7,7 +7,7 @@ from hypothesis import given
 from scipy.optimize import approx_fprime, least_squares
 from scipy.stats import chi2
 
-from lsvision.ellipse.fit import FittingSettings, fit_ellipse, with_known_radius
+from lsvision.ellipse.fit import FittingSettings, fit_ellipse, refit_with_known_radius
 from lsvision.ellipse.fit import fit_noisy_points as fit_several
 from lsvision.ellipse.outcomes import unwrap
 from lsvision.ellipse.phi_prior import PhiPrior
@@ -111,7 +111,7 @@ def test_a_radius_that_is_known_later_leaves_the_scale_of_the_residuals(rng, wit
     points = measured(upper_arc(truth), rng)
     covariances = SENSOR.covariances(points) if with_noise_model else None
     fit = fit_ellipse(points, truth, covariances)
-    known = with_known_radius(fit, RadiusPrior(truth.radius, 0.5))
+    known = refit_with_known_radius(fit, RadiusPrior(truth.radius, 0.5))
     before, after = np.std(fit.normalised), np.std(known.normalised)
     assert after == pytest.approx(before, rel=0.1)
 

@@ -11,7 +11,7 @@ from scipy.stats import chi2
 from lsvision import Arc, CylinderSection, Ellipse
 from lsvision.ellipse import intervals as module
 from lsvision.ellipse.fit import fit_ellipse
-from lsvision.ellipse.intervals import MAX_PHI, interval, intervals, theta_is_determined
+from lsvision.ellipse.intervals import MAX_PHI, find_interval, find_intervals, is_theta_determined
 from lsvision.ellipse.phi_prior import PhiPrior
 from lsvision.ellipse.problem import RadiusPrior
 from tests.ellipse.arcs import SENSOR, measured, pipe, upper_arc
@@ -73,7 +73,7 @@ def test_at_both_ends_the_best_other_parameters_are_worse_by_the_quantile(quanti
     points = measured(upper_arc(truth, count=30), rng)
     fit = fit_ellipse(points, truth, np.tile(ISOTROPIC, (len(points), 1, 1)))
     least = least_cost(fit, [fit.ellipse])
-    for end in interval(fit, quantity, level):
+    for end in find_interval(fit, quantity, level):
         starts = [fit.ellipse]
         held = least_cost(fit, starts, lambda *values, v=end: HELD[quantity](v, *values))
         ratio = (held - least) / fit.variance_factor
@@ -84,7 +84,7 @@ def test_at_both_ends_the_best_other_parameters_are_worse_by_the_quantile(quanti
 def intervals_of_runs(phi_deg, level):
     """Intervals of the same arcs for every quantity."""
     rng = np.random.default_rng([int(phi_deg), 7])
-    return module.intervals_of_fits([fit_of(phi_deg, rng) for _ in range(RUNS)], level)
+    return module.find_intervals_of_fits([fit_of(phi_deg, rng) for _ in range(RUNS)], level)
 
 
 @pytest.mark.parametrize("phi_deg", [NEAR, FAR])
@@ -103,14 +103,14 @@ def test_intervals_hold_the_truth_as_often_as_they_say(quantity, phi_deg):
 def test_intervals_hold_the_estimate_and_grow_with_the_level(quantity, rng):
     fit = fit_of(FAR, rng)
     value = value_of(fit.ellipse, quantity)
-    (low, high), (lower, higher) = (interval(fit, quantity, level) for level in (0.68, 0.99))
+    (low, high), (lower, higher) = (find_interval(fit, quantity, level) for level in (0.68, 0.99))
     assert lower < low < value < high < higher
 
 
 @pytest.mark.parametrize("phi_deg", [CIRCLE, NEAR, FAR])
 def test_a_higher_level_never_has_a_narrower_interval(phi_deg, rng):
     fit = fit_of(phi_deg, rng)
-    all_levels = [intervals(fit, level) for level in (0.5, 0.68, 0.8, 0.9, 0.95, 0.99, 0.999)]
+    all_levels = [find_intervals(fit, level) for level in (0.5, 0.68, 0.8, 0.9, 0.95, 0.99, 0.999)]
     for quantity in QUANTITIES:
         widths = np.array([high - low for low, high in (getattr(i, quantity) for i in all_levels)])
         assert (np.diff(widths) >= 0).all()
@@ -148,7 +148,7 @@ def moved_fit(fit, turn=0.0, scale=1.0, shift=(0.0, 0.0)):
 @pytest.mark.parametrize("phi_deg", [CIRCLE, 4.0, NEAR, FAR])
 def test_a_rotation_turns_theta_and_nothing_else(phi_deg, rng):
     fit = fit_of(phi_deg, rng)
-    before, after = intervals(fit), intervals(moved_fit(fit, turn=0.7))
+    before, after = find_intervals(fit), find_intervals(moved_fit(fit, turn=0.7))
     np.testing.assert_allclose(after.radius, before.radius, rtol=0, atol=0.002)
     np.testing.assert_allclose(after.phi, before.phi, rtol=0, atol=5e-4)
     if before.theta == (0.0, math.pi):
@@ -157,13 +157,16 @@ def test_a_rotation_turns_theta_and_nothing_else(phi_deg, rng):
         turn = np.array(after.theta) - before.theta
         expected = 0.7 if fit.ellipse.theta + 0.7 < math.pi else 0.7 - math.pi
         np.testing.assert_allclose(turn, expected, rtol=0, atol=0.003)
-    assert theta_is_determined(moved_fit(fit, turn=0.7)) == theta_is_determined(fit)
+    assert is_theta_determined(moved_fit(fit, turn=0.7)) == is_theta_determined(fit)
 
 
 @pytest.mark.parametrize("phi_deg", [CIRCLE, NEAR, FAR])
 def test_lengths_scale_and_the_centre_moves_with_the_points(phi_deg, rng):
     fit = fit_of(phi_deg, rng)
-    before, after = intervals(fit), intervals(moved_fit(fit, scale=3.0, shift=(100.0, 50.0)))
+    before, after = (
+        find_intervals(fit),
+        find_intervals(moved_fit(fit, scale=3.0, shift=(100.0, 50.0))),
+    )
     np.testing.assert_allclose(after.radius, 3 * np.array(before.radius), rtol=1e-4)
     np.testing.assert_allclose(after.centre_x, 3 * np.array(before.centre_x) + 100, atol=0.003)
     np.testing.assert_allclose(after.centre_y, 3 * np.array(before.centre_y) + 50, atol=0.003)
@@ -176,7 +179,7 @@ def test_lengths_scale_and_the_centre_moves_with_the_points(phi_deg, rng):
 def test_a_quarter_turn_exchanges_the_ends_of_the_centre(phi_deg, quarters, rng):
     """With an exactly known radius and nearly a circle, where some of these ends are circles."""
     fit = prior_fit(phi_deg, rng, known_radius=RadiusPrior(19.0))
-    before, after = intervals(fit), intervals(moved_fit(fit, turn=quarters * math.pi / 2))
+    before, after = find_intervals(fit), find_intervals(moved_fit(fit, turn=quarters * math.pi / 2))
     (left, right), (low, high) = before.centre_x, before.centre_y
     corners = np.exp(0.5j * math.pi * quarters) * np.array(
         [complex(left, low), complex(right, high)]
@@ -195,22 +198,22 @@ def test_all_five_are_computed_once(rng, monkeypatch):
     found = {quantity: section.interval(quantity) for quantity in QUANTITIES}
     assert section.theta_determined
     assert len(calls) == 1
-    assert found == intervals(fit, 0.95)._asdict()
+    assert found == find_intervals(fit, 0.95)._asdict()
     section.interval("radius", 0.9)
     assert len(calls) == 2
-    intervals(replace(fit))  # equal to itself alone
+    find_intervals(replace(fit))  # equal to itself alone
     assert len(calls) == 3
 
 
 def test_intervals_are_kept_as_long_as_their_fit(rng):
     fits = [fit_of(FAR, rng) for _ in range(3)]
-    kept = len(module._FOUND)
+    kept = len(module._INTERVALS_BY_FIT)
     for fit in fits:
-        intervals(fit)
-    assert len(module._FOUND) == kept + 3
+        find_intervals(fit)
+    assert len(module._INTERVALS_BY_FIT) == kept + 3
     del fit, fits
     gc.collect()
-    assert len(module._FOUND) <= kept
+    assert len(module._INTERVALS_BY_FIT) <= kept
 
 
 def different_fits(rng):
@@ -228,9 +231,9 @@ def different_fits(rng):
 @pytest.mark.parametrize("level", [0.68, 0.95, 0.999])
 def test_intervals_of_many_fits_are_those_of_each(level, rng):
     fits = different_fits(rng)
-    together = module.intervals_of_fits(fits, level)
+    together = module.find_intervals_of_fits(fits, level)
     for fit, found in zip(fits, together, strict=True):
-        expected = np.array(intervals(replace(fit), level))
+        expected = np.array(find_intervals(replace(fit), level))
         widths = np.diff(expected, axis=1)
         np.testing.assert_allclose((found - expected) / widths, 0, atol=1e-3)
 
@@ -238,7 +241,7 @@ def test_intervals_of_many_fits_are_those_of_each(level, rng):
 def test_thetas_of_many_fits_are_determined_as_of_each(rng):
     fits = different_fits(rng)
     determined = module.are_thetas_determined(fits)
-    assert determined == [theta_is_determined(replace(fit)) for fit in fits]
+    assert determined == [is_theta_determined(replace(fit)) for fit in fits]
     assert True in determined
     assert False in determined
 
@@ -251,7 +254,7 @@ def short_fit(rng):
 
 
 def test_no_fit_has_no_intervals():
-    assert module.intervals_of_fits([]) == []
+    assert module.find_intervals_of_fits([]) == []
     assert module.are_thetas_determined([]) == []
 
 
@@ -259,14 +262,14 @@ def test_an_arc_that_tells_no_radius_has_the_limits_for_intervals(rng):
     truth = pipe(20.0)
     points = measured(upper_arc(truth, 35.0, count=25), rng)
     fit = fit_ellipse(points, truth, SENSOR.covariances(points))
-    found, ellipse = intervals(fit, 0.99), fit.ellipse
+    found, ellipse = find_intervals(fit, 0.99), fit.ellipse
     (x, y), far = ellipse.centre, 50 * ellipse.semi_major
     np.testing.assert_allclose(found.radius, (0.02 * ellipse.radius, 50 * ellipse.radius))
     np.testing.assert_allclose(found.phi, (0.0, math.radians(88)))
     np.testing.assert_allclose(found.theta, (0.0, math.pi))
     np.testing.assert_allclose((found.centre_x, found.centre_y), ((x - far, x + far),
                                                                   (y - far, y + far)))  # fmt: skip
-    assert not theta_is_determined(fit)
+    assert not is_theta_determined(fit)
 
 
 def prior_fit(phi_deg, rng, degrees=120.0, **known):
@@ -279,16 +282,16 @@ def prior_fit(phi_deg, rng, degrees=120.0, **known):
 def test_an_exactly_known_radius_narrows_what_is_left(phi_deg, rng):
     known = prior_fit(phi_deg, rng, known_radius=RadiusPrior(19.0))
     free = replace(known, problem=replace(known.problem, known_radius=None))
-    low, high = interval(known, "radius")
+    low, high = find_interval(known, "radius")
     assert high - low == pytest.approx(2 * 1.96 * 19e-6, rel=0.01)
     assert (low + high) / 2 == pytest.approx(19.0, abs=1e-4)
     for quantity in ("centre_x", "centre_y", "phi"):
-        low, high = interval(known, quantity)
+        low, high = find_interval(known, quantity)
         assert 0 < high - low < 1.0
     fit = fit_ellipse(known.problem.points, known.ellipse, None)
     assert free.problem.known_radius is None
-    low, high = interval(known, "centre_y")
-    wide = interval(fit, "centre_y")
+    low, high = find_interval(known, "centre_y")
+    wide = find_interval(fit, "centre_y")
     assert high - low < wide[1] - wide[0]
 
 
@@ -300,13 +303,13 @@ def test_an_exactly_known_radius_of_an_untilted_pipe_bounds_all_intervals(seed):
     points = exact + 0.02 * rng.normal(size=exact.shape)
     covariances = np.tile(0.0004 * np.eye(2), (60, 1, 1))
     fit = fit_ellipse(points, truth, covariances, known_radius=RadiusPrior(20.0))
-    for low, high in (intervals(fit).centre_x, intervals(fit).centre_y):
+    for low, high in (find_intervals(fit).centre_x, find_intervals(fit).centre_y):
         assert high - low < 0.5
 
 
 def test_an_exactly_known_phi_is_its_own_interval(rng):
     phi = math.radians(FAR)
-    low, high = interval(prior_fit(FAR, rng, known_phi=PhiPrior(phi)), "phi")
+    low, high = find_interval(prior_fit(FAR, rng, known_phi=PhiPrior(phi)), "phi")
     assert high - low == pytest.approx(2 * 1.96e-6, rel=0.02)
     assert low <= phi <= high
 
@@ -320,7 +323,7 @@ def test_an_exactly_known_phi_is_its_own_interval(rng):
 )
 def test_a_narrow_interval_has_ends_where_a_prior_contradicts_the_points(known, rng):
     fit = prior_fit(FAR, rng, degrees=160.0, **known)
-    (narrow_low, narrow_high), (low, high) = (intervals(fit, p).centre_y for p in (0.1, 0.5))
+    (narrow_low, narrow_high), (low, high) = (find_intervals(fit, p).centre_y for p in (0.1, 0.5))
     assert low < narrow_low < fit.ellipse.centre[1] < narrow_high < high
     normal = chi2.ppf([0.1, 0.5], 1) ** 0.5
     assert (narrow_high - narrow_low) / (high - low) == pytest.approx(
@@ -330,11 +333,11 @@ def test_a_narrow_interval_has_ends_where_a_prior_contradicts_the_points(known, 
 
 def test_an_exactly_known_circle_has_any_theta_and_hardly_a_phi(rng):
     fit = prior_fit(CIRCLE, rng, known_phi=PhiPrior(0.0))
-    found = intervals(fit)
+    found = find_intervals(fit)
     assert found.theta == (0.0, math.pi)
     assert found.phi[0] == 0
     assert found.phi[1] == pytest.approx(1.96e-3, rel=0.05)
-    assert not theta_is_determined(fit)
+    assert not is_theta_determined(fit)
 
 
 def test_a_weakly_known_radius_is_still_determined_by_the_points(rng):
@@ -352,17 +355,17 @@ def test_a_weakly_known_radius_is_still_determined_by_the_points(rng):
 def test_noise_free_points_have_hardly_a_width(phi_deg):
     fit = fit_ellipse(upper_arc(pipe(phi_deg)), pipe(phi_deg))
     for quantity in QUANTITIES:
-        low, high = interval(fit, quantity)
+        low, high = find_interval(fit, quantity)
         assert low <= value_of(pipe(phi_deg), quantity) <= high
         assert 1e-9 < high - low < 1e-5
-    assert theta_is_determined(fit)
+    assert is_theta_determined(fit)
 
 
 def test_theta_is_determined_by_two_intervals(rng):
     """A circle is excluded at 99.9 %, and an error of 23 deg at 95 %: sections near both limits."""
     arcs = ((12.0, 120.0), (28.0, 85.0), (33.0, 85.0), (3.5, 300.0))
     fits = [prior_fit(phi_deg, rng, degrees) for phi_deg, degrees in arcs for _ in range(20)]
-    at_95, at_999 = (module.intervals_of_fits(fits, level) for level in (0.95, 0.999))
+    at_95, at_999 = (module.find_intervals_of_fits(fits, level) for level in (0.95, 0.999))
     seen = set()
     for fit, found, wide in zip(fits, at_95, at_999, strict=True):
         open_999 = wide.theta == (0.0, math.pi)
@@ -371,7 +374,7 @@ def test_theta_is_determined_by_two_intervals(rng):
         if abs(off - math.radians(23)) < 0.01 or found.phi[1] == MAX_PHI:
             continue
         expected = not open_999 and off < math.radians(23)
-        assert theta_is_determined(fit) == expected
+        assert is_theta_determined(fit) == expected
         seen.add((open_999, off < math.radians(23)))
     print(seen)
     assert {(False, True), (False, False), (True, True)} <= seen
@@ -380,7 +383,7 @@ def test_theta_is_determined_by_two_intervals(rng):
 def test_far_from_a_circle_the_interval_is_that_of_the_covariance(rng):
     exact = upper_arc(pipe(FAR), count=400)
     fit = fit_ellipse(exact, pipe(FAR), SENSOR.covariances(exact) / 100)
-    low, high = interval(fit, "centre_x", 0.95)
+    low, high = find_interval(fit, "centre_x", 0.95)
     std = math.sqrt(fit.parameter_covariance[0, 0])
     assert ((high - low) / 2) == pytest.approx(1.96 * std, rel=0.02)
 
@@ -389,42 +392,44 @@ def test_an_estimated_noise_has_wider_intervals_than_the_same_known(rng):
     """With few points Student's quantile is larger than that of the normal distribution."""
     truth, exact = pipe(FAR), upper_arc(pipe(FAR), count=11)
     fit = fit_ellipse(measured(exact, rng), truth)
-    low, high = interval(fit, "centre_x", 0.95)
+    low, high = find_interval(fit, "centre_x", 0.95)
     assert high - low > 2 * 2.2 * math.sqrt(fit.parameter_covariance[0, 0])
 
 
 def test_the_interval_of_a_circles_phi_reaches_zero(rng):
-    lows = [interval(fit_of(CIRCLE, rng), "phi", 0.95)[0] for _ in range(15)]
+    lows = [find_interval(fit_of(CIRCLE, rng), "phi", 0.95)[0] for _ in range(15)]
     # 95 % of them should; 9 of 15 or fewer happens once in ten million.
     assert sum(low == 0 for low in lows) >= 10
 
 
 def test_a_circle_may_have_any_theta(rng):
     fits = [fit_of(CIRCLE, rng) for _ in range(15)]
-    assert sum(interval(fit, "theta") == (0.0, math.pi) for fit in fits) >= 10
-    assert sum(theta_is_determined(fit) for fit in fits) <= 1
+    assert sum(find_interval(fit, "theta") == (0.0, math.pi) for fit in fits) >= 10
+    assert sum(is_theta_determined(fit) for fit in fits) <= 1
 
 
 def test_an_exact_circle_has_no_theta_and_phi_from_zero():
     exact = upper_arc(pipe(CIRCLE))
     fit = fit_ellipse(exact, pipe(CIRCLE), SENSOR.covariances(exact))
-    low, high = interval(fit, "phi")
-    assert (low, interval(fit, "theta")) == (0.0, (0.0, math.pi))
+    low, high = find_interval(fit, "phi")
+    assert (low, find_interval(fit, "theta")) == (0.0, (0.0, math.pi))
     assert 0 < high < MAX_PHI
-    assert not theta_is_determined(fit)
+    assert not is_theta_determined(fit)
 
 
 def test_a_tilted_pipe_is_no_circle_and_its_theta_is_bounded(rng):
     fit = fit_of(FAR, rng)
-    low, high = interval(fit, "theta")
-    assert theta_is_determined(fit)
+    low, high = find_interval(fit, "theta")
+    assert is_theta_determined(fit)
     assert low <= fit.ellipse.theta <= high < low + math.pi / 2
 
 
 def test_the_interval_of_theta_runs_through_the_seam(rng):
     truth = pipe(FAR, theta=0.0)
     points = measured(upper_arc(truth), rng)
-    low, high = interval(fit_ellipse(points, truth, SENSOR.covariances(points)), "theta", 0.9999)
+    low, high = find_interval(
+        fit_ellipse(points, truth, SENSOR.covariances(points)), "theta", 0.9999
+    )
     assert (low < 0 < high) or (low < math.pi < high)
 
 
@@ -444,13 +449,13 @@ def test_the_interval_of_theta_runs_through_the_seam(rng):
 )
 def test_what_is_no_quantity_or_level_is_rejected(quantity, level, message, rng):
     with pytest.raises(ValueError, match=message):
-        interval(fit_of(FAR, rng), quantity, level)
+        find_interval(fit_of(FAR, rng), quantity, level)
 
 
 def test_intervals_turn_with_nothing_and_give_the_same_twice(rng):
     fit = fit_of(NEAR, rng)
     before = fit.parameters.copy()
-    assert interval(fit, "phi") == interval(fit, "phi")
+    assert find_interval(fit, "phi") == find_interval(fit, "phi")
     np.testing.assert_array_equal(fit.parameters, before)
 
 
@@ -463,7 +468,7 @@ def test_a_determined_theta_is_not_off_by_thirty_degrees(degrees, rng):
         points = measured(upper_arc(truth, degrees, count=round(degrees / 2)), rng)
         fit = fit_ellipse(points, pipe(0.0), SENSOR.covariances(points))
         off = (fit.ellipse.theta - theta + math.pi / 2) % math.pi - math.pi / 2
-        if theta_is_determined(fit):
+        if is_theta_determined(fit):
             determined, far = determined + 1, far + (abs(off) > math.radians(30))
     print(f"{far} of {determined} off, at {degrees:.0f} deg")
     assert far <= 2 + 0.02 * determined
@@ -475,7 +480,7 @@ def test_a_variance_that_rounding_makes_negative_counts_as_zero(rng):
     gradient = np.array([0.0, 0.0, 1.0, *(-fit.parameters[3:] / np.hypot(*fit.parameters[3:]))])
     negative = fit.unscaled_covariance - 1e-3 * np.outer(gradient, gradient)
     assert gradient @ negative @ gradient < 0
-    low, high = interval(replace(fit, unscaled_covariance=negative), "radius")
+    low, high = find_interval(replace(fit, unscaled_covariance=negative), "radius")
     assert low <= high
 
 
@@ -490,7 +495,7 @@ def test_the_centre_beside_a_known_radius_is_held_also_where_any_tilt_lowers_it(
         arc[:, 1] += 0.1 * rng.normal(size=90)
         noise = np.tile(np.diag([1e-6, 0.01]), (90, 1, 1))
         fits.append(fit_ellipse(arc, truth, noise, known_radius=RadiusPrior(20.0)))
-    ends = [each.centre_y for each in module.intervals_of_fits(fits)]
+    ends = [each.centre_y for each in module.find_intervals_of_fits(fits)]
     held = np.mean([low <= -300 <= high for low, high in ends])
     print(f"{held:.1%} hold")
     assert 0.93 - spread_of_share(0.93, 250) <= held <= 0.99
@@ -504,7 +509,7 @@ def test_the_ends_of_the_centre_beside_a_known_radius(tilt, low, high):
     truth = Ellipse((0.0, -300.0), 20 / math.cos(tilt), 20.0, 0.3)
     arc = truth.points_at(np.linspace(0.5, math.pi - 0.5, 90) - 0.3)
     noise = np.tile(np.diag([1e-6, 0.01]), (90, 1, 1))
-    ends = interval(fit_ellipse(arc, truth, noise, known_radius=RadiusPrior(20.0)), "centre_y")
+    ends = find_interval(fit_ellipse(arc, truth, noise, known_radius=RadiusPrior(20.0)), "centre_y")
     assert ends[0] + 300 == pytest.approx(low, rel=0.006)
     assert ends[1] + 300 == pytest.approx(high, rel=0.006)
 
@@ -517,5 +522,5 @@ def test_a_known_radius_beside_points_at_one_or_two_positions_has_wide_intervals
     guess = Ellipse((0.0, -20.0), 20.0, 20.0, 0.0)
     fit = fit_ellipse(points, guess, noise, known_radius=RadiusPrior(20.0, std))
     for quantity in ("centre_x", "centre_y"):
-        low, high = interval(fit, quantity)
+        low, high = find_interval(fit, quantity)
         assert high - low > 100

@@ -7,7 +7,7 @@ import pytest
 
 from lsvision import Arc, CylinderSection, Ellipse
 from lsvision.ellipse.fit import fit_ellipse
-from lsvision.ellipse.intervals import intervals_of_fits
+from lsvision.ellipse.intervals import find_intervals_of_fits
 from lsvision.ellipse.phi_prior import PhiPrior
 from tests.ellipse.arcs import SENSOR, about, measured, pipe, upper_arc
 from tests.tolerances import CONVERGED, DIFFERENCES, FOUR_SIGMA, spread_of_rms, spread_of_share
@@ -53,7 +53,7 @@ def test_sigma_and_interval_of_the_radius_are_valid(std_deg, degrees, rng):
     prior = PhiPrior(0.0, math.radians(std_deg))
     pipes = [drawn_about_square_on(std_deg, rng) for _ in range(RUNS)]
     sections = [section_of(truth, prior, rng, degrees) for truth in pipes]
-    found = intervals_of_fits([section.fit for section in sections], 0.9)
+    found = find_intervals_of_fits([section.fit for section in sections], 0.9)
     radii = np.array([truth.radius for truth in pipes])
     low, high = np.transpose([each.radius for each in found])
     held = (low <= radii) & (radii <= high)

@@ -5,7 +5,7 @@ import pytest
 
 from lsvision import Profile, measure_cylinders
 from lsvision.ellipse.fit import FittingSettings, fit_ellipse
-from lsvision.ellipse.prior_check import contradicting_radius
+from lsvision.ellipse.prior_check import find_contradicting_radius
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.simulate import Scene, SectionSettings, Tube, simulate_section
 from tests.ellipse.arcs import SENSOR, about, measured, pipe, upper_arc
@@ -26,7 +26,7 @@ def smallest_contradiction(**options):
     """Return the smallest difference of a known radius from that of the points that is detected."""
     radius = fitted(None, **options).ellipse.radius
     for difference in np.arange(0.05, 6.0, 0.05):
-        if contradicting_radius(fitted(radius - difference, **options)):
+        if find_contradicting_radius(fitted(radius - difference, **options)):
             return difference
     return np.inf
 
@@ -46,21 +46,21 @@ def test_two_per_cent_are_none_however_small_the_errors():
 
 
 def test_the_radius_of_the_points_is_returned():
-    points = contradicting_radius(fitted(17.0))
+    points = find_contradicting_radius(fitted(17.0))
     assert abs(points.radius - 19.0) < 4 * points.std < 1.0
 
 
 def test_an_uncertain_radius_is_contradicted_later():
-    assert contradicting_radius(fitted(17.0, prior_std=0.1)) is not None
-    assert contradicting_radius(fitted(17.0, prior_std=1.0)) is None
+    assert find_contradicting_radius(fitted(17.0, prior_std=0.1)) is not None
+    assert find_contradicting_radius(fitted(17.0, prior_std=1.0)) is None
 
 
 def test_a_short_arc_contradicts_no_radius():
-    assert contradicting_radius(fitted(14.0, degrees=45.0)) is None
+    assert find_contradicting_radius(fitted(14.0, degrees=45.0)) is None
 
 
 def test_without_a_known_radius_there_is_no_contradiction():
-    assert contradicting_radius(fitted(None)) is None
+    assert find_contradicting_radius(fitted(None)) is None
 
 
 def test_right_radii_are_not_contradicted():
@@ -73,7 +73,7 @@ def test_right_radii_are_not_contradicted():
             measured(exact, rng), about(TRUTH), covariances, known_radius=RadiusPrior(19.0),
             settings=FittingSettings(),
         )  # fmt: skip
-        assert contradicting_radius(fit) is None
+        assert find_contradicting_radius(fit) is None
 
 
 @pytest.mark.parametrize("sensor", [None, SENSOR])

@@ -55,7 +55,7 @@ def test_gradients_of_the_centre_are_the_derivatives_of_the_maximised_quantities
         region_extrema.Y_HIGH,
     ):
         derivatives = [QUANTITIES[end](*step, h=0.0) for step in np.eye(3)]
-        assert region_extrema.GRADIENTS[end].tolist() == [*derivatives, 0.0, 0.0]
+        assert region_extrema.LINEAR_GRADIENTS[end].tolist() == [*derivatives, 0.0, 0.0]
 
 
 @pytest.mark.parametrize("phi_deg", [14.0, 25.0, 40.0])

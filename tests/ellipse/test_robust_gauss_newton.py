@@ -12,9 +12,9 @@ from lsvision.ellipse.robust_gauss_newton import (
     add_flattening_prior,
     damped_step,
     ellipse_residuals,
-    gauss_newton_step,
     ray_normal_variances,
     solve_positive_definite,
+    take_gauss_newton_step,
 )
 from lsvision.geometry import Ellipse, orthogonal_residuals
 from lsvision.geometry.noisy_points import NoisyPoints, as_complex
@@ -185,6 +185,6 @@ def test_a_step_of_one_arc_uses_its_members():
     points = noisy(upper_arc(TRUTH))
     evaluated = ellipse_residuals(points, 1.01 * PARAMETERS)
     members = np.arange(len(points)) % 3 > 0
-    step = gauss_newton_step(evaluated, 1.01 * PARAMETERS, members)
+    step = take_gauss_newton_step(evaluated, 1.01 * PARAMETERS, members)
     selected = ellipse_residuals(points[members], 1.01 * PARAMETERS)
-    npt.assert_allclose(step, gauss_newton_step(selected, 1.01 * PARAMETERS), rtol=ROUNDING)
+    npt.assert_allclose(step, take_gauss_newton_step(selected, 1.01 * PARAMETERS), rtol=ROUNDING)

@@ -6,7 +6,7 @@ import pytest
 
 from lsvision import Arc, CylinderSection
 from lsvision.ellipse.fit import fit_ellipse
-from lsvision.ellipse.section import THETA_UNKNOWN_STD
+from lsvision.ellipse.section import UNIFORM_THETA_STD
 from lsvision.planning import section_bound
 from tests.ellipse.arcs import SENSOR, measured, pipe, upper_arc
 from tests.tolerances import spread_of_rms
@@ -147,7 +147,7 @@ def test_the_std_of_a_circles_radius_is_the_rms_of_its_errors(rng):
 
 def test_of_a_circle_theta_is_unknown_and_phi_has_a_finite_sigma():
     section = section_of(0.0)
-    assert section.theta_std == THETA_UNKNOWN_STD == pytest.approx(math.pi / math.sqrt(12))
+    assert section.theta_std == UNIFORM_THETA_STD == pytest.approx(math.pi / math.sqrt(12))
     assert 0 < section.phi_std < math.radians(20)
     assert not section.theta_determined
 

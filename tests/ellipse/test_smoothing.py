@@ -6,7 +6,7 @@ import pytest
 
 from lsvision import Ellipse
 from lsvision.ellipse.smoothing import (
-    POSITIONS,
+    POSITION_COUNT,
     smooth_arcs,
     smooth_residuals,
 )
@@ -169,7 +169,7 @@ def test_a_jump_takes_no_clean_neighbours_with_it(jump):
 def test_a_wave_as_long_as_the_window_keeps_its_shape_between_the_positions():
     """More positions have the same error, which is that of a local quadratic."""
     residual = 0.2 * np.sin(LENGTH / 60.0 * 2 * math.pi)
-    positions = np.linspace(0.0, 60.0, POSITIONS)
+    positions = np.linspace(0.0, 60.0, POSITION_COUNT)
     few, _ = smooth_residual(LENGTH, residual, STDS, positions)
     many, _ = smooth_residual(LENGTH, residual, STDS, LENGTH)
     assert np.abs(np.interp(LENGTH, positions, few) - many).max() < 0.2 * 0.025

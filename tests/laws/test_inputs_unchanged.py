@@ -7,20 +7,20 @@ import numpy as np
 import pytest
 
 from lsvision import Ellipse, Profile, ProfileSensor, measure_cylinders
-from lsvision.detection.acceptance import rejection_reason, shape_rejection_reason
+from lsvision.detection.acceptance import find_rejection_reason, find_shape_rejection_reason
 from lsvision.detection.arcs import Rejection
-from lsvision.detection.candidates import find_candidates, seed_ellipse
-from lsvision.detection.end_condition import find_connected_beyond, tangential_end_reason
+from lsvision.detection.candidates import find_candidates, fit_seed_ellipse
+from lsvision.detection.end_condition import find_connected_beyond, find_tangential_end_reason
 from lsvision.detection.end_points import (
     EndPoints,
     Prediction,
-    departure_free_probability,
+    compute_departure_free_probability,
     find_end_inliers,
 )
 from lsvision.detection.identification import Seed, find_connected_inliers, grow_arcs, identify_arcs
 from lsvision.detection.line_order import order_along_line
 from lsvision.detection.profile_preparation import prepare_profile
-from lsvision.detection.range_image import build_range_image, connected_components
+from lsvision.detection.range_image import build_range_image, find_connected_components
 from lsvision.detection.rejections import complete_rejections
 from lsvision.detection.screening import screen_arcs
 from lsvision.detection.windows import Windows, fit_window_circles
@@ -44,7 +44,7 @@ from tests.ellipse.arcs import SENSOR, pipe, upper_arc
 
 RANGE = (5.0, 60.0)
 PREPARED = line(flat(-50, -20), dome(0, 20), flat(20, 50))
-COMPONENTS = connected_components(build_range_image(PREPARED), 10)
+COMPONENTS = find_connected_components(build_range_image(PREPARED), 10)
 (CANDIDATES,) = find_candidates([PREPARED], [COMPONENTS], [RANGE])
 SEEDS = [Seed(PREPARED, CANDIDATES[0], PREPARED.valid_indices)]
 ((ARC, NORMALS),) = grow_arcs(SEEDS)
@@ -70,19 +70,19 @@ STEPS = {
     "prepare_profile": (prepare_profile, Profile(POINTS), ProfileSensor()),
     "order_along_line": (order_along_line, POINTS[::2]),
     "build_range_image": (build_range_image, PREPARED),
-    "connected_components": (connected_components, build_range_image(PREPARED), 10),
+    "find_connected_components": (find_connected_components, build_range_image(PREPARED), 10),
     "find_candidates": (find_candidates, [PREPARED], [COMPONENTS], [RANGE]),
-    "seed_ellipse": (seed_ellipse, PREPARED, CANDIDATES[0]),
+    "fit_seed_ellipse": (fit_seed_ellipse, PREPARED, CANDIDATES[0]),
     "grow_arcs": (grow_arcs, SEEDS),
     "find_connected_inliers": (find_connected_inliers, np.sin(LENGTH) > 0, np.arange(20, 30)),
     "identify_arcs": (identify_arcs, [PREPARED], [CANDIDATES], [RANGE]),
     "screen_arcs": (screen_arcs, [PREPARED], [ARC]),
     "find_end_inliers": (find_end_inliers, END, PREDICTION),
-    "departure_free_probability": (
-        departure_free_probability, END, PREDICTION, np.arange(10)[None] < 7,
+    "compute_departure_free_probability": (
+        compute_departure_free_probability, END, PREDICTION, np.arange(10)[None] < 7,
         np.arange(10)[None] >= 7,
     ),
-    "tangential_end_reason": (tangential_end_reason, PREPARED, ARC, SCREENED),
+    "find_tangential_end_reason": (find_tangential_end_reason, PREPARED, ARC, SCREENED),
     "find_connected_beyond": (find_connected_beyond, np.arange(9) + 0j, np.arange(9, 12) + 0j, 3),
     "smooth_arcs": (smooth_arcs, [SCREENED.points], [SCREENED.ellipse]),
     "smooth_residuals": (
@@ -91,9 +91,9 @@ STEPS = {
     ),
     "homogenise_arcs": (homogenise_arcs, smooth_arcs([SCREENED.points], [SCREENED.ellipse])),
     "refine_arcs": (refine_arcs, *TO_REFINE),
-    "shape_rejection_reason": (shape_rejection_reason, ARC.ellipse, NORMALS, RANGE),
-    "rejection_reason": (
-        rejection_reason, PREPARED, CylinderSection(FIT, ARC.arc, SCREENED.indices), RANGE,
+    "find_shape_rejection_reason": (find_shape_rejection_reason, ARC.ellipse, NORMALS, RANGE),
+    "find_rejection_reason": (
+        find_rejection_reason, PREPARED, CylinderSection(FIT, ARC.arc, SCREENED.indices), RANGE,
     ),
     "complete_rejections": (
         complete_rejections, PREPARED, COMPONENTS, [ARC], [Rejection(Arc(0, 20), "flat")], RANGE,

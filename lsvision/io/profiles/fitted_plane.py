@@ -8,7 +8,7 @@ import numpy as np
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray, Plane, Pose
 from lsvision.geometry.arrays import MAX_COORDINATE_MM
-from lsvision.geometry.plane import section_pose
+from lsvision.geometry.plane import find_section_pose
 
 MAX_THICKNESS_RATIO = 0.1
 """Largest rms distance from the plane, relative to the rms extent of the points in it normal to the
@@ -39,8 +39,8 @@ class FittedSections:
 def fit_section_plane(clouds: Sequence[FloatArray], *, flip: bool = False) -> FittedSections:
     """Fit one plane to the points of all profiles; return the points in its section frame.
 
-    The frame is that of `section_pose`: Y points against the z axis of the points' frame, as for a
-    camera that looks along z. If the mean z is negative (heights below the sensor) or about 0
+    The frame is that of `find_section_pose`: Y points against the z axis of the points' frame, as
+    for a camera that looks along z. If the mean z is negative (heights below the sensor) or about 0
     (points x, y in the plane z = 0), Y and Z are reversed: Y then points along z, or along y if the
     plane is normal to z. `flip` reverses Y and Z once more. Points are (n, 3) in mm, NaN where
     lost.
@@ -57,7 +57,7 @@ def fit_section_plane(clouds: Sequence[FloatArray], *, flip: bool = False) -> Fi
     extents = singular_values / np.sqrt(len(points))
     _check_flatness(extents)
     plane = Plane(axes[2], float(axes[2] @ centre))
-    pose = section_pose(plane)
+    pose = find_section_pose(plane)
     if (centre[2] < MAX_ZERO_DEPTH_RATIO * extents[0]) != flip:
         pose = Pose(pose.rotation * (1.0, -1.0, -1.0), pose.translation)
     section_from_file = pose.inverse()

@@ -14,7 +14,7 @@ from statistics import NormalDist
 import numpy as np
 
 from lsvision.detection.arcs import IdentifiedArc
-from lsvision.detection.candidates import seed_ellipse
+from lsvision.detection.candidates import fit_seed_ellipse
 from lsvision.detection.profile_preparation import prepare_profile
 from lsvision.errors import LsvisionError
 from lsvision.geometry import FloatArray, IntArray
@@ -103,7 +103,7 @@ def _detect_arcs(section: SimulatedSection) -> list[tuple[TubeTruth, AblationArc
     """Return each detected pipe with its arc and the first candidate on it."""
     profile = prepare_profile(section.profile, section.profile.noise)
     arcs, candidates = detect_arcs(profile)
-    seeds = [IdentifiedArc(c.indices, seed_ellipse(profile, c)) for c in candidates]
+    seeds = [IdentifiedArc(c.indices, fit_seed_ellipse(profile, c)) for c in candidates]
     labels = section.truth.labels[profile.sensor_columns]
     detected = []
     for tube in section.truth.tubes:

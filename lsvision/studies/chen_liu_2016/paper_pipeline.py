@@ -16,7 +16,7 @@ import numpy.typing as npt
 from lsvision.detection.arcs import Rejection
 from lsvision.detection.measurement import Measurement, build_measurement
 from lsvision.detection.profile_preparation import prepare_profile
-from lsvision.detection.search_range import search_range
+from lsvision.detection.radius_range import find_radius_range
 from lsvision.ellipse.fit import FittingSettings, fit_ellipse
 from lsvision.ellipse.fit_result import EllipseFit
 from lsvision.ellipse.problem import Priors
@@ -122,7 +122,7 @@ def measure_cylinders_paper(
     profile = as_profile(profile)
     prepared = prepare_profile(profile, profile.noise)
     search = as_number_or_pair(radius, "radius", "mm", "(min, max)")
-    low, high = search_range(search, Priors.from_values(known_radius, None).radius, prepared)
+    low, high = find_radius_range(search, Priors.from_values(known_radius, None).radius, prepared)
     initial_radius = min(math.sqrt(low * high), MAX_INITIAL_RADIUS_MM)
     valid_indices = prepared.valid_indices
     points = prepared.points[valid_indices]

@@ -8,7 +8,7 @@ from lsvision.detection.arcs import IdentifiedArc, ScreenedArc
 from lsvision.detection.candidates import Candidate, find_candidates
 from lsvision.detection.identification import identify_arcs
 from lsvision.detection.profile_preparation import prepare_profile
-from lsvision.detection.range_image import build_range_image, connected_components
+from lsvision.detection.range_image import build_range_image, find_connected_components
 from lsvision.detection.screening import screen_arcs
 from lsvision.ellipse.homogenising import HomogenisedArc, homogenise_arcs
 from lsvision.ellipse.smoothing import SmoothedArc, smooth_arcs
@@ -36,7 +36,7 @@ WINDOW_STEP = 2
 
 def detect_arcs(profile: PreparedProfile) -> tuple[list[IdentifiedArc], list[Candidate]]:
     """Return the identified arcs of a profile, and the candidates from which they grew."""
-    components = connected_components(build_range_image(profile), MIN_COMPONENT_POINTS)
+    components = find_connected_components(build_range_image(profile), MIN_COMPONENT_POINTS)
     (candidates,) = find_candidates([profile], [components], [SEARCH_RANGE_MM])
     ((arcs, _),) = identify_arcs([profile], [candidates], [SEARCH_RANGE_MM])
     return arcs, candidates
