@@ -170,9 +170,10 @@ class Regions:
     ) -> None:
         """Replace c of the centre of fits with a known radius, in place.
 
-        With b known, m = b + |d|: near the circle any error of d moves the centre to the same side,
-        as far as it is correlated with m. So the centre has the distribution of phi, not of a
-        normal quantity, in this fraction of its variance: c is interpolated between both.
+        With b known, m = b + |d|: near the circle any error of d increases |d|, and so m, and moves
+        the centre, as far as it is correlated with m, to the same side. In the squared correlation,
+        as a fraction of its variance, the centre is a function of |d| as phi is; in the rest it is
+        a normal quantity. c is interpolated between those of both by this fraction.
         """
         i = np.flatnonzero(IS_CENTRE[rows.ends] & self.stack.known_radius[rows.fit_indices])
         if not i.size:
