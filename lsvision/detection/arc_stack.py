@@ -18,7 +18,9 @@ from lsvision.geometry.noisy_points import NoisyPoints
 from lsvision.profile import PreparedProfile
 
 MIDDLE_FRACTION = 0.7
-"""Fraction of the arc's points in its middle part, which determines the screening ellipse."""
+"""Fraction of the arc's points in its middle part, which determines the screening ellipse. With 0.5
+three of 1345 pipes are lost; with 0.98 points of the surfaces beside a pipe are part of it, and
+93.3 instead of 93.8 % of the 95 % intervals contain the radius."""
 MAX_END_POINTS = 100
 """Largest number of the arc's points at an end: the computing time of the Kalman filter (see
 `lsvision.detection.end_points`) increases with the cube of this number."""

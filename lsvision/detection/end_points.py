@@ -5,6 +5,11 @@ closer to the middle. The probability density of its residual is compared with t
 of a point on another smooth line, and of a gradual departure from the ellipse, such as the foot of
 a weld bead.
 
+The prior probabilities and scales are round numbers, because the results hardly depend on them:
+with each of `TURN_STD`, `BEND_STD_RADII`, `NO_DEPARTURE_PRIOR`, `MAX_STEP_RATIO` and
+`POINTS_BEYOND` times 0.7 or 1.4 the same pipes of 1345 are found, but for one, and the median error
+of their radii, over its standard uncertainty, changes by 2 % at most.
+
 The functions take a stack of ends, as arrays with one or more leading axes, and up to k points of
 each end. A shorter end is padded with points that are not visible; they have no influence.
 """

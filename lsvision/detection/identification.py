@@ -42,7 +42,8 @@ from lsvision.statistics.robust import MAD_TO_STD
 
 SENSOR_ERROR_SIGMAS = 4.0
 """The paper's sensor error: largest distance of an inlier from the ellipse, in standard deviations
-of a point along the normal."""
+of a point along the normal. Screening follows, so that the limit matters little: with 2.8 one pipe
+more of 1350 (750 simulated scenes) is found, with 5.6 the same."""
 MAX_GAP_FRACTION = 0.5
 """Longest interruption between two runs of inliers that is bridged, as a fraction of the arc's
 central run; the run beyond it must also be longer than the interruption. Without both conditions,

@@ -12,7 +12,8 @@ from lsvision.geometry import BoolArray, IntArray
 from lsvision.profile import Arc, PreparedProfile
 
 MAX_FLAT_SIGMAS = 2.0
-"""Largest ratio of the rms distance of a flat segment from its line to the noise."""
+"""Largest ratio of the rms distance of a flat segment from its line to the noise; the ratio is
+about 1 for a straight line. It decides only on the words of a reason."""
 
 
 def complete_rejections(
