@@ -16,7 +16,8 @@ later one is left out."""
 MIN_POINTS = 8
 """Smallest number of points to which an ellipse is fitted: three more than its parameters."""
 INTERRUPTING_RUN = 3
-"""Smallest number of consecutive points beyond the sensor error that interrupt an arc."""
+"""Smallest number of consecutive points beyond the sensor error that interrupt an arc: one more
+than `MAX_ADJACENT_JUMPS` of a range image. With 2 or 4 the same pipes of 1345 are found."""
 MIN_NORMAL_Y = -0.5
 """Smallest y, -sin(30 deg), of the outward unit normals that a sensor with a fan of +/- 30 deg can
 see."""

@@ -21,7 +21,8 @@ from lsvision.profile import PreparedProfile
 from lsvision.statistics.robust import SIGNIFICANT_SIGMAS
 
 MIN_TURN_DEG = 20.0
-"""Change of the line's direction at an end, below which it continues tangentially. Units: deg."""
+"""Change of the line's direction at an end, below which it continues tangentially. With 14 the
+crests of some waves are taken for pipes, with 28 one of 1345 pipes is lost. Units: deg."""
 DIRECTION_POINTS, DIRECTION_FRACTION = 6, 1 / 8
 """Number of points beyond an end from which the line's direction is measured: the larger of this
 number and this fraction of the arc's points. A line ends where there are fewer than this number, or
@@ -32,9 +33,10 @@ CURVED_POINTS, MIN_CURVED_POINTS = 12, 6
 significant."""
 NEAR_POINTS = 12
 """Number of points of an arc, next to its end, from which its typical step and the direction in
-which it leads are determined."""
+which it leads are determined. With 8 or 17 the same pipes are found."""
 MAX_GAP_STEPS = 3.0
-"""Largest distance between connected points, in median distances between neighbours of the arc."""
+"""Largest distance between connected points, in median distances between neighbours of the arc: it
+bridges two lost columns. With 2 the same pipes are found, with 4 one less."""
 MIN_FILLET_CURVATURE = 1.0
 """Smallest ratio of the curvature of a fillet, the concave foot of a weld bead, to that of the
 cylinder: it is 0.9 to 1.6 for the
