@@ -49,7 +49,7 @@ TOLERANCE = 0.25
 """Limit of convergence: length of the last step in radii of the region, and difference of F - min F
 from c as a fraction of c. The error of the end is quadratic in it; at this limit it is 1 % of the
 width. With 0.35, 8 of 1000 intervals change by more than 2 %, and ends that are not found become a
-third more frequent; 0.175 takes 2 to 4 % more evaluations and changes none."""
+third more frequent; with 0.175, for 2 to 4 % more evaluations, neither improves."""
 CRITICAL_TOLERANCE = 0.007
 """Limit of convergence of c: difference from its last value as a fraction of c. The width is
 proportional to sqrt(c), so that its error is 0.35 %. With 0.02, 15 of 3000 intervals change by more
@@ -66,8 +66,8 @@ STEP_FACTOR = 2.0
 """Factor by which the fraction of a step that is taken decreases after a rejected step (which
 includes one that leads to no ellipse), and increases after an accepted one. It matters only that it
 increases again: results and number of evaluations are the same within 2 % with a decrease to 0.25
-to 0.5 and an increase of 1.5 to 2, but with one of 1.05 the ends of three times as many fits are
-not found."""
+to 0.5 and an increase of 1.5 to 2, but with one of 1.05 the ends of almost four times as many fits
+are not found."""
 FIRST_COLUMNS, SECOND_COLUMNS = list(SECOND_ENDS), list(SECOND_ENDS.values())
 """Columns of the ends that may have two local extrema, and columns of their second extrema."""
 MAX_FLATTENING = 0.998
