@@ -17,7 +17,7 @@ from lsvision.batch.measure_file import (
     file_version,
 )
 from lsvision.errors import LsvisionError, UnreadableFile, UnwritableFile
-from lsvision.results.summaries import counted
+from lsvision.results.summaries import format_count
 
 MANIFEST = "manifest.jsonl"
 """Name of the manifest in the folder of the results."""
@@ -283,5 +283,5 @@ def format_summary(status: Status, names: Iterable[str] = ()) -> str:
     return (
         f"{len(done)} of {total} files done, {len(outcomes) - len(done)} failed{set_aside}, "
         f"{total - len(outcomes)} left: "
-        f"{counted(profiles, 'profile')}, {counted(cylinders, 'cylinder')}"
+        f"{format_count(profiles, 'profile')}, {format_count(cylinders, 'cylinder')}"
     )

@@ -14,7 +14,7 @@ from lsvision.calibration.views import find_repeated
 from lsvision.errors import CalibrationFailed, LsvisionError
 from lsvision.geometry import FloatArray, Pose
 from lsvision.profile import Profile, as_profile
-from lsvision.results.summaries import counted
+from lsvision.results.summaries import format_count
 
 Shape = TypeVar("Shape", SphereArc, PlaneLine)
 
@@ -36,8 +36,8 @@ def require_pose_count(
         reasons = [f" (pose {pose.index}: {pose.reason})" for pose in unobserved[:1]]
         show = "shows" if count == 1 else "show"
         raise CalibrationFailed(
-            f"{counted(count, 'pose')} {show} {observation} and {min_count} are needed, better "
-            f"12: take more{''.join(reasons)}"
+            f"{format_count(count, 'pose')} {show} {observation} and {min_count} are needed, "
+            f"better 12: take more{''.join(reasons)}"
         )
 
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from lsvision.errors import CalibrationFailed, DegenerateGeometry, LsvisionError
 from lsvision.geometry import FloatArray, Pose
 from lsvision.laser_line.image_array import as_image
-from lsvision.results.summaries import counted
+from lsvision.results.summaries import format_count
 from lsvision.sensors.camera import Camera
 
 Image = TypeVar("Image")
@@ -134,7 +134,7 @@ def require_views(
         show = "show" if count != 1 else "shows"
         reasons = "".join(f"; {text}" for text in _describe_rejections(sources.rejected))
         raise CalibrationFailed(
-            f"{counted(count, 'view')} {show} {content} and {min_count} are needed, best 15: "
+            f"{format_count(count, 'view')} {show} {content} and {min_count} are needed, best 15: "
             f"{remedy}{reasons}"
         )
 

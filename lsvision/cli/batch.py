@@ -30,7 +30,7 @@ from lsvision.cli.profile_options import (
 from lsvision.cli.sources import find_sources, suffixes_of_profiles
 from lsvision.errors import LsvisionError
 from lsvision.files.file_kinds import STDIN, is_directory
-from lsvision.results.summaries import counted
+from lsvision.results.summaries import format_count
 
 if TYPE_CHECKING:
     from lsvision.batch.manifest import Status
@@ -250,7 +250,7 @@ class _Report(StatusLine):
             print_error(outcome.error)
         seconds = max(time.monotonic() - self._start, 1e-3)
         self.write(
-            f"{self._total - left}/{self._total} files, {counted(self._profiles, 'profile')}, "
+            f"{self._total - left}/{self._total} files, {format_count(self._profiles, 'profile')}, "
             f"{self._profiles / seconds:.0f}/s, {duration_text(seconds / self._files * left)} left"
         )
 

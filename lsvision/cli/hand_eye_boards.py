@@ -10,7 +10,7 @@ import numpy as np
 from lsvision.cli.calibrate_inputs import add_file_names, read_images
 from lsvision.errors import LsvisionError
 from lsvision.files.printable import printable
-from lsvision.results.summaries import counted
+from lsvision.results.summaries import format_count
 
 if TYPE_CHECKING:
     from lsvision.calibration.board_pose import BoardPoseEstimate
@@ -138,7 +138,7 @@ def find_boards(files: Sequence[Path], target: "Target", camera_file: Path) -> D
     images = read_images(files)
     detections, left_out = _detect_boards(files, images, target, camera)
     if len(detections) < MIN_BOARDS:
-        finding = f"{len(detections)} of {counted(len(files), 'image')} show the board"
+        finding = f"{len(detections)} of {format_count(len(files), 'image')} show the board"
         problem = f"{finding} and {MIN_BOARDS} are needed"
         raise LsvisionError("; ".join([problem, *left_out[:1]]))
     views = [detection.view for detection in detections]

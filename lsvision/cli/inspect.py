@@ -26,7 +26,7 @@ from lsvision.cli.verdict_outputs import VerdictOutputs, VerdictPaths, make_page
 from lsvision.errors import LsvisionError
 from lsvision.files.file_kinds import STDOUT, is_directory
 from lsvision.files.printable import printable, printable_name
-from lsvision.results.summaries import counted
+from lsvision.results.summaries import format_count
 
 if TYPE_CHECKING:
     from lsvision.geometry import Pose
@@ -284,7 +284,7 @@ def _inspect_all(
             outputs.add(judged)  # first: a closed pipe must not lose a verdict in the files
             print_lines(_verdict_lines(judged), err=to_stderr)
     except KeyboardInterrupt:
-        message = f"interrupted: {counted(len(outputs.judged), 'measurement')} judged"
+        message = f"interrupted: {format_count(len(outputs.judged), 'measurement')} judged"
         run.failures.append(message)
         print_error(message)
         raise

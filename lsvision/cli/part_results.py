@@ -263,11 +263,11 @@ def measurement_lines(
     `verbose`.
     """
     from lsvision.ellipse.section_table import section_cells
-    from lsvision.results.summaries import counted
+    from lsvision.results.summaries import format_count
     from lsvision.results.tables import text_table
 
     rejections = sorted(measurement.rejections, key=lambda r: (r.arc.start, r.arc.stop))
-    rejected = f"{counted(len(rejections), 'arc')} rejected"
+    rejected = f"{format_count(len(rejections), 'arc')} rejected"
     lines = text_table(section_cells(measurement.cylinders))
     if not measurement.cylinders:
         reason = measurement.reason

@@ -36,15 +36,15 @@ class PoseFile:
             If the file cannot be read, or does not hold `count` poses.
         """
         from lsvision.io.robot_poses import read_robot_poses
-        from lsvision.results.summaries import counted
+        from lsvision.results.summaries import format_count
 
         flange_poses = read_robot_poses(self.path, self.convention)
         if len(flange_poses) != count:
             span = f" ({' to '.join(dict.fromkeys((names[0], names[-1])))})" if names else ""
             article = "an" if item[0] in "aeiou" else "a"
             raise UnreadableFile(
-                f"{self.path}: expected {counted(count, 'pose')}, one for each {item}{span}, got "
-                f"{len(flange_poses)}: leave out each pose without {article} {item}, and each "
+                f"{self.path}: expected {format_count(count, 'pose')}, one for each {item}{span}, "
+                f"got {len(flange_poses)}: leave out each pose without {article} {item}, and each "
                 f"{item} without a pose"
             )
         return flange_poses

@@ -312,11 +312,11 @@ def _scan_lines(
     A shape is None where there are too few sections; the caption states which errors the standard
     deviations include, from `motion_uncertainty_caption`. `verbose` adds the rejected tracks.
     """
-    from lsvision.results.summaries import counted
+    from lsvision.results.summaries import format_count
     from lsvision.results.tables import text_table
     from lsvision.scan.scan_result import tube_cells
 
-    profiles = counted(len(scan.measurements), "profile")
+    profiles = format_count(len(scan.measurements), "profile")
     rejected = [f"  {rejection}" for rejection in scan.rejections]
     if scan.cylinders:
         lines = [f"{profiles}, base frame, {caption}", *text_table(tube_cells(scan.cylinders))]

@@ -23,7 +23,7 @@ from lsvision.cli.profile_options import (
 from lsvision.cli.sources import find_sources, read_sources, suffixes_of_profiles
 from lsvision.errors import LsvisionError, UnreadableFile
 from lsvision.files.file_kinds import STDOUT
-from lsvision.results.summaries import counted
+from lsvision.results.summaries import format_count
 
 if TYPE_CHECKING:
     from lsvision.geometry import FloatArray
@@ -233,7 +233,7 @@ def _read_crossed(path: Path, value: str, part: str, operator: str) -> "FloatArr
     if min(len(parts), len(operators), *counts) < 2:
         raise LsvisionError(
             f"{path}: expected two or more parts, operators and trials of each pair, got "
-            f"{_names_text(parts, operators)}; {counted(min(counts), 'trial')}: measure more, "
+            f"{_names_text(parts, operators)}; {format_count(min(counts), 'trial')}: measure more, "
             "or write each name in one way"
         )
     return np.array([[trials[part_name, name] for name in operators] for part_name in parts])

@@ -12,7 +12,7 @@ from lsvision.profile import PreparedProfile, Profile
 from lsvision.results.picture import draw_svg
 from lsvision.results.quantities import Record
 from lsvision.results.result import Result
-from lsvision.results.summaries import counted, list_rejections, summarise_cylinders
+from lsvision.results.summaries import format_count, list_rejections, summarise_cylinders
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -82,7 +82,7 @@ class Measurement(Result):
         }
 
     def _summary(self) -> str:
-        rejected = counted(len(self.rejections), "arc")
+        rejected = format_count(len(self.rejections), "arc")
         return f"{summarise_cylinders(self.cylinders)}, {rejected} rejected"
 
     def _cells(self) -> list[tuple[str, ...]]:
@@ -106,7 +106,9 @@ class Measurement(Result):
             arcs = [points[cylinder.indices] for cylinder in self.cylinders]
         ellipses = [cylinder.ellipse for cylinder in self.cylinders]
         sections = list(zip(arcs, ellipses, strict=True))
-        return draw_svg(points, sections, f"a profile with {counted(len(sections), 'cylinder')}")
+        return draw_svg(
+            points, sections, f"a profile with {format_count(len(sections), 'cylinder')}"
+        )
 
 
 def build_measurement(

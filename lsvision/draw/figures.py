@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.files.atomic_files import write_atomic
-from lsvision.results.summaries import counted
+from lsvision.results.summaries import format_count
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -114,7 +114,7 @@ def format_summary_title(cylinders: int, rejected: int, title: str) -> str:
     """
     summary = f"{cylinders or 'no'} cylinder{'' if cylinders in {0, 1} else 's'}"
     if rejected:
-        summary += f", {counted(rejected, 'arc')} rejected"
+        summary += f", {format_count(rejected, 'arc')} rejected"
     text = make_printable(title)
     return f"{text}: {summary}" if text else summary
 

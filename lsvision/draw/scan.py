@@ -18,7 +18,7 @@ from lsvision.geometry import FloatArray, Points
 from lsvision.results.number_format import format_std, format_value, with_minus_signs
 from lsvision.results.palette import POINTS, cylinder_colour
 from lsvision.results.picture import AZIMUTH_DEG, ELEVATION_DEG
-from lsvision.results.summaries import counted
+from lsvision.results.summaries import format_count
 from lsvision.scan import ScanMeasurement, ScannedCylinder
 from lsvision.scan.shape import triangulate_tube
 
@@ -206,7 +206,7 @@ def _value_lines(tube: ScannedCylinder) -> list[str]:
     """Return the values of a cylinder as lines of text, the most important first."""
     direction = ", ".join(f"{value:+z.4f}" for value in tube.direction)
     point = ", ".join(f"{value:z.2f}" for value in tube.point)
-    sections = counted(len(tube.sections), "section")
+    sections = format_count(len(tube.sections), "section")
     lines = [
         f"radius {format_value(tube.radius, tube.radius_std)} mm",
         f"axis   ({direction})",

@@ -18,12 +18,12 @@ class HasRadius(Protocol):
         """Standard uncertainty of the radius. Units: mm."""
 
 
-def counted(count: int, noun: str) -> str:
+def format_count(count: int, noun: str) -> str:
     """Return a number with its noun.
 
     Examples
     --------
-    >>> counted(1, "arc"), counted(2, "arc")
+    >>> format_count(1, "arc"), format_count(2, "arc")
     ('1 arc', '2 arcs')
     """
     return f"{count} {noun}{'' if count == 1 else 's'}"
@@ -38,7 +38,7 @@ def summarise_cylinders(cylinders: Sequence[HasRadius]) -> str:
     '0 cylinders'
     """
     radii = ", ".join(f"radius {format_value(c.radius, c.radius_std)} mm" for c in cylinders)
-    return counted(len(cylinders), "cylinder") + (f" ({radii})" if radii else "")
+    return format_count(len(cylinders), "cylinder") + (f" ({radii})" if radii else "")
 
 
 def list_rejections(rejections: Sequence[object], noun: str, *, has_cylinders: bool) -> list[str]:
@@ -53,7 +53,7 @@ def list_rejections(rejections: Sequence[object], noun: str, *, has_cylinders: b
     >>> list_rejections(["points 3 to 9: too short"], "arc", has_cylinders=False)
     ['no cylinder found, 1 arc rejected', '  points 3 to 9: too short']
     """
-    rejected = f"{counted(len(rejections), noun)} rejected"
+    rejected = f"{format_count(len(rejections), noun)} rejected"
     if has_cylinders:
         return [f"{rejected}: see .rejections"] if rejections else []
     return [f"no cylinder found, {rejected}", *(f"  {rejection!s}" for rejection in rejections)]

@@ -23,7 +23,7 @@ from lsvision.results.number_format import format_ranges
 from lsvision.results.picture import draw_space_svg
 from lsvision.results.quantities import Record, json_numbers
 from lsvision.results.result import Result
-from lsvision.results.summaries import counted, list_rejections, summarise_cylinders
+from lsvision.results.summaries import format_count, list_rejections, summarise_cylinders
 from lsvision.scan.pose_errors import PoseErrors
 
 RING_POINTS = 49
@@ -334,7 +334,7 @@ class ScanMeasurement(Result):
         }
 
     def _summary(self) -> str:
-        profiles = counted(len(self.measurements), "profile")
+        profiles = format_count(len(self.measurements), "profile")
         return f"{summarise_cylinders(self.cylinders)}, {profiles}"
 
     def _cells(self) -> list[tuple[str, ...]]:
@@ -364,7 +364,7 @@ def _view_in_space(tubes: Sequence[ScannedCylinder]) -> str:
         )
         for tube in tubes
     ]
-    return draw_space_svg(drawn, f"{counted(len(tubes), 'cylinder')} in the base frame")
+    return draw_space_svg(drawn, f"{format_count(len(tubes), 'cylinder')} in the base frame")
 
 
 def tube_cells(tubes: Sequence[ScannedCylinder]) -> list[tuple[str, ...]]:

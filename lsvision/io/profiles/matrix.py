@@ -19,7 +19,7 @@ from lsvision.io.profiles.stated_units import common_unit, statements_about_axis
 from lsvision.io.profiles.text_encoding import decode_text
 from lsvision.io.profiles.text_table import parse_table
 from lsvision.io.profiles.units import split_label
-from lsvision.results.summaries import counted
+from lsvision.results.summaries import format_count
 
 _NUMBER_AT_END = re.compile(r"[-+]?[0-9]+(?:[.,][0-9]*)?[\])]?$")
 """Number of a column at the end of its name."""
@@ -256,7 +256,7 @@ def column_positions(
     """
     if settings.dx is None:
         raise UnreadableFile(
-            f"{counted(rows, 'row')} of {columns} heights without x: "
+            f"{format_count(rows, 'row')} of {columns} heights without x: "
             "give x of the first column and the spacing in mm, --x0 and --dx"
             + (f" ({hint})" if (hint := _transpose_hint(rows, columns)) else "")
         )
