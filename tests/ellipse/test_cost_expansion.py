@@ -8,7 +8,7 @@ from scipy.optimize import approx_fprime, minimize_scalar
 from lsvision.ellipse.cost_expansion import _nearest_points, expand_cost
 from lsvision.ellipse.fit import FittingSettings, fit_ellipse
 from lsvision.ellipse.fit_stack import FitStack
-from lsvision.ellipse.parameters import FOOT_TOLERANCE
+from lsvision.ellipse.parameters import FOOT_TOLERANCE, parameters_from_ellipse
 from lsvision.ellipse.phi_prior import PhiPrior
 from lsvision.ellipse.problem import RadiusPrior
 from tests.ellipse.arcs import SENSOR, measured, pipe, residuals_and_jacobian, upper_arc
@@ -131,3 +131,25 @@ def test_nearest_points_are_exact_where_all_first_steps_are_large():
             bounds=(0, math.pi / 2), method="bounded", options={"xatol": 1e-9},
         )  # fmt: skip
         assert found == pytest.approx(search.fun, rel=1e-9)
+
+
+def test_the_second_derivative_of_residuals_is_that_of_differences():
+    """Of a flat ellipse with errors of one sign: sum r Hess r, which is added to J'J."""
+    truth = pipe(62.0)
+    exact = upper_arc(truth, degrees=320.0, count=200)
+    angle = np.linspace(0, 1, len(exact))
+    out = exact - np.array(truth.centre)
+    points = exact + 0.05 * angle[:, None] * out / np.linalg.norm(out, axis=1)[:, None]
+    fit = replace(
+        fit_ellipse(points, truth, SENSOR.covariances(points)),
+        parameters=parameters_from_ellipse(truth),
+    )
+    (information,) = expand_rows(fit, fit.parameters[None]).information
+    differences = approx_fprime(fit.parameters, lambda x: gradient(fit, x), STEP)
+    _, jacobian = residuals_and_jacobian(fit.problem, fit.parameters)
+    gauss_newton = jacobian.T @ jacobian / fit.variance_factor
+    expected = (differences + differences.T) / 2 - gauss_newton
+    found = information - gauss_newton
+    print(found.round(1), expected.round(1), sep="\n")
+    for row, expected_row in zip(found, expected, strict=True):
+        np.testing.assert_allclose(row, expected_row, atol=0.03 * np.abs(expected_row).max())
