@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lsvision.calibration.hand_eye import calibrate_hand_eye_plane
-from lsvision.calibration.plane_line import find_plane_line
+from lsvision.calibration.plane_line import find_plane_line, select_inliers
 from lsvision.errors import TooFewPoints
 from lsvision.profile import Profile
 from tests.calibration.hand_eye_scenes import FEW_TRIALS, plane_scene
@@ -30,6 +30,38 @@ def test_the_longest_line_is_found_beside_a_step_and_outliers(seed):
     stds = np.sqrt(np.diag(line.covariance))
     assert abs(offset) < 5 * stds[0]
     assert abs(slope) < 5 * stds[1]
+
+
+def points_with_a_border_case():
+    """A line and, at the limit of its outliers, points that change the line's fit."""
+    for seed in range(400):
+        rng = np.random.default_rng([8, seed])
+        x = np.linspace(-40, 40, 120)
+        y = HEIGHT + SLOPE * x + rng.normal(0, 0.1, len(x))
+        stray = rng.random(len(x)) < 0.1
+        y[stray] += rng.normal(0, 1.0, stray.sum())
+        yield np.column_stack([x, y])
+
+
+def next_selection(points, inliers):
+    """Points within 3.5 robust standard deviations of the line through others; written out."""
+    centre = points[inliers].mean(axis=0)
+    normal = np.linalg.svd(points[inliers] - centre)[2][1]
+    distance = np.abs((points - centre) @ normal)
+    return distance <= 3.5 * 1.4826 * np.median(distance[inliers])
+
+
+def test_two_selections_that_alternate_give_one_line():
+    alternating = 0
+    for points in points_with_a_border_case():
+        first = select_inliers(points, np.ones(len(points), bool))
+        second = next_selection(points, first)
+        if np.array_equal(first, second):
+            continue
+        alternating += 1
+        assert np.array_equal(next_selection(points, second), first)
+        assert np.array_equal(select_inliers(points, second), first)
+    assert alternating > 0
 
 
 def test_a_profile_without_a_line_is_rejected():
