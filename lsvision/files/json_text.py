@@ -4,7 +4,8 @@ import json
 from typing import Any, NoReturn
 
 MAX_DEPTH = 64
-"""Deepest nesting of lists and mappings, in JSON and in YAML; the package's own files need 7."""
+"""Deepest nesting in JSON, YAML and XML: a limit against abuse, far below that of the recursion of
+Python. The package's own files need 7."""
 
 MAX_DIGITS = 300
 """Largest number of digits of an integer, so that it fits into a float (up to 1.8e308)."""

@@ -47,8 +47,6 @@ from lsvision.io.profiles.unit_statements import (
 )
 from lsvision.io.profiles.units import split_label
 
-MAX_SEARCH_DEPTH = 4
-"""Deepest level of objects and lists that is searched for points; the root is level 0."""
 MIN_TRIPLES = 5
 """Smallest number of rows x, y, z of a list of points; a shorter list is a matrix."""
 _FLAT_KEYS = ("points", "profile", TRIPLES, "line")
@@ -82,7 +80,7 @@ def profiles_from_document(document: Any, settings: ReadSettings, kind: str) -> 
     UnreadableFile
         If no points are found; the error names the keys found.
     """
-    profiles = _find_profiles(document, settings, depth=0)
+    profiles = _find_profiles(document, settings)
     if profiles is None:
         reject_pose_document(document)
         raise UnreadableFile(
@@ -116,24 +114,23 @@ def _parse(text: str) -> Any:
         ) from None
 
 
-def _find_profiles(document: Any, settings: ReadSettings, depth: int) -> RawProfiles | None:
-    """Return the profiles in an object or a list at a nesting depth; None if there are none."""
-    if depth > MAX_SEARCH_DEPTH:
-        return None
+def _find_profiles(document: Any, settings: ReadSettings) -> RawProfiles | None:
+    """Return the profiles in an object or a list; None if there are none.
+
+    The parsers limit the depth of nesting (`MAX_DEPTH`).
+    """
     if isinstance(document, Mapping):
-        profiles = _from_object(document, settings, depth)
+        profiles = _from_object(document, settings)
         if profiles is None:
             return None
         lost = find_lost_values(lines_of_scalars(document))
         return _add_attributes(replace(profiles, lost=profiles.lost + lost), document)
     if isinstance(document, list) and document:
-        return _from_list(document, settings, depth)
+        return _from_list(document, settings)
     return None
 
 
-def _from_object(
-    document: Mapping[str, Any], settings: ReadSettings, depth: int
-) -> RawProfiles | None:
+def _from_object(document: Mapping[str, Any], settings: ReadSettings) -> RawProfiles | None:
     """Return the profiles of an object; None if it has none.
 
     An object is a LaserScan, columns with known names, heights for ``dx``, rows with a list of the
@@ -159,18 +156,18 @@ def _from_object(
     lists = {k: v for k, v in document.items() if isinstance(v, list | Mapping)}
     keys = sorted(lists, key=_key_rank)
     for index, key in enumerate(keys):
-        profiles = _from_named_list(key, lists[key], settings, statements, depth)
+        profiles = _from_named_list(key, lists[key], settings, statements)
         if profiles is not None:
-            others = [k for k in keys[index + 1 :] if _has_points(lists[k], settings, depth)]
+            others = [k for k in keys[index + 1 :] if _has_points(lists[k], settings)]
             note = f"points under {key} read, those under {', '.join(others)} left out"
             return replace(profiles, notes=(*profiles.notes, note)) if others else profiles
     return None
 
 
-def _has_points(value: Any, settings: ReadSettings, depth: int) -> bool:
+def _has_points(value: Any, settings: ReadSettings) -> bool:
     """Return whether profiles are found in a list or an object."""
     with suppress(UnreadableFile):
-        return _find_profiles(value, settings, depth + 1) is not None
+        return _find_profiles(value, settings) is not None
     return False
 
 
@@ -207,25 +204,24 @@ def _from_named_list(
     value: Any,
     settings: ReadSettings,
     statements: tuple[UnitStatement, ...],
-    depth: int,
 ) -> RawProfiles | None:
     """Return the profiles under a key; of a flat list only if the key is a name of points."""
     if isinstance(value, list) and as_list_of_numbers(value) and not isinstance(value[0], list):
         if key.lower() not in _FLAT_KEYS:
             return None
         return _from_flat(key.lower(), to_floats(value), settings, statements)
-    profiles = _find_profiles(value, settings, depth + 1)
+    profiles = _find_profiles(value, settings)
     return None if profiles is None else add_units(profiles, statements, settings)
 
 
-def _from_list(document: list[Any], settings: ReadSettings, depth: int) -> RawProfiles | None:
+def _from_list(document: list[Any], settings: ReadSettings) -> RawProfiles | None:
     """Return the profiles of a list; None if it has none.
 
     A list holds objects, points of two or three numbers, one list of x and one of heights, or
     profiles.
     """
     if all(isinstance(item, Mapping) for item in document):
-        return _from_objects(document, settings, depth)
+        return _from_objects(document, settings)
     widths = {len(item) for item in document if is_point(item)}
     if len(widths) == 1 and all(map(is_point, document)):
         if len(document) < (MIN_TRIPLES if widths == {3} else MIN_PAIRS):
@@ -234,7 +230,7 @@ def _from_list(document: list[Any], settings: ReadSettings, depth: int) -> RawPr
     if len(document) == 2 and as_list_of_numbers(document) and _are_x_and_height(document):
         return _from_rows(to_floats(document).T, settings, ())
     if all(isinstance(item, list) and item for item in document):
-        return _join_profiles([_find_profiles(item, settings, depth + 1) for item in document])
+        return _join_profiles([_find_profiles(item, settings) for item in document])
     return None
 
 
@@ -245,7 +241,7 @@ def _are_x_and_height(document: list[Any]) -> bool:
 
 
 def _from_objects(
-    document: Sequence[Mapping[str, Any]], settings: ReadSettings, depth: int
+    document: Sequence[Mapping[str, Any]], settings: ReadSettings
 ) -> RawProfiles | None:
     """Return profiles of a list of points as objects, or of profiles as objects."""
     if all(map(is_laser_scan, document)):
@@ -258,7 +254,7 @@ def _from_objects(
     ]
     if names_section(split_label(key)[0] for key in scalar_keys):
         return profiles_from_table(_table_from_objects(document, scalar_keys), settings)
-    return _join_profiles([_find_profiles(item, settings, depth + 1) for item in document])
+    return _join_profiles([_find_profiles(item, settings) for item in document])
 
 
 def _add_attributes(profiles: RawProfiles, document: Mapping[str, Any]) -> RawProfiles:

@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from lsvision.errors import UnreadableFile
-from lsvision.files.json_text import parse_json
+from lsvision.files.json_text import MAX_DEPTH, NestedTooDeep, parse_json
 from lsvision.geometry import FloatArray
 from lsvision.io.profiles.column_roles import has_known_role
 from lsvision.io.profiles.columns import profiles_from_table
@@ -46,8 +46,6 @@ _KEY_WORD = re.compile(r"^[A-Za-z_]\w*:\s*[^\[\s!]")
 _FLAT_LIST = re.compile(r"^[ \t{]*\"?([A-Za-z_]\w*)\"?[ \t]*:\s*\[([^\[\]]*)\]", re.MULTILINE)
 # A list of numbers that would take the YAML parser too long.
 _LONG_LIST = re.compile(r"\[([^\[\]{}\"'#&*]{2000,})\]")
-_MAX_XML_DEPTH = 16
-"""Deepest nesting of elements that is read."""
 
 
 def parse_opencv_json(text: str) -> Any:
@@ -305,7 +303,10 @@ def _from_xml(text: str) -> dict[str, Any]:
 
 
 class _ShallowTree(ElementTree.TreeBuilder):
-    """Builder of an XML tree of limited depth."""
+    """Builder of an XML tree with at most `MAX_DEPTH` levels.
+
+    OpenCV nests a matrix in a list of mappings five deep.
+    """
 
     def __init__(self) -> None:
         super().__init__()
@@ -314,8 +315,8 @@ class _ShallowTree(ElementTree.TreeBuilder):
     def start(self, tag: Any, attrs: Any, /) -> ElementTree.Element:
         """Open an element."""
         self._depth += 1
-        if self._depth > _MAX_XML_DEPTH:
-            raise ValueError(f"expected at most {_MAX_XML_DEPTH} levels of nesting, got more")
+        if self._depth > MAX_DEPTH:
+            raise NestedTooDeep
         return super().start(tag, attrs)
 
     def end(self, tag: str, /) -> ElementTree.Element:

@@ -127,7 +127,7 @@ def test_a_matrix_whose_size_is_wrong_is_rejected(write, change, message):
         ('{"a":' * 100_000, "levels of nesting"),
         ("%YAML:1.0\n---\na: " + "[" * 200_000, "not YAML"),
         ("%YAML:1.0\n---\na: " + "- " * 200_000, "not a FileStorage of OpenCV"),
-        ("<opencv_storage>" + "<a>" * 200_000, "at most 16 levels of nesting"),
+        ("<opencv_storage>" + "<a>" * 200_000, "at most 64 levels of nesting"),
         ("<opencv_storage><a></opencv_storage>", "no XML"),
         (
             "<?xml version='1.0'?><!DOCTYPE a [<!ENTITY b 'c'>]><opencv_storage>&b;"

@@ -25,6 +25,9 @@ SHAPES = {
     "pairs under a key": lambda a: {"points": a.tolist()},
     "pairs under another key": lambda a: {"scale": [1, 2], "dots": a.tolist()},
     "pairs deeper": lambda a: {"profile": {"time": 3, "points": a.tolist()}},
+    "pairs under six keys": lambda a: {
+        "run": {"job": {"part": {"top": {"scan": {"points": a.tolist()}}}}}
+    },
     "two lists": lambda a: {"points": a.T.tolist()},
     "triples": lambda a: {"points": [[x, 0.0, z] for x, z in a.tolist()]},
     "objects": dicts,
