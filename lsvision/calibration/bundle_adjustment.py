@@ -36,12 +36,16 @@ LINE_DOWNWEIGHTING = 1e4
 """Factor on the line's std with which the corners alone determine camera and boards."""
 
 MAX_CORNER_STD_RATIO = 1.15
-"""Largest ratio of the corner residual std with and without the laser line; above it line and
-corners are inconsistent."""
+"""Largest ratio of the corner residual std with and without the laser line, for many corners; above
+it line and corners are inconsistent. Of 381 simulated sets of lines in one plane the largest is
+1.07; a limit of 0.88 rejects more than half of them. With 1.5, sets of shifted or bent lines give
+1.6 times as many planes with an error of more than 4 standard deviations."""
 
-MAX_LINE_STD_RATIO = 1.8
+MAX_LINE_STD_RATIO = 1.3
 """Largest ratio of the line residual std to the noise of the line; above it line and corners are
-inconsistent."""
+inconsistent. Of 274 simulated sets of lines in one plane, of 18 points and more, the largest is
+1.21; a limit of 1.0 rejects 74 of them. Of 258 sets with shifted or bent lines 15 planes have an
+error of more than 4 standard deviations, 21 with 1.5 and 34 with 2.5."""
 
 MAX_STEPS = 40
 """Maximum number of iterations; about five are needed."""

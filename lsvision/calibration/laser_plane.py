@@ -27,6 +27,7 @@ from lsvision.calibration.camera_uncertainty import (
 )
 from lsvision.calibration.laser_line_on_board import LineOnBoardSettings, find_laser_views
 from lsvision.calibration.laser_plane_checks import (
+    MIN_ON_PATTERN_FRACTION,
     TWO_VIEWS_STD_FACTOR,
     find_outliers,
     list_warnings,
@@ -58,10 +59,6 @@ from lsvision.laser_line.image_array import as_image
 from lsvision.laser_line.line_image import colour_planes
 from lsvision.sensors.camera import Camera
 from lsvision.sensors.light_section import LightSection
-
-MIN_ON_PATTERN_FRACTION = 0.6
-"""Smallest fraction of line points within the outline of the corners with which the bow is fitted:
-beyond the outline its shape is extrapolated."""
 
 
 @dataclass(frozen=True, kw_only=True)

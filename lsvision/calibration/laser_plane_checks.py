@@ -20,9 +20,19 @@ from lsvision.calibration.views import (
 from lsvision.errors import CalibrationFailed
 from lsvision.geometry.arrays import rms
 
+MIN_ON_PATTERN_FRACTION = 0.4
+"""Smallest fraction of line points within the outline of the corners with which the board's bow is
+fitted: beyond the outline its shape is extrapolated. Of 75 simulated sets of boards that are flat,
+stepped, or bowed differently than the model, the plane's error (geometric mean) with and without
+the bow is 0.34 and 0.25 mm at fractions of 0.20 to 0.28, 0.31 and 0.34 mm at 0.28 to 0.4, 0.29 and
+0.50 mm at 0.4 to 0.6."""
+
 MIN_CROSSING_FRACTION = 0.2
-"""Smallest fraction of line points within the outline of the corners of a line that crosses the
-pattern; with fewer it lies in the margin beside it."""
+"""Smallest fraction of line points within the outline of the corners of lines that cross the
+pattern; with fewer they lie in the margin beside it. Lines across a pattern of 6 x 5 squares have
+0.39 with a margin of 3 squares, 0.26 with 5 and 0.20 with 8, those beside it 0. If the surface
+beyond the pattern is 0.15 to 0.6 mm off, the plane's error (median of 4 simulated sets each) is 2.2
+standard deviations at a fraction of 0.05, 1.6 at 0.15, 1.3 at 0.26 and 0.8 at 0.4."""
 
 TWO_VIEWS_STD_FACTOR = 3.0
 """Factor on the standard deviations of a plane from two views, none of which reveals an error of

@@ -13,6 +13,7 @@ from lsvision.calibration.laser_plane import (
     LaserPlaneSettings,
     fit_laser_plane,
 )
+from lsvision.calibration.laser_plane_checks import outside_warnings, pattern_fraction
 from lsvision.calibration.laser_plane_initial_guess import fit_plane
 from lsvision.calibration.views import ViewSources
 from lsvision.errors import CalibrationFailed, DegenerateGeometry
@@ -108,6 +109,38 @@ def test_error_from_three_inconsistent_views_is_within_its_covariance():
     assert max(scores) < 8  # Student's t of three degrees of freedom exceeds it once in 250
 
 
+def inconsistent_sets(scene, count, size, shape, seeds):
+    """Number of sets with a warning, of lines off by normal errors of `size` px times `shape`."""
+    found = 0
+    for seed in seeds:
+        rng = np.random.default_rng([2, seed])
+        shifts = [np.outer(rng.normal(0, size) * shape, (0, 1)) for _ in range(count)]
+        views = [
+            replace(view, line_pixels=view.line_pixels + shift)
+            for view, shift in zip(views_of(scene, count, 100 + seed), shifts, strict=True)
+        ]
+        result = fit_laser_plane(camera_of(scene), views, HELD)
+        found += any("inconsistent" in text for text in result.warnings)
+    return found
+
+
+@pytest.mark.parametrize("count", [3, 5])
+def test_lines_in_one_plane_are_consistent_with_few_points(count):
+    scene = BoardScene(line_points=12)
+    assert inconsistent_sets(scene, count, 0.0, np.zeros(12), range(8)) == 0
+
+
+def test_lines_bent_by_a_few_times_their_noise_are_inconsistent():
+    bend = np.linspace(-1, 1, 60) ** 2
+    scene = BoardScene(line_points=60)
+    assert inconsistent_sets(scene, 3, 0.8, bend, range(8)) == 8
+
+
+def test_precise_lines_that_move_the_corners_are_inconsistent():
+    scene = BoardScene(line_points=60)
+    assert inconsistent_sets(scene, 5, 0.8, np.ones(60), range(8)) >= 7
+
+
 def test_bow_of_a_tenth_of_a_millimetre_is_estimated_and_reported():
     found = fit_laser_plane(camera_of(BoardScene()), views_of(BoardScene(bow=(0.1, 0.0)), 15))
     np.testing.assert_allclose(found.board_bow, (0.1, 0.0, 0.0), atol=0.005)
@@ -115,6 +148,29 @@ def test_bow_of_a_tenth_of_a_millimetre_is_estimated_and_reported():
     assert any("bowed by +0.1" in warning for warning in found.warnings)
     flat = fit_laser_plane(camera_of(BoardScene()), views_of(BoardScene(), 15))
     assert flat.warnings == ()
+
+
+def views_of_small_pattern(columns, of):
+    """Views with the corners of the first of some columns only, which part of the line crosses."""
+    scene = BoardScene(columns=of, square=108 / (of - 1))
+    corners = np.arange(7 * of) % of < columns
+    views = [
+        replace(view, points=view.points[corners], pixels=view.pixels[corners])
+        for view in views_of(scene, 8)
+    ]
+    assert pattern_fraction(views) == pytest.approx((columns - 1) / (of - 1), abs=0.03)
+    return views
+
+
+def test_bow_is_fitted_where_two_fifths_of_the_lines_are_on_the_pattern():
+    for columns, fitted in ((4, False), (5, True)):
+        found = fit_laser_plane(camera_of(BoardScene()), views_of_small_pattern(columns, 10))
+        assert bool(found.board_bow_std.any()) == fitted
+
+
+def test_lines_of_which_a_fifth_is_on_the_pattern_cross_it():
+    for columns, crosses in ((3, False), (4, True)):
+        assert bool(outside_warnings(views_of_small_pattern(columns, 13), margin=3.0)) != crosses
 
 
 def test_bow_that_is_not_fitted_increases_the_line_residual():
