@@ -37,9 +37,8 @@ Image = npt.NDArray[Any]
 LASER_ON = "board taken, hold it still: laser on, lamps off"
 """Instruction for the second image of a pair."""
 NOISE_SIGMAS = 5.0
-"""Smallest contrast of the line, in standard deviations of its surroundings."""
-SURROUNDINGS_PX = 40
-"""Width of the surroundings on each side of the line. Units: px."""
+"""Smallest contrast of the line, in standard deviations of its surroundings, the board's part of
+the image."""
 REQUESTED_TILT = np.radians(20.0)
 """Requested tilt of a hand-held board towards each of its four sides. Units: rad."""
 REQUESTED_DEPTH_RATIO = 1.15
@@ -211,11 +210,9 @@ def _shows_line(
     # If no board is found, the lamps are off and the board is dark: nothing to subtract.
     laser_grey = grey - (0.0 if view is None else board_grey)
     u, v = np.round(line).astype(int).T
-    (left, top), (right, bottom) = line.min(axis=0), line.max(axis=0)
-    rows = slice(max(int(top) - SURROUNDINGS_PX, 0), int(bottom) + SURROUNDINGS_PX)
-    surroundings = laser_grey[
-        rows, max(int(left) - SURROUNDINGS_PX, 0) : int(right) + SURROUNDINGS_PX
-    ]
+    outline = np.concatenate([line, board_view.pixels]).astype(int)
+    (left, top), (right, bottom) = outline.min(axis=0), outline.max(axis=0) + 1
+    surroundings = laser_grey[max(top, 0) : bottom, max(left, 0) : right]
     background = float(np.median(surroundings))
     noise = mad_std(surroundings - background)
     contrast = float(np.median(laser_grey[v, u])) - background
