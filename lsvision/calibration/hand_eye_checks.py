@@ -19,20 +19,27 @@ Scale = tuple[float, float]
 """Factor and its standard deviation."""
 
 LARGE_RESIDUAL_MM = 3.0
-"""Root mean square residual above which a warning is given. Units: mm."""
+"""Root mean square residual above which a warning is given. Units: mm. Right poses of robots with
+errors of up to 1.25 mm and 0.16 deg per axis leave at most 2.7 mm, on a board 550 to 850 mm away
+(18 simulated sets); a wrong convention, order or mounting leaves 60 mm and more."""
 SCALE_SIGMAS = 4.0
-"""Standard deviations from 1 above which a scale is significant."""
+"""Standard deviations from 1 above which a scale is significant. Of 257 simulated boards of the
+stated size none is above 2.9, and with a limit of 2.8 one gives a false warning, with 2 eleven. Of
+boards whose size is 1.6 % wrong, 63 % are noticed, 87 % with 2.8, and 29 % with 5.6."""
 MIN_HEIGHT_SCALE_ERROR = 0.005
 """Deviation of the height scale from 1 above which a warning is given."""
 MIN_BOARD_SCALE_ERROR = 0.003
 """Deviation of a board's scale from 1 above which a warning is given; the error of a camera's
 focal length may be as large."""
 MAX_SCALE_ERROR = 0.02
-"""Deviation of the factor from 1 above which the calibration is rejected; the scale of printers
-deviates by less."""
+"""Deviation of the factor from 1 above which the calibration is rejected; the scale of laser
+printers may deviate by 2 %. The camera would be shifted along its axis by that fraction of its
+distance from the board."""
 MAX_SCALE_STD = 0.1
 """Standard deviation of the size's relative error above which it is not determined, as by a flange
-that only rotates about its origin."""
+that only rotates about its origin. The factor 1 / (1 + error) has a bias of that fraction of its
+standard deviation, and only sizes that are wrong by 40 % would be significant; 506 simulated sets
+of 5 to 13 poses with tilts of 35 deg have 0.022 at most."""
 MIN_INFORMATION_RATIO = 1e-12
 """Fraction of the information on the size that a solution leaves, below which it is rounding."""
 

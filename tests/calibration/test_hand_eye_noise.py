@@ -100,6 +100,21 @@ def test_the_limit_follows_a_stated_robot():
     assert found.residual_rms > 3.0
 
 
+@pytest.mark.parametrize(("ratio", "accepted"), [(3.5, True), (4.5, False)])
+def test_a_robot_may_be_up_to_four_times_worse_than_stated(ratio, accepted):
+    boards, flanges = board_scene(47, 30, robot=(3.0, 0.0))
+    loose = HandEyeSettings(max_residual_rms=99.0)
+    found = calibrate_hand_eye_board(boards, flanges, settings=loose)
+    assert found.residual_rms > 4.0  # above the limit for any noise, 3 mm
+    stated = found.residual_rms / ratio / np.sqrt(3)
+    settings = HandEyeSettings(robot_std=(stated, 1e-6))
+    if accepted:
+        calibrate_hand_eye_board(boards, flanges, settings=settings)
+        return
+    with pytest.raises(CalibrationFailed, match="mm that noise explains"):
+        calibrate_hand_eye_board(boards, flanges, settings=settings)
+
+
 def as_fanuc(poses):
     """Poses of which A, B, C of KUKA are read as W, P, R."""
     wrong = []
