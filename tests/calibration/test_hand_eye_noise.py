@@ -1,5 +1,7 @@
 """Hand-eye calibration with a poor robot and heavy-tailed errors: right results, none rejected."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -79,6 +81,12 @@ def test_a_robot_that_leaves_4_mm_is_accepted_with_a_warning():
     found = calibrate_hand_eye_board(boards, flanges, covariances=covariances)
     assert found.residual_rms > 3.0
     assert "check the size of the target, the convention of the poses" in found.warnings[0]
+
+
+def test_residuals_above_3_mm_give_a_warning():
+    found = calibrate_hand_eye_board(*board_scene(8, 8), settings=FEW_TRIALS)
+    for residual, warnings in ((2.7, 0), (3.3, 1)):
+        assert len(replace(found, residuals=np.full(8, residual)).warnings) == warnings
 
 
 def test_the_limit_of_the_residual_is_an_option():
