@@ -30,9 +30,8 @@ GENICAM_PREFIX = "genicam:"
 MAX_INDEX_DIGITS = 10
 """Largest number of digits of the index of a camera; a longer name is that of a file."""
 DISCOVERY_TIMEOUT_MS, FRAME_TIMEOUT_MS = 1000, 3000
-"""Time limits for the discovery of cameras, and for a frame. Units: ms. Cameras of GigE Vision
-answer within 1 s, as long as Aravis waits, too; a frame includes the exposure and the wait for a
-trigger."""
+"""Time limits for the discovery of cameras, and for a frame. Units: ms. Aravis waits 1 s, too, for
+the answers of GigE Vision cameras; a frame includes the exposure and the wait for a trigger."""
 
 
 def read_frames(path: str | os.PathLike[str]) -> Iterator[Frame]:
