@@ -17,7 +17,7 @@ from lsvision.files.printable import printable_name
 
 MAX_NAME_BYTES, KEPT_NAME_BYTES = 255, 200
 """Longest name of a file on the usual file systems, and the part of a longer name that is kept in
-front of its hash. Units: bytes."""
+front of its hash and suffix, which take 25 more. Units: bytes."""
 Report = Callable[[FileOutcome, int], None]
 """Type of a function that is called with the outcome of each file that was measured, and the number
 of files that are left."""
@@ -114,7 +114,8 @@ def run_batch(
         for task, value in _run_tasks(remaining_tasks, jobs, scheduler):
             is_set_aside = isinstance(value, EndedProcess)
             outcome = value if isinstance(value, FileOutcome) else _outcome_of_ended_process(task)
-            if outcome.error and exists(task.source):  # results of an earlier version of the file
+            # Results of an earlier version of the file; those of a removed file remain valid.
+            if outcome.error and exists(task.source):
                 task.output.unlink(missing_ok=True)
             manifest.add(outcome, set_aside=is_set_aside)
             left -= 1

@@ -66,7 +66,8 @@ class DetectedBoards:
         """Return the boards with their corners numbered from the same end in all images.
 
         An image does not show from which end to number a board that looks the same after a turn;
-        the robot's poses do: `flanges` are ``base_from_flange`` of each image.
+        the robot's poses do: `flanges` are ``base_from_flange`` of each image with a board, in the
+        order of `indices`.
 
         Raises
         ------
@@ -103,8 +104,9 @@ class DetectedBoards:
     ) -> ReportData:
         """Return photos, corners with their residuals, and warnings for the report.
 
-        Corners are predicted by the calibration from the robot's poses, ``base_from_flange`` of
-        each image. The names of the images' files are for the warnings.
+        Corners are predicted by the calibration from the robot's poses `flanges`, which are
+        ``base_from_flange``. These poses and the `names` of the files, for the warnings, are those
+        of the images with a board, in the order of `indices`.
         """
         from lsvision.geometry import Pose
 
@@ -146,6 +148,8 @@ def find_boards(files: Sequence[Path], target: "Target", camera_file: Path) -> D
     if camera_covariance is not None:
         camera_modes = board_pose_modes(views, camera, camera_covariance)
     warnings = [f"image and its robot pose left out: {reason}" for reason in left_out]
+    # Warnings number the images with a board; `build_report_data` replaces numbers by file names.
+    numbers = range(len(views))
     return DetectedBoards(
         indices=[detection.index for detection in detections],
         camera=camera,
@@ -154,7 +158,7 @@ def find_boards(files: Sequence[Path], target: "Target", camera_file: Path) -> D
         poses=[detection.estimate.camera_from_board for detection in detections],
         covariances=np.array([detection.estimate.covariance for detection in detections]),
         camera_modes=camera_modes,
-        warnings=(*warnings, *left_out_warnings(target, views, range(len(views)))),
+        warnings=(*warnings, *left_out_warnings(target, views, numbers)),
     )
 
 

@@ -7,9 +7,9 @@ taken in the coordinates
 
     middle point of the arc, log m, e = d / m,
 
-in which the region {F <= min F + c} of a short arc is more nearly an ellipsoid. Both steps agree to
-first order, so that the convergence stays quadratic. For m, p, q, d, h and w see
-`lsvision.ellipse.parameters`.
+in which the region {F <= min F + c} of a short arc is more nearly an ellipsoid, with the cost F and
+its critical increase c of `lsvision.ellipse.critical_ratio`. Both steps agree to first order, so
+that the convergence stays quadratic. For m, p, q, d, h and w see `lsvision.ellipse.parameters`.
 """
 
 import numpy as np
@@ -29,8 +29,8 @@ def move_along_arcs(
 ) -> FloatArray:
     """Return parameters after fractions of the steps to targets, in the coordinates of the arcs.
 
-    A full step to a circle leads to one. A known phi is preserved by steps that preserve it to
-    first order, and so is a known radius.
+    A full step to a circle leads to one. A known radius is preserved by steps that preserve it to
+    first order, and so is a known phi that excludes a circle, on whose prior F is large elsewhere.
 
     Parameters
     ----------
@@ -51,19 +51,21 @@ def move_along_arcs(
     m, d = parameters[:, 2], deviators_from_parameters(parameters)
     dm, dd = steps[:, 2], deviators_from_parameters(steps)
     new_e = d / m + (dd - d * dm / m) / m  # e = d / m after the step, to first order
-    phi_known = ~stack.may_be_circle[fit_indices]
-    if phi_known.any():
-        e = d[phi_known] / m[phi_known]
-        new_e[phi_known] = _step_along_phi(e, new_e[phi_known])
+    circle_excluded = ~stack.may_be_circle[fit_indices]
+    if circle_excluded.any():
+        e = d[circle_excluded] / m[circle_excluded]
+        new_e[circle_excluded] = _step_along_phi(e, new_e[circle_excluded])
     is_circle = ~targets[:, 3:].any(axis=1) & (fractions == 1)
     new_e[is_circle] = 0.0
     new_m = m * np.exp(dm / m)
-    # With a known radius b = m - |d| changes linearly, and m follows from b and d / m.
-    u = np.where(d == 0, 1.0, d / np.abs(d))
+    # With a known radius b = m - |d| changes linearly, and m follows from b and d / m. From a
+    # circle |d| increases by |dd|, in whatever direction.
+    u = np.where(d == 0, dd, d)
+    u = np.where(u == 0, 1.0, u / np.abs(u))
     m_of_known_radius = (m - np.abs(d) + dm - (dd * u.conj()).real) / (1 - np.abs(new_e))
     new_m = np.where(stack.known_radius[fit_indices], m_of_known_radius, new_m)
     new_d = new_m * new_e
-    # The centre moves so that the middle point c + m w + d conj(w) of the arc moves linearly.
+    # The centre moves so that the middle point, centre + m w + d conj(w), moves linearly.
     w = stack.arc_middles[fit_indices]
     moved = parameters + steps
     moved[:, :2] += as_vectors((m + dm - new_m) * w + (d + dd - new_d) * w.conj())
@@ -73,6 +75,9 @@ def move_along_arcs(
 
 def _step_along_phi(e: ComplexArray, new_e: ComplexArray) -> ComplexArray:
     """Return d / m (k,) after a step from `e` towards `new_e` that is linear in phi.
+
+    So a prior on phi remains satisfied. Neither e is 0, where phi has no derivative: the prior
+    excludes a circle.
 
     phi = 2 arctan(sqrt(h / m)) has the derivative 1 / (sqrt(h / m) (1 + h / m)) by h / m.
     """

@@ -28,7 +28,7 @@ FFMPEG_SILENT = ("OPENCV_FFMPEG_LOGLEVEL", "-8")
 GENICAM_PREFIX = "genicam:"
 """Prefix of the address of a GenICam camera; without an address, the only connected one."""
 MAX_INDEX_DIGITS = 10
-"""Largest number of digits of the index of a camera; a longer name is that of a file."""
+"""Number of digits of `MAX_CAMERA_INDEX`; a longer name is that of a file."""
 DISCOVERY_TIMEOUT_MS, FRAME_TIMEOUT_MS = 1000, 3000
 """Time limits for the discovery of cameras, and for a frame. Units: ms. Aravis waits 1 s, too, for
 the answers of GigE Vision cameras; a frame includes the exposure and the wait for a trigger."""
@@ -38,7 +38,8 @@ def read_frames(path: str | os.PathLike[str]) -> Iterator[Frame]:
     """Yield the frames of a video file in order, (height, width, 3) of uint8: blue, green, red.
 
     Any format of OpenCV's back ends: AVI, MP4, MKV, MOV. In a grey video the channels are equal but
-    for the rounding of its codec. Frames are not rotated by the orientation that the file states.
+    for the rounding of its codec. Frames are not rotated by the orientation that the file states,
+    since the camera's calibration refers to the rows and columns of the sensor.
 
     Raises
     ------
@@ -133,7 +134,7 @@ def open_camera(name: str) -> Iterator[Frame]:
 
 
 def _read_genicam_frames(address: str) -> Iterator[Frame]:
-    """Yield the frames of a GigE Vision camera without end."""
+    """Yield the frames of a GigE Vision camera without end; USB3 Vision is not supported."""
     try:
         library: Any = import_module("viva_genicam")
     except ImportError:
@@ -151,7 +152,7 @@ def _read_genicam_frames(address: str) -> Iterator[Frame]:
                         f"{FRAME_TIMEOUT_MS / 1000:g} s: check trigger mode, cable and firewall"
                     )
                 array = np.asarray(frame.to_numpy())
-                if array.ndim == 1:
+                if array.ndim == 1:  # the raw bytes of a pixel format that it does not decode
                     raise LsvisionError(
                         f"camera {device.ip} sends no images that can be decoded: set its "
                         "PixelFormat to Mono8 or RGB8"

@@ -37,7 +37,10 @@ class ResultFormat(Protocol):
         ...
 
     def prepare(self, results: Sequence[Any]) -> bool:
-        """Prepare for results; return whether that has changed the head."""
+        """Prepare for results that are written next; return whether that has changed the head.
+
+        If so, the text of the results written before is passed to `convert`.
+        """
         ...
 
     def item(self, result: Any) -> str:

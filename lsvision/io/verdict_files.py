@@ -19,8 +19,9 @@ FILE_SCHEMA = "lsvision.verdicts/1"
 class VerdictJsonFormat:
     """Format of a JSON document of verdicts; see `JudgedMeasurement.record`.
 
-    An instance writes one document: the separator before a verdict depends on the previous ones.
-    The document ends with the list `not_judged`: why a file, or the rest of the files, is not.
+    It is a `lsvision.io.result_files.ResultFormat`. An instance writes one document: the separator
+    before a verdict depends on the previous ones. The document ends with the list `not_judged`: why
+    a file, or the rest of the files, is not; reasons may be added to it until the end is written.
     """
 
     head = f'{{\n  "schema": {json.dumps(FILE_SCHEMA)},\n  "verdicts": ['
@@ -30,12 +31,12 @@ class VerdictJsonFormat:
 
     @property
     def tail(self) -> str:
-        """Return the end of the document, with the present reasons."""
+        """Return the end of the document, with the reasons that `not_judged` has by now."""
         reasons = json.dumps(list(self._not_judged), indent=2)
         return f'\n  ],\n  "not_judged": {textwrap.indent(reasons, "  ").lstrip()}\n}}\n'
 
     def prepare(self, judged: Sequence[JudgedMeasurement]) -> bool:  # noqa: ARG002 - any verdict fits
-        """Return False: the head never changes."""
+        """Return False, since no verdict changes the head."""
         return False
 
     def item(self, judged: JudgedMeasurement) -> str:
@@ -45,14 +46,15 @@ class VerdictJsonFormat:
         return f"{separator}{textwrap.indent(text, '    ')}"
 
     def convert(self, text: TextIO, head: str) -> Iterator[str]:  # noqa: ARG002 - the head never changes
-        """Yield the text of verdicts unchanged."""
+        """Yield the text of earlier verdicts, unchanged as the head is."""
         yield from text
 
 
 class VerdictCsvFormat:
     """Format of a CSV table with one row per quantity; see `JudgedMeasurement.rows`.
 
-    Cells are empty where a number does not exist. The header is that of the first verdict.
+    It is a `lsvision.io.result_files.ResultFormat`. Cells are empty where a number does not exist.
+    The header is that of the first verdict; each has a row, also one without a part.
     """
 
     tail = ""
@@ -66,7 +68,10 @@ class VerdictCsvFormat:
         return _csv_line(self._columns)
 
     def prepare(self, judged: Sequence[JudgedMeasurement]) -> bool:
-        """Take the columns of the first verdict; return False: no row is written before it."""
+        """Take the columns of the first verdict; return False.
+
+        The head is set before any row is written, so that no earlier row has another one.
+        """
         if judged and not self._columns:
             self._columns = list(judged[0].rows[0])
         return False
@@ -81,7 +86,7 @@ class VerdictCsvFormat:
         )
 
     def convert(self, text: TextIO, head: str) -> Iterator[str]:  # noqa: ARG002 - all rows have the same columns
-        """Yield rows unchanged."""
+        """Yield the earlier rows unchanged, since all have the same columns."""
         yield from text
 
 

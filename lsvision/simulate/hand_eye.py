@@ -30,7 +30,8 @@ class SectionView:
     width : float
         Length of the line, centred at x = 0. Units: mm.
     depth : tuple of float
-        Smallest and largest y that is measured. Units: mm.
+        Smallest and largest y that is measured; by default the origin of the section frame is the
+        middle of the measuring range. Units: mm.
     range_std : float
         Standard deviation of the noise along y. Units: mm.
     max_slope : float
@@ -39,7 +40,7 @@ class SectionView:
         Standard deviation of the Gaussian filter of the noise, which is rescaled to `range_std`;
         0 for independent errors. Units: columns.
     height_scale : float
-        Factor on every height y.
+        Factor on every height y, about the origin of the section frame.
     """
 
     columns: int = 640
@@ -143,7 +144,8 @@ class TargetMotion:
     offset : float
         Largest offset along Z, normal to the laser plane. Units: mm.
     working_y : float
-        Mean Y of the target, section frame; negative in front of the sensor. Units: mm.
+        Mean Y of the target, section frame: 0 where the origin is the middle of the measuring
+        range, negative where it is the sensor. Units: mm.
     """
 
     tilt: float = math.radians(35)

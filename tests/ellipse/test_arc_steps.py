@@ -68,6 +68,14 @@ def test_a_known_radius_changes_by_its_gradient_times_the_step(stack_of):
     assert semi_minor(moved_by(stack, STEP)) == pytest.approx(expected, abs=1e-9)
 
 
+def test_a_known_radius_is_preserved_by_a_step_from_a_circle_in_any_direction(stack_of):
+    stack = stack_of(known_radius=RadiusPrior(19.0, 0.1))
+    stack.parameters[0, 2:] = 19.0, 0.0, 0.0
+    for angle in (0.0, 1.0, 2.5, 4.0):
+        step = np.array([0.1, 0.2, 0.4, 0.4 * math.cos(angle), 0.4 * math.sin(angle)])
+        assert semi_minor(moved_by(stack, step)) == pytest.approx(19.0, abs=1e-9)
+
+
 def test_a_known_phi_is_preserved_by_a_step_along_its_ring(stack_of):
     stack = stack_of(known_phi=PhiPrior(math.radians(20), 0.01))
     _, _, m, p, q = stack.parameters[0]

@@ -48,7 +48,8 @@ from lsvision.io.profiles.unit_statements import (
 from lsvision.io.profiles.units import split_label
 
 MIN_TRIPLES = 5
-"""Smallest number of rows x, y, z of a list of points; a shorter list is a matrix."""
+"""Smallest number of rows x, y, z of a list of points; a shorter list of threes is a matrix, such
+as a rotation (3, 3)."""
 _FLAT_KEYS = ("points", "profile", TRIPLES, "line")
 """Keys whose flat list of numbers is a list of points."""
 _POINT_KEYS = (*_FLAT_KEYS, "data", "profiles", "scans")
@@ -133,9 +134,9 @@ def _find_profiles(document: Any, settings: ReadSettings) -> RawProfiles | None:
 def _from_object(document: Mapping[str, Any], settings: ReadSettings) -> RawProfiles | None:
     """Return the profiles of an object; None if it has none.
 
-    An object is a LaserScan, columns with known names, heights for ``dx``, rows with a list of the
-    columns' names, or a matrix of OpenCV; otherwise its entries are searched, those with
-    `_POINT_KEYS` first.
+    An object is a LaserScan, columns with known names, a list of heights beside their spacing
+    ``dx``, rows with a list of the columns' names, or a matrix of OpenCV; otherwise its entries are
+    searched, those with `_POINT_KEYS` first.
     """
     if is_laser_scan(document):
         return profiles_from_scans([document])
@@ -181,6 +182,7 @@ def _from_columns(
     known = {key: values for key, values in columns.items() if is_coordinate(split_label(key)[0])}
     lengths = set(map(len, known.values()))
     arrays = {k: to_arrays(v) for k, v in columns.items() if k in known or len(v) in lengths}
+    # Flags, such as of valid points: they are no numbers of `columns`.
     arrays |= {k: to_floats(v) for k, v in document.items() if _is_list_of(bool, v, lengths)}
     texts = {
         key: value
@@ -258,12 +260,16 @@ def _from_objects(
 
 
 def _add_attributes(profiles: RawProfiles, document: Mapping[str, Any]) -> RawProfiles:
-    """Return the one profile of an object with the other entries of the object as attributes."""
+    """Return the one profile of an object with the other entries of the object as attributes.
+
+    Of entries with the same name, the one in the inner object, nearer to the points, is kept.
+    """
     is_format = is_laser_scan(document) or "type_id" in document  # its numbers describe the points
     attributes = {} if is_format else find_attributes(document)
     if len(profiles.sections) != 1 or not attributes:
         return profiles
-    return replace(profiles, attributes=({**attributes, **dict(*profiles.attributes)},))
+    inner = profiles.attributes[0] if profiles.attributes else {}
+    return replace(profiles, attributes=({**attributes, **inner},))
 
 
 def _table_from_objects(document: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> NumberTable:
@@ -330,7 +336,7 @@ def _from_flat(
 def _from_rows(
     rows: FloatArray, settings: ReadSettings, statements: tuple[UnitStatement, ...]
 ) -> RawProfiles:
-    """Return the profiles of rows x, z or x, y, z, or of two or three rows of them."""
+    """Return the profiles of rows (n, 2) x, z or (n, 3) x, y, z, or of the transpose of either."""
     if rows.shape[1] > rows.shape[0] and rows.shape[0] in (2, 3):
         rows = rows.T
     return profiles_from_table(NumberTable.of_points(rows, statements), settings)

@@ -25,7 +25,8 @@ SCAN_KEYS = ("angle_min", "angle_increment", "angle_max", "range_min", "range_ma
 MAX_SPAN_RAD = 2 * math.pi * 1.01
 """Largest span of the angles of a scan, a revolution and some beams. Units: rad."""
 _RANGE_COLUMN = re.compile(r"ranges[\[_.]?[0-9]+\]?")
-"""Name of the column of one beam."""
+"""Name of the column of one beam: ``field.ranges0`` without its prefix as ``rostopic echo -p``
+writes it, and ``ranges_0``, ``ranges[0]`` or ``ranges.0`` of tables made of messages."""
 
 
 def is_laser_scan(document: Any) -> bool:
@@ -101,6 +102,7 @@ def _section_points(scan: Mapping[str, Any]) -> FloatArray:
             f"angles of a LaserScan from {start:g} to {start + step * (len(ranges) - 1):g}, more "
             "than a revolution in rad: convert degrees to rad"
         )
+    # A range_max of 0 is a field that was not set: 0 is the default in a message.
     low, high = _parse_number(scan.get("range_min")), _parse_number(scan.get("range_max"))
     with np.errstate(invalid="ignore"):
         lost = ~np.isfinite(ranges) | (ranges <= 0)
