@@ -59,7 +59,7 @@ PIPE = Cylinder((800.0, 60.0, 240.0), (0.35, 0.9, 0.12), 15.0)
 """Pipe in the base frame. Units: mm."""
 ROBOT_STD = (0.02, math.radians(0.005))
 """Standard deviation of the robot's position (mm) and orientation (rad) in each axis."""
-STANDOFF = -260.0
+WORKING_Y = -260.0
 """Y of the measured object in the section frame. Units: mm."""
 
 
@@ -149,7 +149,7 @@ def write_poses(path: Path, poses: list[Pose]) -> None:
 def write_sphere(folder: Path, rng: np.random.Generator) -> None:
     """Write twelve profiles of the sphere from random poses, and the poses of the flange."""
     (folder / "sphere").mkdir(parents=True, exist_ok=True)
-    motion = TargetMotion(sideways=25.0, depth=25.0, offset=0.75 * RADIUS, standoff=STANDOFF)
+    motion = TargetMotion(sideways=25.0, depth=25.0, offset=0.75 * RADIUS, working_y=WORKING_Y)
     view = SectionView(columns=320, width=100.0, range_std=0.04)
     flanges, number = [], 0
     while number < 12:
@@ -181,7 +181,7 @@ def write_pipe(folder: Path, rng: np.random.Generator) -> None:
         rotation = rotation_from_vector(rng.uniform(-0.2, 0.2, 3)) @ np.column_stack(
             [across, up, np.cross(across, up)]
         )
-        section = Pose(rotation, middle - rotation @ (0.0, STANDOFF, 0.0))
+        section = Pose(rotation, middle - rotation @ (0.0, WORKING_Y, 0.0))
         simulated = simulate_section(
             Scene((Tube(PIPE),)), sensor, SectionSettings(), rng=rng, base_from_section=section
         )

@@ -114,7 +114,8 @@ def run_batch(
         for task, value in _run_tasks(remaining_tasks, jobs, scheduler):
             is_set_aside = isinstance(value, EndedProcess)
             outcome = value if isinstance(value, FileOutcome) else _outcome_of_ended_process(task)
-            # Results of an earlier version of the file; those of a removed file remain valid.
+            # The results, if there are any, are those of an earlier version of the file: they are
+            # deleted. Those of a file that was removed since are still right, and stay.
             if outcome.error and exists(task.source):
                 task.output.unlink(missing_ok=True)
             manifest.add(outcome, set_aside=is_set_aside)

@@ -39,9 +39,9 @@ MAX_NOISE_RATIO = 4.0
 """Largest accepted ratio of the rms residual to the one that the stated noise explains: a robot may
 be four times worse than stated. In 18 simulated sets with heavy tails the ratio is 0.6 to 1.0 for
 the stated noise, and 46 and more for poses in another convention or order. A limit of 2 rejects
-robots that are three times worse, although the covariance grows with the residuals; one of 8
-accepts boards of which 5 % of the size are wrong, with ratios of 3.2 to 4.6, if no check of the
-size is possible."""
+robots that are three times worse, although the covariance grows with the residuals. Boards whose
+stated size is 5 % wrong have ratios of 3.2 to 4.6: a limit of 8 accepts all of them, 4 only some,
+which the check of the size finds, unless the robot's motion does not determine it."""
 MAX_ROBOT_STD_SCALE = 40.0
 """Largest standard deviation of a robot that is accepted, in units of `NOMINAL_ROBOT_STD`: 2 mm and
 0.4 deg. Wrong conventions and shuffled pairs give 300 and more."""
@@ -113,6 +113,7 @@ def solve_hand_eye(
             f"the sensor is determined to {std:.3g} mm only in {motion}: add poses tilted 20 to 35 "
             "deg about two axes, with the target at other positions in the view"
         )
+    # A target that moved by a few mm leaves residuals that the limit accepts.
     if fit.mask.sum() >= MIN_MOVED_TARGET_POSES:
         mistake = detect_moved_target(observations, fit.mask, pose_indices, fit)
         if mistake:
@@ -186,7 +187,8 @@ def _find_mistake(
 ) -> str | None:
     """Return the message on a mistake that explains the residuals `norms` (mm) of all poses.
 
-    None if no such mistake is found: the target did not move, and the pairs are not shifted.
+    None if no such mistake is found: the target did not move, and the pairs are not shifted. All
+    poses count, since the fit may have rejected those after a move as outliers.
     """
     count, moved = len(norms), None
     if count >= MIN_MOVED_TARGET_POSES:

@@ -17,8 +17,8 @@ BEZIER_CIRCLE_FACTOR = 0.5522847498
 quarter circle to 0.03 % of the radius."""
 
 MARGIN = 10.0
-"""White border around the pattern, which the detection needs: twice the 5 mm at the edge of a sheet
-on which printers do not print. Units: mm."""
+"""White border around the pattern, which the detection needs; beyond it the background may be dark.
+Units: mm."""
 
 BAR_LENGTH = 100.0
 """Length of the bar for checking the printer's scale. Units: mm."""

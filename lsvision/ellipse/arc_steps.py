@@ -7,9 +7,10 @@ taken in the coordinates
 
     middle point of the arc, log m, e = d / m,
 
-in which the region {F <= min F + c} of a short arc is more nearly an ellipsoid, with the cost F and
-its critical increase c of `lsvision.ellipse.critical_ratio`. Both steps agree to first order, so
-that the convergence stays quadratic. For m, p, q, d, h and w see `lsvision.ellipse.parameters`.
+in which the region {F <= min F + c} of a short arc is more nearly an ellipsoid: size and shape vary
+by factors. F is the cost, c its critical increase (`lsvision.ellipse.critical_ratio`). Both steps
+agree to first order, so that the convergence stays quadratic. For m, p, q, d, h and w see
+`lsvision.ellipse.parameters`.
 """
 
 import numpy as np
@@ -18,6 +19,10 @@ from lsvision.ellipse.fit_stack import FitStack
 from lsvision.ellipse.parameters import deviators_from_parameters
 from lsvision.geometry import FloatArray, IntArray
 from lsvision.geometry.noisy_points import ComplexArray, as_vectors
+
+MIN_PHI_RATIO = 0.1
+"""Smallest ratio of phi after a step to that before it, with a known phi: from phi = 0 no further
+step could be computed."""
 
 
 def move_along_arcs(
@@ -30,7 +35,8 @@ def move_along_arcs(
     """Return parameters after fractions of the steps to targets, in the coordinates of the arcs.
 
     A full step to a circle leads to one. A known radius is preserved by steps that preserve it to
-    first order, and so is a known phi that excludes a circle, on whose prior F is large elsewhere.
+    first order, and so is a known phi whose prior excludes a circle: off the ellipses of that phi
+    the prior makes F large, and the step would be rejected.
 
     Parameters
     ----------
@@ -46,6 +52,7 @@ def move_along_arcs(
     Returns
     -------
     (k, 5) ndarray
+        It may be no ellipse (|d| >= m, or NaN): the search rejects such a step.
     """
     steps = fractions[:, None] * (targets - parameters)
     m, d = parameters[:, 2], deviators_from_parameters(parameters)
@@ -76,14 +83,15 @@ def move_along_arcs(
 def _step_along_phi(e: ComplexArray, new_e: ComplexArray) -> ComplexArray:
     """Return d / m (k,) after a step from `e` towards `new_e` that is linear in phi.
 
-    So a prior on phi remains satisfied. Neither e is 0, where phi has no derivative: the prior
-    excludes a circle.
+    So a prior on phi remains satisfied. Its derivative does not exist at a circle, which the prior
+    excludes: phi decreases to a tenth at most in one step (`MIN_PHI_RATIO`).
 
     phi = 2 arctan(sqrt(h / m)) has the derivative 1 / (sqrt(h / m) (1 + h / m)) by h / m.
     """
     flattening = np.abs(e)
     root = np.sqrt(flattening)
     phi_step = ((new_e - e) * e.conj()).real / (flattening * root * (1 + flattening))
-    phi = np.clip(2 * np.arctan(root) + phi_step, 0.0, np.pi / 2)
+    phi = 2 * np.arctan(root)
+    phi = np.clip(phi + phi_step, MIN_PHI_RATIO * phi, np.pi / 2)
     moved: ComplexArray = np.tan(phi / 2) ** 2 * new_e / np.abs(new_e)
     return moved

@@ -90,3 +90,13 @@ def test_only_a_full_step_to_a_circle_leads_to_one(stack_of):
     to_circle = np.array([0.1, 0.2, 0.3, *-stack.parameters[0, 3:]])
     assert (moved_by(stack, to_circle)[3:] == 0).all()
     assert np.hypot(*moved_by(stack, to_circle, 0.9)[3:]) > 0
+
+
+def test_a_known_phi_does_not_reach_a_circle(stack_of):
+    """From which no further step could be computed."""
+    stack = stack_of(known_phi=PhiPrior(math.radians(20), 0.01))
+    _, _, m, p, q = stack.parameters[0]
+    _, _, new_m, new_p, new_q = moved_by(stack, np.array([0.0, 0.0, 0.0, -3 * p, -3 * q]))
+    phi, new_phi = (2 * math.atan(math.sqrt(ratio)) for ratio in
+                    (math.hypot(p, q) / m, math.hypot(new_p, new_q) / new_m))  # fmt: skip
+    assert new_phi == pytest.approx(0.1 * phi)

@@ -49,7 +49,7 @@ from lsvision.io.profiles.units import split_label
 
 MIN_TRIPLES = 5
 """Smallest number of rows x, y, z of a list of points; a shorter list of threes is a matrix, such
-as a rotation (3, 3)."""
+as a rotation (3, 3) or the (4, 3) of three directions and a position."""
 _FLAT_KEYS = ("points", "profile", TRIPLES, "line")
 """Keys whose flat list of numbers is a list of points."""
 _POINT_KEYS = (*_FLAT_KEYS, "data", "profiles", "scans")
@@ -134,9 +134,9 @@ def _find_profiles(document: Any, settings: ReadSettings) -> RawProfiles | None:
 def _from_object(document: Mapping[str, Any], settings: ReadSettings) -> RawProfiles | None:
     """Return the profiles of an object; None if it has none.
 
-    An object is a LaserScan, columns with known names, a list of heights beside their spacing
-    ``dx``, rows with a list of the columns' names, or a matrix of OpenCV; otherwise its entries are
-    searched, those with `_POINT_KEYS` first.
+    An object is a LaserScan, columns with known names, a list of heights if ``settings.dx`` gives
+    their spacing, rows with a list of the columns' names, or a matrix of OpenCV; otherwise its
+    entries are searched, those with `_POINT_KEYS` first.
     """
     if is_laser_scan(document):
         return profiles_from_scans([document])
@@ -262,7 +262,8 @@ def _from_objects(
 def _add_attributes(profiles: RawProfiles, document: Mapping[str, Any]) -> RawProfiles:
     """Return the one profile of an object with the other entries of the object as attributes.
 
-    Of entries with the same name, the one in the inner object, nearer to the points, is kept.
+    Of entries with the same name, the one in the inner object, nearer to the points, is kept. Those
+    of an object with several profiles are left out: attributes belong to one profile.
     """
     is_format = is_laser_scan(document) or "type_id" in document  # its numbers describe the points
     attributes = {} if is_format else find_attributes(document)
@@ -289,7 +290,7 @@ def _table_from_objects(document: Sequence[Mapping[str, Any]], keys: Sequence[st
 
 
 def _join_profiles(items: Sequence[RawProfiles | None]) -> RawProfiles | None:
-    """Return all profiles in one; None if one is missing.
+    """Return all profiles in one; None if one is missing: the list is not one of profiles.
 
     Raises
     ------
@@ -336,9 +337,7 @@ def _from_flat(
 def _from_rows(
     rows: FloatArray, settings: ReadSettings, statements: tuple[UnitStatement, ...]
 ) -> RawProfiles:
-    """Return the profiles of rows (n, 2) x, z or (n, 3) x, y, z, or of the transpose of either."""
-    if rows.shape[1] > rows.shape[0] and rows.shape[0] in (2, 3):
-        rows = rows.T
+    """Return the profiles of rows (n, 2) x, z or (n, 3) x, y, z."""
     return profiles_from_table(NumberTable.of_points(rows, statements), settings)
 
 

@@ -137,6 +137,12 @@ def test_a_scan_line_is_triples_though_its_y_wanders(write):
     npt.assert_array_equal(np.vstack([first.points, second.points]), POINTS[1:17])
 
 
+def test_two_triples_are_two_points(write):
+    numbers = ", ".join(map(repr, [1.0, 0.0, 7.0, 2.0, 0.0, 6.5]))
+    profile = read_profile(write(f"%YAML:1.0\n---\nscan_line: [ {numbers} ]\n"))
+    npt.assert_array_equal(profile.points, [[1, 7], [2, 6.5]])
+
+
 def test_pairs_in_json_are_points(write):
     path = write('{"from": "a paper", "scale": [1, 2], "dots": [[1, 7], [2, 6.5], [5, 8]]}')
     npt.assert_array_equal(read_profile(path).points, [[1, 7], [2, 6.5], [5, 8]])
