@@ -126,9 +126,7 @@ def fit_tracks(
     has_one_section = len(np.unique(cloud.point_sections)) == 1
     fits: list[JointFit] = []
     rejections: list[ScanRejection] = []
-    point_counts = [sum(len(arc.arc.indices) for arc in track) for track in tracks]
-    for k in np.argsort(np.negative(point_counts), kind="stable"):
-        track = tracks[k]
+    for track in sorted(tracks, key=lambda arcs: -sum(len(arc.arc.indices) for arc in arcs)):
         unassigned = tuple(itertools.compress(track, _are_mostly_in(cloud, track)))
         if not unassigned:
             continue
