@@ -40,8 +40,8 @@ MAX_NOISE_RATIO = 4.0
 be four times worse than stated. In 18 simulated sets with heavy tails the ratio is 0.6 to 1.0 for
 the stated noise, and 46 and more for poses in another convention or order. A limit of 2 rejects
 robots that are three times worse, although the covariance grows with the residuals. Boards whose
-stated size is 5 % wrong have ratios of 3.2 to 4.6: a limit of 8 accepts all of them, 4 only some,
-which the check of the size finds, unless the robot's motion does not determine it."""
+stated size is 5 % wrong have ratios of 3.2 to 4.6: where the robot's motion does not determine the
+size, a limit of 8 accepts all of them, 4 some."""
 MAX_ROBOT_STD_SCALE = 40.0
 """Largest standard deviation of a robot that is accepted, in units of `NOMINAL_ROBOT_STD`: 2 mm and
 0.4 deg. Wrong conventions and shuffled pairs give 300 and more."""

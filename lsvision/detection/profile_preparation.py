@@ -30,9 +30,10 @@ deviation of the noise."""
 LATERAL_FRACTION = 0.35
 """Ratio of the error along X to that along Y where no noise model is given: the direction of the
 ray is unknown by 20 deg. Of 25 points on half a circle whose errors are isotropic, 85 % of the 95 %
-intervals contain the radius (with 0.2 76 %, with 0.5 85 %), which is off by 15 % less than with
-0.2. Of errors along Y and of real spheres, radii are off by 1 to 5 % more (with 0.5 by 3 to 10 %).
-"""
+intervals contain the radius (with 0.22 76 %, with 0.5 85 %), and the radii are off by 15 % less
+than with 0.22. If the errors are along Y, radii are off by up to 7 % more than with 0.22 on arcs of
+120 and 160 deg, and by 10 % more on half circles (with 0.5 by 20 %); those of real spheres by less
+than 1 %."""
 MIN_ESTIMATED_VARIANCE_FACTOR = 0.5**2
 """Smallest variance factor of an estimated noise: outliers and rounded numbers may double the
 estimated standard deviation."""
