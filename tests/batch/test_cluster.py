@@ -63,7 +63,11 @@ def test_a_killed_worker_costs_nothing_and_the_bytes_are_those_of_this_machine(t
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
 def test_an_error_of_a_task_is_not_taken_for_a_lost_connection(distributed):
     in_threads = distributed.LocalCluster(
-        n_workers=1, processes=False, protocol="tcp", host="127.0.0.1", dashboard_address=None
+        n_workers=1,
+        processes=False,
+        protocol="tcp",
+        host="127.0.0.1",
+        dashboard_address="127.0.0.1:0",
     )
     with in_threads as local, pytest.raises(FileNotFoundError):
         list(run_on_cluster(os.stat, ["/nowhere/a"], local.scheduler_address))
