@@ -8,7 +8,7 @@ import numpy as np
 
 from lsvision.detection.arcs import MAX_OVERLAP
 from lsvision.ellipse.intervals import is_limit_of_radius
-from lsvision.ellipse.prior_check import find_contradicting_radius
+from lsvision.ellipse.prior_check import find_contradicting_radius, find_contradicting_tilt
 from lsvision.ellipse.section import CylinderSection
 from lsvision.geometry import Ellipse
 from lsvision.geometry.noisy_points import ComplexArray
@@ -32,6 +32,7 @@ CERTAIN_RADIUS_SIGMAS = 6.0
 arc."""
 UNDETERMINABLE = "radius not determinable"
 """First words of the reason of a rejection because the interval of the radius is too wide."""
+_NEEDED = "a longer arc or a known tilt is needed"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,7 +131,11 @@ def find_rejection_reason(
     if not fit.converged and fit.problem.known_radius is None:
         stop = f"the fit stopped at a tilt of {math.degrees(fit.ellipse.phi):.0f} deg"
         return f"no best ellipse: the flatter the ellipse, the better it fits ({stop})"
-    return find_undeterminable_radius_reason(section) or find_contradicted_radius_reason(section)
+    return (
+        find_undeterminable_radius_reason(section)
+        or find_contradicted_radius_reason(section)
+        or find_contradicted_tilt_reason(section)
+    )
 
 
 def find_contradicted_radius_reason(section: CylinderSection) -> str | None:
@@ -145,6 +150,21 @@ def find_contradicted_radius_reason(section: CylinderSection) -> str | None:
     return (
         f"the known radius of {known.radius:.4g} mm contradicts the points: "
         f"{where} give {points.radius:.4g} +/- {points.std:.2g} mm"
+    )
+
+
+def find_contradicted_tilt_reason(section: CylinderSection) -> str | None:
+    """Return the reason why the points contradict a known tilt; None if they do not.
+
+    None also if no tilt is known.
+    """
+    points, known = find_contradicting_tilt(section.fit), section.fit.problem.known_phi
+    if points is None or known is None:
+        return None
+    where = "they" if section.fit.problem.known_radius is None else "with the known radius they"
+    return (
+        f"the known tilt of {math.degrees(known.phi):.3g} deg contradicts the points: "
+        f"{where} give {math.degrees(points.phi):.3g} +/- {math.degrees(points.std):.2g} deg"
     )
 
 
@@ -167,13 +187,13 @@ def find_undeterminable_radius_reason(section: CylinderSection) -> str | None:
     # An inverse radius is equally uncertain with and without the tilt.
     if radius * squared_axis_ratio < MIN_UNTILTED_SIGMAS * std:
         untilted = f"{radius / squared_axis_ratio:.3g} +/- {std / squared_axis_ratio**2:.2g} mm"
-        return f"{UNDETERMINABLE}: {untilted} untilted; a longer arc is needed"
+        return f"{UNDETERMINABLE}: {untilted} untilted; {_NEEDED}"
     if radius > CERTAIN_RADIUS_SIGMAS * std:
         return None
     low, high = section.interval("radius")
     if max(high / radius, radius / low) <= MAX_RADIUS_RATIO:
         return None
-    return f"{UNDETERMINABLE}: {_describe_interval(low, high, radius)}; a longer arc is needed"
+    return f"{UNDETERMINABLE}: {_describe_interval(low, high, radius)}; {_NEEDED}"
 
 
 def _describe_interval(low: float, high: float, radius: float) -> str:

@@ -16,6 +16,7 @@ import numpy as np
 
 from lsvision.errors import FitFailed
 from lsvision.geometry import BoolArray, Ellipse, FloatArray
+from lsvision.geometry.arrays import TINY
 from lsvision.geometry.ellipse import MAX_FOOT_POINT_ITERATIONS, foot_directions
 from lsvision.geometry.noisy_points import ComplexArray
 
@@ -251,6 +252,22 @@ def add_step_on_cone(parameters: FloatArray, step: FloatArray) -> FloatArray:
 def semi_major_gradient(parameters: FloatArray) -> FloatArray:
     """Return the derivative of a by the parameters, (5,); at a circle in the direction p > 0."""
     return _semi_axis_gradient(parameters, 1.0)
+
+
+def axis_ratio_gradient(parameters: FloatArray) -> FloatArray:
+    """Return the derivative of b / a by the parameters, (5,); at a circle, for p > 0."""
+    m, h = float(parameters[2]), abs(deviator_from_parameters(parameters))
+    major, minor = semi_major_gradient(parameters), semi_minor_gradient(parameters)
+    return (minor - major * ((m - h) / (m + h))) / (m + h)
+
+
+def phi_std_from_ratio(phi: float, ratio_std: float) -> float:
+    """Return the standard uncertainty of phi = arccos(b / a) from that of b / a. Units: rad.
+
+    That of the ratio, divided by sin(phi); where phi is smaller than its error, the phi whose ratio
+    is one standard uncertainty from 1.
+    """
+    return min(ratio_std / max(math.sin(phi), TINY), math.acos(max(1 - ratio_std, 0.0)))
 
 
 def axes_from_parameters(parameters: FloatArray) -> tuple[float, float, complex]:

@@ -1,21 +1,30 @@
-"""Test whether the points of an arc contradict the known radius with which they were fitted."""
+"""Test whether the points of an arc contradict the radius or the tilt known for their fit."""
 
 import math
 from dataclasses import replace
 from typing import NamedTuple
 
 from lsvision.ellipse.fit_result import EllipseFit
-from lsvision.ellipse.parameters import PARAMETERS, semi_minor, semi_minor_gradient
-from lsvision.ellipse.problem import Solution, minimise
+from lsvision.ellipse.parameters import (
+    PARAMETERS,
+    axes_from_parameters,
+    axis_ratio_gradient,
+    phi_std_from_ratio,
+    semi_minor,
+    semi_minor_gradient,
+)
+from lsvision.ellipse.problem import EllipseProblem, Solution, minimise
 from lsvision.ellipse.robust_gauss_newton import invert_information_or_huge
+from lsvision.geometry import FloatArray
 from lsvision.geometry.arrays import TINY
 from lsvision.statistics.correlation import estimate_correlation
 
 CONTRADICTION_SIGMAS = 6.0
-"""Square root of the increase of chi^2 by a known radius, above which the points contradict it."""
+"""Square root of the increase of chi^2 by a known value, above which the points contradict it."""
 CONTRADICTION_FRACTION = 0.02
-"""Smallest difference from the known radius, as a fraction of it, that is a contradiction: a
-nominal radius may be wrong by the tolerance of a tube, and a section may be oval."""
+"""Smallest relative difference from the known radius, or from the ratio of the semi-axes at the
+known tilt, that is a contradiction: a nominal radius may be wrong by the tolerance of a tube, and a
+section may be oval."""
 
 
 class RadiusOfPoints(NamedTuple):
@@ -23,6 +32,24 @@ class RadiusOfPoints(NamedTuple):
 
     radius: float
     std: float
+
+
+class TiltOfPoints(NamedTuple):
+    """Tilt of the points without a prior on it, and its standard uncertainty. Units: rad."""
+
+    phi: float
+    std: float
+
+
+class _FreeFit(NamedTuple):
+    """Parameters (5,) of the fit without a prior, and their covariance (5, 5). Units: mm."""
+
+    parameters: FloatArray
+    covariance: FloatArray
+
+    def std(self, gradient: FloatArray) -> float:
+        """Return the standard uncertainty of a quantity from its gradient by the parameters."""
+        return math.sqrt(max(float(gradient @ self.covariance @ gradient), 0.0))
 
 
 def find_contradicting_radius(fit: EllipseFit) -> RadiusOfPoints | None:
@@ -38,17 +65,68 @@ def find_contradicting_radius(fit: EllipseFit) -> RadiusOfPoints | None:
     RadiusOfPoints or None
         None without a known radius, where the points agree with it within `CONTRADICTION_SIGMAS` or
         `CONTRADICTION_FRACTION`, or where they do not determine an ellipse alone.
-
-    Notes
-    -----
-    Likelihood ratio test: the decrease of chi^2 without the prior, over the variance factor of the
-    residuals that remain, is chi-squared distributed with one degree of freedom if the known
-    radius is right.
     """
     known = fit.problem.known_radius
     if known is None:
         return None
-    (free,) = minimise([replace(fit.problem, known_radius=None)], fit.parameters[None])
+    prior = (semi_minor(fit.parameters) - known.radius) / known.effective_std
+    free = _fit_contradicting(fit, replace(fit.problem, known_radius=None), prior * prior)
+    if free is None:
+        return None
+    radius = semi_minor(free.parameters)
+    if abs(radius - known.radius) <= CONTRADICTION_FRACTION * known.radius:
+        return None
+    return RadiusOfPoints(radius, free.std(semi_minor_gradient(free.parameters)))
+
+
+def find_contradicting_tilt(fit: EllipseFit) -> TiltOfPoints | None:
+    """Return the tilt of the points alone, if they contradict the known phi of a fit.
+
+    Parameters
+    ----------
+    fit : EllipseFit
+        Fit with or without a known phi.
+
+    Returns
+    -------
+    TiltOfPoints or None
+        None without a known phi, where the ratio of the semi-axes agrees with it within
+        `CONTRADICTION_FRACTION` or the points within `CONTRADICTION_SIGMAS`, or where they do not
+        determine an ellipse alone.
+    """
+    known = fit.problem.known_phi
+    if known is None:
+        return None
+    prior, _ = known.residuals_and_jacobian(fit.parameters)
+    free = _fit_contradicting(fit, replace(fit.problem, known_phi=None), float(prior @ prior))
+    if free is None:
+        return None
+    a, b, _ = axes_from_parameters(free.parameters)
+    known_ratio = math.cos(known.phi)
+    if abs(b / a - known_ratio) <= CONTRADICTION_FRACTION * known_ratio:
+        return None
+    phi, ratio_std = math.acos(b / a), free.std(axis_ratio_gradient(free.parameters))
+    return TiltOfPoints(phi, phi_std_from_ratio(phi, ratio_std))
+
+
+def _fit_contradicting(
+    fit: EllipseFit, problem: EllipseProblem, prior_chi2: float
+) -> _FreeFit | None:
+    """Return the fit without a prior, if that prior increases chi^2 significantly.
+
+    Likelihood ratio test: the decrease of chi^2 without the prior, over the variance factor of the
+    residuals that remain, is chi-squared distributed if the known value is right.
+
+    Parameters
+    ----------
+    fit : EllipseFit
+        Fit with the prior.
+    problem : EllipseProblem
+        The same problem without it.
+    prior_chi2 : float
+        Part of the prior in chi^2 of the fit.
+    """
+    (free,) = minimise([problem], fit.parameters[None])
     if not (isinstance(free, Solution) and free.converged):
         return None
     chi2 = float(free.residuals @ free.residuals)
@@ -56,15 +134,7 @@ def find_contradicting_radius(fit: EllipseFit) -> RadiusOfPoints | None:
     dof = max(len(free.residuals) - PARAMETERS, 1)
     factor = max(chi2 / dof * correlation.autocorrelation_time, TINY)
     with_prior = fit.residuals / fit.problem.stds
-    prior = (semi_minor(fit.parameters) - known.radius) / known.effective_std
-    increase = float(with_prior @ with_prior) + prior * prior - chi2
-    radius = semi_minor(free.parameters)
-    agrees = (
-        increase <= CONTRADICTION_SIGMAS**2 * factor
-        or abs(radius - known.radius) <= CONTRADICTION_FRACTION * known.radius
-    )
-    if agrees:
+    increase = float(with_prior @ with_prior) + prior_chi2 - chi2
+    if increase <= CONTRADICTION_SIGMAS**2 * factor:
         return None
-    gradient = semi_minor_gradient(free.parameters)
-    variance = float(gradient @ invert_information_or_huge(free.information) @ gradient)
-    return RadiusOfPoints(radius, math.sqrt(max(factor * variance, 0.0)))
+    return _FreeFit(free.parameters, factor * invert_information_or_huge(free.information))

@@ -18,10 +18,14 @@ from lsvision.ellipse.intervals import (
     is_limit_of_radius,
     is_theta_determined,
 )
-from lsvision.ellipse.parameters import semi_major_gradient, semi_minor_gradient
+from lsvision.ellipse.parameters import (
+    axis_ratio_gradient,
+    phi_std_from_ratio,
+    semi_major_gradient,
+    semi_minor_gradient,
+)
 from lsvision.ellipse.section_table import SECTION_QUANTITIES, section_cells, section_row
 from lsvision.geometry import Ellipse, FloatArray, IntArray
-from lsvision.geometry.arrays import TINY
 from lsvision.geometry.ellipse import WithEllipse
 from lsvision.profile import Arc
 from lsvision.results.picture import draw_svg
@@ -151,17 +155,8 @@ class CylinderSection(WithEllipse, Result):
 
     @property
     def phi_std(self) -> float:
-        """Standard uncertainty of phi. Units: rad.
-
-        Definition: the uncertainty of the ratio b / a, divided by sin(phi); where phi is smaller
-        than its error, the phi whose ratio is one standard uncertainty from 1.
-        """
-        a, b = self.ellipse.semi_major, self.ellipse.semi_minor
-        parameters = self.fit.parameters
-        ratio = semi_minor_gradient(parameters) / a - semi_major_gradient(parameters) * b / a**2
-        ratio_std = self._std(ratio)
-        linear = ratio_std / max(math.sin(self.phi), TINY)
-        return min(linear, math.acos(max(1 - ratio_std, 0.0)))
+        """Standard uncertainty of phi, see `phi_std_from_ratio`. Units: rad."""
+        return phi_std_from_ratio(self.phi, self._std(axis_ratio_gradient(self.fit.parameters)))
 
     @property
     def residual_correlation(self) -> float:

@@ -1,11 +1,14 @@
-"""Known radii that the points contradict, and those that they do not."""
+"""Known radii and tilts that the points contradict, and those that they do not."""
+
+import math
 
 import numpy as np
 import pytest
 
 from lsvision import Profile, measure_cylinders
 from lsvision.ellipse.fit import FittingSettings, fit_ellipse
-from lsvision.ellipse.prior_check import find_contradicting_radius
+from lsvision.ellipse.phi_prior import PhiPrior
+from lsvision.ellipse.prior_check import find_contradicting_radius, find_contradicting_tilt
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.simulate import Scene, SectionSettings, Tube, simulate_section
 from tests.ellipse.arcs import SENSOR, about, measured, pipe, upper_arc
@@ -95,3 +98,90 @@ def test_a_rejection_names_the_known_tilt_with_which_the_radius_does_not_agree()
     wrong = measure_cylinders(profile, known_radius=(13.0, 0.05), known_phi=(0.0, 0.1))
     assert not wrong.cylinders
     assert "contradicts the points: with the known tilt they give 11." in wrong.reason
+
+
+def fitted_with_tilt(known_deg, *, phi_deg=25.0, std=0.05, degrees=140.0, std_deg=0.0, seed=3):
+    """An arc of 19 mm with isotropic errors, fitted with a known tilt or without."""
+    truth = pipe(phi_deg)
+    exact = upper_arc(truth, degrees=degrees)
+    points = exact + std * np.random.default_rng(seed).normal(size=exact.shape)
+    covariances = np.tile(std**2 * np.eye(2), (len(points), 1, 1))
+    prior = None
+    if known_deg is not None:
+        prior = PhiPrior(math.radians(known_deg), math.radians(std_deg))
+    return fit_ellipse(points, about(truth), covariances, known_phi=prior)
+
+
+@pytest.mark.parametrize("known_deg", [0.0, 10.0, 40.0])
+def test_the_tilt_of_the_points_is_returned(known_deg):
+    points = find_contradicting_tilt(fitted_with_tilt(known_deg))
+    assert abs(points.phi - math.radians(25.0)) < 4 * points.std < math.radians(4)
+
+
+def test_the_std_of_the_returned_tilt_is_its_scatter():
+    found = [find_contradicting_tilt(fitted_with_tilt(0.0, seed=seed)) for seed in range(100)]
+    assert np.std([points.phi for points in found]) == pytest.approx(
+        np.mean([points.std for points in found]), rel=0.2
+    )
+
+
+@pytest.mark.parametrize(("phi_deg", "is_contradicted"), [(10.5, False), (12.5, True)])
+def test_two_per_cent_of_the_axis_ratio_are_none_however_small_the_errors(phi_deg, is_contradicted):
+    """A circle whose section is an oval of 2 % seems to have a tilt of 11.5 deg."""
+    contradicting = find_contradicting_tilt(fitted_with_tilt(0.0, phi_deg=phi_deg, std=0.002))
+    assert (contradicting is not None) is is_contradicted
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_six_sigmas_are_a_contradiction_of_a_tilt(seed):
+    """By the sums of squares of the fits of a circle and of an ellipse to uncorrelated errors."""
+    stds = np.linspace(0.05, 0.6, 56)
+    is_contradicted = [
+        find_contradicting_tilt(fitted_with_tilt(0.0, std=std, seed=seed)) is not None
+        for std in stds
+    ]
+    options = {"std": stds[is_contradicted.index(False)], "seed": seed}
+    circle, free = fitted_with_tilt(0.0, **options), fitted_with_tilt(None, **options)
+    assert free.correlation.autocorrelation_time == 1
+    squares = [float(fit.residuals @ fit.residuals) for fit in (circle, free)]
+    variance = squares[1] / (len(free.residuals) - 5)
+    assert math.sqrt((squares[0] - squares[1]) / variance) == pytest.approx(6.0, rel=0.06)
+
+
+def test_an_uncertain_tilt_is_contradicted_later():
+    assert find_contradicting_tilt(fitted_with_tilt(0.0, std_deg=3.0)) is not None
+    assert find_contradicting_tilt(fitted_with_tilt(0.0, std_deg=15.0)) is None
+
+
+def test_a_short_arc_contradicts_no_tilt():
+    assert find_contradicting_tilt(fitted_with_tilt(0.0, degrees=40.0)) is None
+
+
+def test_without_a_known_tilt_there_is_no_contradiction():
+    assert find_contradicting_tilt(fitted(19.0)) is None
+
+
+def test_right_tilts_are_not_contradicted():
+    """400 arcs of 60 to 150 deg, with a noise model or without, of circles and of ellipses."""
+    for seed in range(400):
+        rng = np.random.default_rng([10, seed])
+        phi_deg = (0.0, 25.0)[seed // 2 % 2]
+        truth = pipe(phi_deg)
+        exact = upper_arc(truth, degrees=rng.uniform(60, 150), count=int(rng.integers(15, 120)))
+        covariances = SENSOR.covariances(exact) if seed % 2 else None
+        known = PhiPrior(math.radians(phi_deg))
+        fit = fit_ellipse(measured(exact, rng), about(truth), covariances, known_phi=known)
+        assert find_contradicting_tilt(fit) is None
+
+
+@pytest.mark.parametrize("sensor", [None, SENSOR])
+def test_a_pipe_of_another_tilt_is_rejected_with_both(sensor):
+    scene = Scene((Tube.of(19.0, 0.3, math.radians(25), (0.0, -400.0)),))
+    section = simulate_section(scene, SENSOR, SectionSettings(), rng=np.random.default_rng(5))
+    profile = Profile(section.profile.points)
+    assert measure_cylinders(profile, sensor=sensor, known_phi=math.radians(25)).cylinders
+    wrong = measure_cylinders(profile, sensor=sensor, known_phi=0.0)
+    assert not wrong.cylinders
+    assert wrong.reason.startswith("the known tilt of 0 deg contradicts the points: they give 2")
+    both = measure_cylinders(profile, sensor=sensor, known_phi=0.0, known_radius=(19.0, 2.0))
+    assert "with the known radius they give 2" in both.reason
