@@ -130,11 +130,13 @@ def _fit_contradicting(
     if not (isinstance(free, Solution) and free.converged):
         return None
     chi2 = float(free.residuals @ free.residuals)
-    correlation = estimate_correlation(free.residuals)
-    dof = max(len(free.residuals) - PARAMETERS, 1)
-    factor = max(chi2 / dof * correlation.autocorrelation_time, TINY)
+    time = estimate_correlation(free.residuals).autocorrelation_time
+    factor = max(chi2 / max(len(free.residuals) - PARAMETERS, 1) * time, TINY)
     with_prior = fit.residuals / fit.problem.stds
     increase = float(with_prior @ with_prior) + prior_chi2 - chi2
-    if increase <= CONTRADICTION_SIGMAS**2 * factor:
+    # Correlated residuals show a form error. From the reference band to the low-frequency band its
+    # power increases by the autocorrelation time, and about as much again to the lowest
+    # frequencies, which an ellipse absorbs: a rough surface may seem to be tilted.
+    if increase <= CONTRADICTION_SIGMAS**2 * factor * time:
         return None
     return _FreeFit(free.parameters, factor * invert_information_or_huge(free.information))
