@@ -26,6 +26,10 @@ rejects 1.5 % of the valid fits (2.5 would reject 6 %)."""
 TILT_MARGIN_DEG = 10.0
 """Tilt beyond `max_tilt_deg` at which the iteration of a fit ends: fits of arcs that are on no
 ellipse become flatter in each step, and would take most of the time of a profile. Units: deg."""
+MAX_CLOSED_MEAN_NORMAL = 0.4
+"""Largest length of the mean of the unit normals of a closed section, which faces the sensor with
+one side and not with the other: 0 all around, 0.3 with a gap of 90 deg. Of an arc of 180 deg it is
+0.64."""
 CERTAIN_RADIUS_SIGMAS = 6.0
 """Ratio of radius to standard uncertainty above which the interval certainly is within
 `MAX_RADIUS_RATIO`. Only below it the interval is computed, which takes 6 to 55 ms for a short
@@ -81,8 +85,8 @@ def find_shape_rejection_reason(
     low, high = radius_range
     if len(normals) < settings.min_points:
         return f"only {len(normals)} points on an ellipse, needs {settings.min_points}"
-    mean_normal = complex(normals.sum())
-    if mean_normal.imag <= 0:
+    mean_normal = complex(normals.sum()) / len(normals)
+    if mean_normal.imag <= 0 and abs(mean_normal) > MAX_CLOSED_MEAN_NORMAL:
         return "concave towards the sensor"
     if not low <= ellipse.radius <= high:
         return f"radius {ellipse.radius:.3g} mm outside {low:.3g} to {high:.3g} mm"

@@ -14,6 +14,7 @@ import numpy as np
 
 from lsvision.detection.arc_stack import ArcStack, SplitArc, split_arc
 from lsvision.detection.arcs import IdentifiedArc, ScreenedArc
+from lsvision.detection.closed_section import complete_closed_section
 from lsvision.detection.end_condition import find_connected_beyond
 from lsvision.detection.end_points import (
     FOOT_POINTS,
@@ -115,8 +116,11 @@ def screen_arcs(
     while remaining:
         splits = []
         for number, arc in remaining.items():
+            closed = complete_closed_section(profiles[number], arc)
             split = split_arc(number, profiles[number], arc)
-            if split is None:
+            if closed is not None:
+                screened[number] = closed
+            elif split is None:
                 points = profiles[number].noisy_points[arc.indices]
                 screened[number] = ScreenedArc(arc.indices, points, arc.ellipse, 1.0)
             else:

@@ -11,6 +11,12 @@ the direction of d = (p, q) (`lsvision.ellipse.parameters`): nearly polar coordi
 circle as origin. Within a few standard deviations of it their likelihood ratio is not chi^2
 distributed; its quantile is computed from the normal approximation of d
 (`lsvision.ellipse.critical_ratio`).
+
+At a circle the radius m - h is at the tip of the cone of all ellipses with that radius, from which
+the estimate is farther than from a plane: where a circle is possible, the interval of the radius
+also contains that of the radius of a circle. Without this, 86 % of the 95 % intervals of full
+circles, 90 % of those of arcs of 240 deg and 93 % of half circles contain the radius; with it 94,
+96 and 97 %.
 """
 
 import math
@@ -45,6 +51,7 @@ from lsvision.ellipse.region_extrema import (
     Y_LOW,
 )
 from lsvision.geometry import FloatArray
+from lsvision.geometry.arrays import TINY
 
 SectionQuantity = Literal["radius", "theta", "phi", "centre_x", "centre_y"]
 """Quantities of a section that have an interval."""
@@ -222,7 +229,7 @@ def _compute_intervals(fits: Sequence[EllipseFit], level: float) -> list[_FitInt
     ends = find_interval_ends(stack, critical_ratios, wanted)
     is_no_circle = ends.circle_ratios > critical_ratios.no_circle
     is_no_circle |= ~stack.may_be_circle
-    computed = map(_intervals_between, stack.fits, _split_by_fit(critical_ratios, ends))
+    computed = map(_intervals_between, stack.fits, _split_by_fit(stack, critical_ratios, ends))
     return [
         _FitIntervals(intervals_of_fit._replace(**quantities), excluded)
         for intervals_of_fit, quantities, excluded in zip(
@@ -273,6 +280,8 @@ class _EndsOfFit(NamedTuple):
     may_be_circle, any_theta : bool
         Whether a circle is possible at the level: by the critical ratio of phi, which then may be
         0, and by that of d, with which theta may have any value.
+    max_circle_radius : float
+        Upper end of the interval of the radius of a circle. Units: mm.
     """
 
     parameters: FloatArray
@@ -280,14 +289,21 @@ class _EndsOfFit(NamedTuple):
     reliable: Sequence[bool]
     may_be_circle: bool
     any_theta: bool
+    max_circle_radius: float
 
 
-def _split_by_fit(critical_ratios: CriticalRatios, ends: IntervalEnds) -> Iterator[_EndsOfFit]:
+def _split_by_fit(
+    stack: FitStack, critical_ratios: CriticalRatios, ends: IntervalEnds
+) -> Iterator[_EndsOfFit]:
     """Return the result of the search for each fit."""
     may_be_circle = ends.circle_ratios <= critical_ratios.for_circle
     any_theta = critical_ratios.allows_any_theta(ends.circle_ratios)
-    flags = [ends.wanted, ends.reliable, may_be_circle, any_theta]
-    return map(_EndsOfFit, ends.parameters, *(flag.tolist() for flag in flags))
+    # The information about m where p and q are known to be 0, for any centre.
+    information = np.linalg.pinv(stack.covariances[:, 2:, 2:])[:, 0, 0]
+    stds = 1 / np.sqrt(np.maximum(information, TINY))
+    max_circle_radii = ends.parameters[:, CIRCLE, 2] + np.sqrt(critical_ratios.one_dof) * stds
+    columns = [ends.wanted, ends.reliable, may_be_circle, any_theta, max_circle_radii]
+    return map(_EndsOfFit, ends.parameters, *(column.tolist() for column in columns))
 
 
 def _intervals_between(fit: EllipseFit, ends: _EndsOfFit) -> Intervals:
@@ -302,9 +318,12 @@ def _intervals_between(fit: EllipseFit, ends: _EndsOfFit) -> Intervals:
     phi_low, *phi_highs = (
         2 * math.atan(math.sqrt(min(h[end] / m[end], 1.0))) for end in (PHI_LOW, *phi_high_ends)
     )
+    max_radius = m[RADIUS_HIGH] - h[RADIUS_HIGH]
+    if ends.may_be_circle and ends.reliable[CIRCLE]:
+        max_radius = max(max_radius, ends.max_circle_radius)
     any_theta = ends.any_theta or not all(ends.reliable[end] for end in ENDS_OF_THETA)
     between = Intervals(
-        radius=(min(m[end] - h[end] for end in radius_low_ends), m[RADIUS_HIGH] - h[RADIUS_HIGH]),
+        radius=(min(m[end] - h[end] for end in radius_low_ends), max_radius),
         theta=limits.theta if any_theta else _theta_interval(fit, ends.parameters),
         phi=(0.0 if ends.may_be_circle else phi_low, max(phi_highs)),
         centre_x=(x[X_LOW], x[X_HIGH]),
