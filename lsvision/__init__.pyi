@@ -27,10 +27,8 @@ from .sensors.profile_sensor import (
     LPS36HI as LPS36HI,
 )
 from .io.images import read_image as read_image
-from .laser_line.extraction import (
-    extract_laser_line as extract_laser_line,
-    LaserLine as LaserLine,
-)
+from .laser_line.extraction import extract_laser_line as extract_laser_line
+from .laser_line.line import LaserLine as LaserLine
 from .laser_line.settings import LineSettings as LineSettings
 from .sensors.camera import Camera as Camera
 from .sensors.light_section import LightSection as LightSection

@@ -70,7 +70,7 @@ def is_shape_determined(corners: Points) -> bool:
     return bool(np.linalg.matrix_rank(terms) == SHAPE_TERMS)
 
 
-def bow_warnings(parameters: FloatArray, std: FloatArray) -> list[str]:
+def list_bow_warnings(parameters: FloatArray, std: FloatArray) -> list[str]:
     """Return the warning about a board that is not flat, in a list; empty if it may be flat.
 
     `parameters` and `std` (3,) are bow along x, along y, and twist, with standard deviations, in

@@ -27,7 +27,7 @@ from lsvision.calibration.target import (
 )
 from lsvision.errors import CalibrationFailed, LsvisionError
 from lsvision.laser_line.extraction import LineSettings
-from lsvision.laser_line.image_array import grey_image
+from lsvision.laser_line.image_array import convert_to_grey
 from lsvision.laser_line.line_image import interpolate_grey
 from lsvision.sensors.camera import Camera
 from lsvision.statistics.robust import mad_std
@@ -128,7 +128,7 @@ def next_state(
     board that is held into it. The pair is None while an image is missing.
     """
     extraction = settings.line.extraction or LineSettings()
-    grey = grey_image(interpolate_grey(frame, extraction.bayer))
+    grey = convert_to_grey(interpolate_grey(frame, extraction.bayer))
     view = _find_board(grey, target)
     pending = state.pending
     if pending is not None and (view is None or movement(pending[1], view) <= settings.still_px):
@@ -206,7 +206,9 @@ def _shows_line(
     except LsvisionError:
         return False
     # Converted together: 16-bit images are scaled by their largest value.
-    grey, board_grey = np.split(grey_image(np.concatenate([frame, board])).astype(np.float64), 2)
+    grey, board_grey = np.split(
+        convert_to_grey(np.concatenate([frame, board])).astype(np.float64), 2
+    )
     # If no board is found, the lamps are off and the board is dark: nothing to subtract.
     laser_grey = grey - (0.0 if view is None else board_grey)
     u, v = np.round(line).astype(int).T

@@ -17,8 +17,8 @@ from lsvision.calibration.bent_board import BentBoardFit, fit_bent_board
 from lsvision.calibration.board_shape import (
     SHAPE_TERMS,
     BoardShape,
-    bow_warnings,
     is_shape_determined,
+    list_bow_warnings,
 )
 from lsvision.calibration.camera_uncertainty import intrinsics_covariance
 from lsvision.calibration.camera_warnings import check_camera
@@ -26,7 +26,7 @@ from lsvision.calibration.target import (
     Target,
     TargetView,
     find_target,
-    left_out_warnings,
+    list_left_out_warnings,
 )
 from lsvision.calibration.views import (
     RejectedView,
@@ -249,7 +249,7 @@ def calibrate_camera(
         images, lambda image: find_target(image, target), lambda view: view.pixels.tobytes()
     )
     calibration = fit_camera(views, settings, sources)
-    left_out = left_out_warnings(target, views, sources.image_indices(len(views)))
+    left_out = list_left_out_warnings(target, views, sources.image_indices(len(views)))
     return replace(calibration, warnings=(*calibration.warnings, *left_out))
 
 
@@ -285,7 +285,10 @@ def fit_camera(
         calibrated_views,
         sources.rejected,
         tuple(outliers),
-        (*check_camera(camera, std, views, poses), *bow_warnings(solution.bow, solution.bow_std)),
+        (
+            *check_camera(camera, std, views, poses),
+            *list_bow_warnings(solution.bow, solution.bow_std),
+        ),
         solution.covariance,
         solution.bow,
         solution.bow_std,

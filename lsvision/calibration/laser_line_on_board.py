@@ -26,8 +26,9 @@ from lsvision.calibration.views import ViewSources, collect_views, require_size
 from lsvision.errors import CalibrationFailed, LsvisionError, NoLaserLine
 from lsvision.geometry import BoolArray, FloatArray, IntArray, Points
 from lsvision.geometry.plane import apply_homography
-from lsvision.laser_line.extraction import LaserLine, LineSettings, extract_laser_line
-from lsvision.laser_line.image_array import as_image, grey_image
+from lsvision.laser_line.extraction import LineSettings, extract_laser_line
+from lsvision.laser_line.image_array import as_image, convert_to_grey
+from lsvision.laser_line.line import LaserLine
 from lsvision.laser_line.line_image import interpolate_grey
 from lsvision.sensors.camera import Camera
 
@@ -158,7 +159,7 @@ def find_laser_view(
         If no laser line lies on it, or `margin` reaches beyond the horizon of its plane.
     """
     bayer = _extraction_settings(settings).bayer
-    board_grey = grey_image(interpolate_grey(as_image(board_image), bayer))
+    board_grey = convert_to_grey(interpolate_grey(as_image(board_image), bayer))
     view = find_target(board_grey, target)
     outline = board_outline(view, target, settings.margin)
     outside = _find_line_outside(camera, target, view, line_image, settings)

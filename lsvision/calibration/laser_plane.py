@@ -30,9 +30,9 @@ from lsvision.calibration.laser_plane_checks import (
     MIN_ON_PATTERN_FRACTION,
     TWO_VIEWS_STD_FACTOR,
     find_outliers,
+    list_outside_warnings,
     list_warnings,
-    outside_warnings,
-    pattern_fraction,
+    measure_pattern_fraction,
     require_one_plane,
 )
 from lsvision.calibration.laser_plane_initial_guess import (
@@ -43,7 +43,7 @@ from lsvision.calibration.laser_plane_initial_guess import (
 )
 from lsvision.calibration.laser_plane_result import CalibratedLaserView, LaserPlaneCalibration
 from lsvision.calibration.lens_blur import estimate_blur_from_views
-from lsvision.calibration.target import Target, TargetView, left_out_warnings
+from lsvision.calibration.target import Target, TargetView, list_left_out_warnings
 from lsvision.calibration.views import (
     RejectedView,
     ViewSources,
@@ -56,7 +56,7 @@ from lsvision.geometry import FloatArray
 from lsvision.geometry.arrays import BoolArray
 from lsvision.laser_line.extraction import LineSettings
 from lsvision.laser_line.image_array import as_image
-from lsvision.laser_line.line_image import colour_planes
+from lsvision.laser_line.line_image import split_colour_planes
 from lsvision.sensors.camera import Camera
 from lsvision.sensors.light_section import LightSection
 
@@ -139,12 +139,12 @@ def calibrate_laser_plane(
     settings = settings or LaserPlaneSettings()
     views, sources = find_laser_views(camera, target, board_images, line_images, settings.line)
     calibration = fit_laser_plane(camera, views, settings, sources, camera_covariance)
-    corner_warnings = left_out_warnings(
+    corner_warnings = list_left_out_warnings(
         target,
         [TargetView(view.points, view.pixels, camera.size) for view in views],
         sources.image_indices(len(views)),
     )
-    outside = outside_warnings(views, settings.line.margin)
+    outside = list_outside_warnings(views, settings.line.margin)
     calibration = replace(calibration, warnings=(*calibration.warnings, *outside, *corner_warnings))
     used_images = [board_images[k] for k in sources.image_indices(len(views))]
     return _with_line_blur(
@@ -211,7 +211,7 @@ def _select_refinement(views: Sequence[LaserView], settings: LaserPlaneSettings)
     enough_for_bow = len(views) >= settings.fit_bow_from
     return Refinement(
         camera=len(views) >= settings.refine_camera_from,
-        bow=enough_for_bow and pattern_fraction(views) > MIN_ON_PATTERN_FRACTION,
+        bow=enough_for_bow and measure_pattern_fraction(views) > MIN_ON_PATTERN_FRACTION,
     )
 
 
@@ -271,7 +271,9 @@ def _with_line_blur(
     """
     spacing = 1 if line.bayer is None else 2
     if line.bayer is not None:
-        planes = [colour_planes(as_image(image), line.bayer, line.channel)[0] for image in images]
+        planes = [
+            split_colour_planes(as_image(image), line.bayer, line.channel)[0] for image in images
+        ]
         images = [plane for _, _, plane in planes]
         views = [
             replace(view, pixels=(view.pixels - (column, row)) / spacing)

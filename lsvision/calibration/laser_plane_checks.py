@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from lsvision.calibration.board_shape import bow_warnings
+from lsvision.calibration.board_shape import list_bow_warnings
 from lsvision.calibration.bundle_adjustment import BundleAdjustmentResult
 from lsvision.calibration.bundle_adjustment_problem import LaserView
 from lsvision.calibration.laser_plane_initial_guess import OUTLIER_DISTANCE_PX
@@ -91,10 +91,10 @@ def list_warnings(solution: BundleAdjustmentResult, count: int, tilt: float) -> 
             "the laser line is inconsistent with the boards and was not used for them: let it "
             "fall on the flat pattern, not saturated, and keep the board still between images"
         )
-    return warnings + bow_warnings(solution.state.bow, solution.bow_std)
+    return warnings + list_bow_warnings(solution.state.bow, solution.bow_std)
 
 
-def outside_warnings(views: Sequence[LaserView], margin: float) -> list[str]:
+def list_outside_warnings(views: Sequence[LaserView], margin: float) -> list[str]:
     """Return the warning about lines beside the pattern, in a list; empty if they cross it.
 
     None is given for a margin of up to one square.
@@ -103,7 +103,7 @@ def outside_warnings(views: Sequence[LaserView], margin: float) -> list[str]:
     0.1 px (8 boards tilted by 30 deg). Within one square of the corners lie the pattern's own
     outermost squares.
     """
-    if margin <= 1 or pattern_fraction(views) > MIN_CROSSING_FRACTION:
+    if margin <= 1 or measure_pattern_fraction(views) > MIN_CROSSING_FRACTION:
         return []
     return [
         f"the laser line lies beside the pattern, within the margin of {margin:g} squares: a board "
@@ -112,7 +112,7 @@ def outside_warnings(views: Sequence[LaserView], margin: float) -> list[str]:
     ]
 
 
-def pattern_fraction(views: Sequence[LaserView]) -> float:
+def measure_pattern_fraction(views: Sequence[LaserView]) -> float:
     """Return the fraction of line points within the outline (convex hull) of the corners."""
     on_pattern = []
     for view in views:

@@ -18,7 +18,7 @@ from lsvision.calibration.bundle_adjustment_problem import LaserView
 from lsvision.calibration.target import Target, TargetView, find_target
 from lsvision.errors import CalibrationFailed, LsvisionError
 from lsvision.geometry import FloatArray, Points
-from lsvision.laser_line.image_array import grey_image
+from lsvision.laser_line.image_array import convert_to_grey
 from lsvision.results.number_format import format_value
 from lsvision.results.quantities import Record
 from lsvision.results.result import Result
@@ -181,7 +181,7 @@ def estimate_blur_from_views(
 
 def _edge_sigmas(image: npt.ArrayLike, view: TargetView | LaserView, along: str) -> Iterable[float]:
     """Yield the sigma of each edge of one image that can be measured."""
-    grey = grey_image(image).astype(np.float64)
+    grey = convert_to_grey(image).astype(np.float64)
     chords = _chords(view, 0 if along == "u" else 1)
     step = max(1, math.ceil(len(chords) / MAX_EDGES_PER_IMAGE))
     for start, stop in chords[::step]:

@@ -22,7 +22,7 @@ from lsvision.errors import CalibrationFailed
 from lsvision.geometry import FloatArray, Points, as_readonly_array
 from lsvision.geometry.arrays import freeze_arrays
 from lsvision.geometry.equality import ComparedByValue
-from lsvision.laser_line.image_array import grey_image
+from lsvision.laser_line.image_array import convert_to_grey
 
 MIN_CHARUCO_CORNERS = 6
 """Smallest number of visible inner corners: four determine the homography, two check it."""
@@ -357,7 +357,7 @@ def find_target(image: npt.ArrayLike, target: Target) -> TargetView:
     >>> find_target(image, Chessboard(columns=7, rows=6, square=10.0)).pixels[0].round(1)
     array([79.5, 79.5])
     """
-    grey = grey_image(image)
+    grey = convert_to_grey(image)
     height, width = grey.shape
     if (detection := target.find(grey)) is None:
         raise TargetNotFound(
@@ -367,7 +367,7 @@ def find_target(image: npt.ArrayLike, target: Target) -> TargetView:
     return TargetView(*detection, (width, height))
 
 
-def left_out_warnings(
+def list_left_out_warnings(
     target: Target, views: Sequence[TargetView], indices: Sequence[int]
 ) -> list[str]:
     """Return a warning for each view in which corners of a fully visible target are left out.

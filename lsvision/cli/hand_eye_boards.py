@@ -133,7 +133,7 @@ def find_boards(files: Sequence[Path], target: "Target", camera_file: Path) -> D
         image without it), or an image does not have the size of the camera's images.
     """
     from lsvision.calibration.camera_uncertainty import board_pose_modes
-    from lsvision.calibration.target import left_out_warnings
+    from lsvision.calibration.target import list_left_out_warnings
     from lsvision.io.camera_file import read_camera, read_camera_covariance
 
     camera, camera_covariance = read_camera(camera_file), read_camera_covariance(camera_file)
@@ -158,7 +158,7 @@ def find_boards(files: Sequence[Path], target: "Target", camera_file: Path) -> D
         poses=[detection.estimate.camera_from_board for detection in detections],
         covariances=np.array([detection.estimate.covariance for detection in detections]),
         camera_modes=camera_modes,
-        warnings=(*warnings, *left_out_warnings(target, views, numbers)),
+        warnings=(*warnings, *list_left_out_warnings(target, views, numbers)),
     )
 
 

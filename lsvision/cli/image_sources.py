@@ -13,7 +13,7 @@ from lsvision.files.file_kinds import STDIN
 
 if TYPE_CHECKING:
     from lsvision.io.profiles import ReadOptions
-    from lsvision.laser_line.extraction import LaserLine
+    from lsvision.laser_line.line import LaserLine
     from lsvision.laser_line.settings import LineSettings
     from lsvision.profile import Profile
     from lsvision.sensors.light_section import LightSection

@@ -16,7 +16,7 @@ from lsvision.draw.figures import (
     show_photo,
 )
 from lsvision.geometry import BoolArray, FloatArray, Points
-from lsvision.laser_line.extraction import LaserLine
+from lsvision.laser_line.line import LaserLine
 from lsvision.results.palette import LASER_LINE, SATURATED
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.geometry import FloatArray, Points
-from lsvision.laser_line.image_array import grey_image
+from lsvision.laser_line.image_array import convert_to_grey
 from lsvision.laser_line.line_image import Bayer, interpolate_grey
 from lsvision.results.palette import CORNER, CORNER_RESIDUAL, LASER_PLANE
 
@@ -69,7 +69,7 @@ def combine_photos(
     """
     board, line = interpolate_grey(board, pattern), interpolate_grey(line, pattern)
     if board.dtype != line.dtype or board.shape != line.shape:
-        board, line = grey_image(board), grey_image(line)
+        board, line = convert_to_grey(board), convert_to_grey(line)
     brighter: npt.NDArray[Any] = np.maximum(board, line)
     return brighter
 
@@ -105,7 +105,7 @@ def photo_svg(photo: ViewPhoto, factors: tuple[float, float]) -> str:
 
 def _jpeg(image: npt.NDArray[Any]) -> str:
     """Return an image as JPEG in base64, at most `PHOTO_WIDTH` wide; grey if deeper than 8 bit."""
-    stored = image if image.dtype == np.uint8 else grey_image(image)
+    stored = image if image.dtype == np.uint8 else convert_to_grey(image)
     scale = PHOTO_WIDTH / stored.shape[1]
     if scale < 1:
         size = (PHOTO_WIDTH, max(1, round(stored.shape[0] * scale)))

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lsvision.laser_line.extraction import LaserLine
+from lsvision.laser_line.line import LaserLine
 
 HEADER = "u [px],v [px],std [px],width [px],intensity [DN],saturated"
 """Columns: pixel, standard uncertainty of its position across the line, width, and peak value."""

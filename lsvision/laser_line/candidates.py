@@ -10,9 +10,12 @@ from lsvision.geometry import FloatArray, IntArray
 from lsvision.laser_line.image_array import Image
 from lsvision.statistics.robust import MAD_TO_STD, mad_std
 
-FIXED_POINT = 32
+KERNEL_HALF_WIDTH_SIGMAS = 3.0
+"""Half width of the matched filter in its sigmas: the stripe has 0.3 % of its light beyond."""
+RESPONSE_PER_DN = 32
 """Response of the integer filter to a stripe of 1 DN (digital number, grey level) in an 8-bit
-image. No image has a response above 1.3 * 255 of these units, a third of the range of int16."""
+image. The positive weights of a kernel sum up to 1.3 at most: no response is above 1.3 * 255 of
+these units, a third of the range of int16."""
 DETECTION_SIGMAS = 4.5
 """Height of a candidate in standard deviations of the filtered image; noise exceeds it in about
 three of 10^6 pixels."""
@@ -20,7 +23,8 @@ NOISE_SAMPLE_STEP = 7
 """Step between the rows and columns from which the noise is estimated; prime, so that no regular
 pattern falls on them alone."""
 PART_PIXELS = 1 << 18
-"""Number of pixels that are compared with the threshold at a time."""
+"""Number of pixels that are compared with the threshold at a time: their mask of 256 KB stays in
+the processor's cache."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,12 +61,12 @@ class LineCandidates:
         )
 
 
-def matched_kernel(sigma: float) -> FloatArray:
+def build_matched_kernel(sigma: float) -> FloatArray:
     """Return a zero-mean Gaussian kernel whose response to its own stripe of height 1 is 1.
 
     `sigma` is the standard deviation of stripe and kernel. Units: px.
     """
-    half_width = math.ceil(3 * sigma)
+    half_width = math.ceil(KERNEL_HALF_WIDTH_SIGMAS * sigma)
     stripe = np.exp(-0.5 * (np.arange(-half_width, half_width + 1) / sigma) ** 2)
     kernel = stripe - stripe.mean()
     normalised: FloatArray = kernel / (kernel @ stripe)
@@ -81,17 +85,17 @@ def find_line_candidates(
     """
     response, unit = _apply_matched_filter(signal, sigma)
     sample = response[::NOISE_SAMPLE_STEP, ::NOISE_SAMPLE_STEP]
-    threshold = max(min_score * unit, DETECTION_SIGMAS * _noise_std(sample))
+    threshold = max(min_score * unit, DETECTION_SIGMAS * _estimate_noise_std(sample))
     columns, rows = _find_maxima(response, threshold, max(1, round(sigma)))
     scores = response[rows, columns].astype(np.float64) / unit
-    kept = _highest_of_each_column(columns, scores, per_column)
+    kept = _select_highest_of_each_column(columns, scores, per_column)
     columns, rows, scores = columns[kept], rows[kept], scores[kept]
     shape = (signal.shape[0], signal.shape[1])
-    peaks = _subpixel_peaks(response, columns, rows)
+    peaks = _locate_subpixel_peaks(response, columns, rows)
     return LineCandidates(columns, peaks, scores, threshold / unit, shape)
 
 
-def _noise_std(sample: Image) -> float:
+def _estimate_noise_std(sample: Image) -> float:
     """Return the robust standard deviation of responses about zero; whole numbers are counted.
 
     Counting takes a quarter of the time of partitioning, and yields the same median.
@@ -132,7 +136,7 @@ def _find_maxima(response: Image, threshold: float, radius: int) -> tuple[IntArr
     return columns, by_column - columns * height
 
 
-def _highest_of_each_column(
+def _select_highest_of_each_column(
     columns: IntArray, scores: FloatArray, max_count: int
 ) -> IntArray | slice:
     """Return the indices of the highest-scoring candidates of each column, in ascending order."""
@@ -152,13 +156,15 @@ def _apply_matched_filter(signal: Image, sigma: float) -> tuple[Image, float]:
 
     The response is int16 for an 8-bit image, which takes half the memory, otherwise float32.
     """
-    kernel, identity = matched_kernel(sigma).astype(np.float32), np.ones(1, np.float32)
+    kernel, identity = build_matched_kernel(sigma).astype(np.float32), np.ones(1, np.float32)
     if signal.dtype == np.uint8:
-        return cv2.sepFilter2D(signal, cv2.CV_16S, identity, kernel * FIXED_POINT), FIXED_POINT
+        return cv2.sepFilter2D(
+            signal, cv2.CV_16S, identity, kernel * RESPONSE_PER_DN
+        ), RESPONSE_PER_DN
     return cv2.sepFilter2D(signal, cv2.CV_32F, identity, kernel), 1.0
 
 
-def _subpixel_peaks(response: Image, columns: IntArray, rows: IntArray) -> FloatArray:
+def _locate_subpixel_peaks(response: Image, columns: IntArray, rows: IntArray) -> FloatArray:
     """Return the rows (n,) of the vertices of the parabolas through maxima and their neighbours.
 
     At the border of the image, and in a plateau, the row of the maximum itself or half a pixel from

@@ -13,19 +13,21 @@ import numpy as np
 from lsvision.geometry import BoolArray, FloatArray
 from lsvision.laser_line.detection import DetectedLine, add_rounding_errors, locate_line
 from lsvision.laser_line.line_image import LineImage
-from lsvision.laser_line.noise import errors_are_correlated, roughness
+from lsvision.laser_line.noise import has_correlated_errors, measure_roughness
 from lsvision.laser_line.settings import LineSettings
 from lsvision.statistics.robust import MAD_TO_STD
 
-COARSE_COLOUR_SIGMAS = 1.15
+MAX_AGREEING_SIGMAS = 1.15
 """Distance of the lines in interpolated colours and in luminance, in standard deviations of their
 noise, above which the colours shift the line: 1.2 to 9 in JPEG files and mosaics."""
 MAX_DISTANCE_SIGMAS = 3.0
 """Distance of the two lines in a column, in standard deviations, beyond which the edge of a print
 has shifted the line in the luminance there."""
-BLOCK_FACTOR = 2.0
+SHARED_ERROR_FACTOR = 2.0
 """Factor on the standard deviation of errors that neighbouring columns share (those of a JPEG
-file's block, or those between which a mosaic interpolates): a fit treats them as independent."""
+file's block, or those between which a mosaic interpolates): a fit treats them as independent, and
+four columns have one error. The mean squared error of single columns is then 0.7 of the predicted
+one in mosaics and 0.1 in JPEG files."""
 MAX_ROUGHNESS_SIGMAS = 1.5
 """Roughness of the line in a JPEG file's luminance, in standard deviations of its noise, from which
 on a print is seen in it. Measured: 0.2 to 1.3 on grey surfaces (where a comparison with the
@@ -53,7 +55,7 @@ def select_sharper_line(
     """
     coarse = detected.select(detected.stripes.found)
     columns, rows = coarse.windows.columns, coarse.stripes.pixels[:, 1]
-    if not errors_are_correlated(columns, rows):
+    if not has_correlated_errors(columns, rows):
         return image, detected, 0.0
     luminance_image = image.with_luminance_signal()
     luminance_line = locate_line(luminance_image, columns, rows, detected.sigma, settings)
@@ -65,18 +67,18 @@ def select_sharper_line(
     if pair.agrees and not compressed:
         return image, detected, 0.0
     if pair.print_in_luminance and not (compressed and pair.noise_explains_luminance):
-        std = min(BLOCK_FACTOR * pair.colour_error, pair.colour_roughness)
+        std = min(SHARED_ERROR_FACTOR * pair.colour_error, pair.colour_roughness)
         return image, detected, std
     if pair.colour_is_better and not compressed:
-        return image, detected, BLOCK_FACTOR * pair.colour_error
+        return image, detected, SHARED_ERROR_FACTOR * pair.colour_error
     of_colour: FloatArray | float = max(pair.scatter, pair.colour_roughness)
     if compressed:
         of_colour = np.fmax(of_colour, pair.distances)
-    stds = np.where(pair.disturbed, of_colour, BLOCK_FACTOR * pair.scatter / 2)
+    stds = np.where(pair.disturbed, of_colour, SHARED_ERROR_FACTOR * pair.scatter / 2)
     return luminance_image, luminance_line.replace_columns(coarse, pair.disturbed), stds
 
 
-def coarse_colour_std(detected: DetectedLine) -> float:
+def estimate_coarse_colour_std(detected: DetectedLine) -> float:
     """Return the standard deviation that coarse colours add to the line located in them, in px.
 
     It is the line's roughness, over the largest distance at which columns share their errors; 0 if
@@ -84,7 +86,7 @@ def coarse_colour_std(detected: DetectedLine) -> float:
     """
     found = detected.stripes.found
     columns, rows = detected.windows.columns[found], detected.stripes.pixels[found, 1]
-    return roughness(columns, rows) if errors_are_correlated(columns, rows) else 0.0
+    return measure_roughness(columns, rows) if has_correlated_errors(columns, rows) else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +119,7 @@ class _ComparedLines:
     def agrees(self) -> bool:
         """Whether noise explains the distances of both lines."""
         ratio = MAD_TO_STD * float(np.nanmedian(self.distances / self.noise))
-        return ratio < COARSE_COLOUR_SIGMAS
+        return ratio < MAX_AGREEING_SIGMAS
 
     @property
     def colour_error(self) -> float:
@@ -127,17 +129,17 @@ class _ComparedLines:
     @property
     def colour_roughness(self) -> float:
         """Roughness of the line in the colour. Units: px."""
-        return _roughness(self.colour, np.full(len(self.noise), True))
+        return _measure_roughness(self.colour, np.full(len(self.noise), True))
 
     @property
     def luminance_roughness(self) -> float:
         """Roughness of the line in the luminance. Units: px."""
-        return _roughness(self.luminance, np.isfinite(self.distances))
+        return _measure_roughness(self.luminance, np.isfinite(self.distances))
 
     @property
     def print_in_luminance(self) -> bool:
         """Whether the line in the luminance is rougher, in spite of the finer resolution."""
-        of_colour = _roughness(self.colour, np.isfinite(self.distances))
+        of_colour = _measure_roughness(self.colour, np.isfinite(self.distances))
         return self.luminance_roughness > of_colour
 
     @property
@@ -162,6 +164,6 @@ class _ComparedLines:
         return ~near
 
 
-def _roughness(line: DetectedLine, which: BoolArray) -> float:
+def _measure_roughness(line: DetectedLine, which: BoolArray) -> float:
     """Return the roughness of a line in the columns of a mask (n,). Units: px."""
-    return roughness(line.windows.columns[which], line.stripes.pixels[which, 1])
+    return measure_roughness(line.windows.columns[which], line.stripes.pixels[which, 1])

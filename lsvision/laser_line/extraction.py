@@ -3,31 +3,33 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
-from typing import Any, get_args
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from lsvision.errors import NoLaserLine
 from lsvision.geometry import BoolArray, FloatArray, IntArray, Points
-from lsvision.geometry.arrays import freeze_arrays
-from lsvision.geometry.equality import ComparedByValue
-from lsvision.laser_line.coarse_colours import coarse_colour_std, select_sharper_line
+from lsvision.laser_line.coarse_colours import estimate_coarse_colour_std, select_sharper_line
 from lsvision.laser_line.detection import DetectedLine, find_direction, find_line
 from lsvision.laser_line.gaussian_fit import locate_by_gaussian_fit
 from lsvision.laser_line.image_array import MIN_SIZE_PX, Image, as_image
-from lsvision.laser_line.jpeg_blocks import BLOCK
+from lsvision.laser_line.jpeg_blocks import BLOCK_PX
+from lsvision.laser_line.line import LaserLine
 from lsvision.laser_line.line_image import (
     Bayer,
-    Direction,
     LineImage,
     as_laser_off,
-    colour_planes,
     find_full_scale,
     prepare_line_image,
+    split_colour_planes,
 )
-from lsvision.laser_line.noise import SLOPE_SPAN, block_excess_variance, excess_variance
+from lsvision.laser_line.noise import (
+    SLOPE_SPAN_PX,
+    estimate_block_excess_variance,
+    estimate_excess_variance,
+)
 from lsvision.laser_line.settings import LineSettings
 from lsvision.laser_line.stripe_windows import Stripes, cut_windows
 from lsvision.laser_line.subpixel import (
@@ -36,96 +38,22 @@ from lsvision.laser_line.subpixel import (
 )
 
 MAX_SATURATED_FRACTION = 0.5
-"""Largest fraction of the pixels at full scale; above it the whole image is overexposed."""
+"""Largest fraction of the pixels at full scale; above it the whole image is overexposed. A line
+covers a few per cent of an image, a bright background that hides it nearly all."""
 SATURATED_SIGMA_FACTOR = 2.0
-"""Ratio of the filter's sigma at a saturated stripe to that elsewhere: clipping widens a stripe."""
-CUT_FLANK_SIGMAS = 1.5
+"""Ratio of the filter's sigma at a saturated stripe to that elsewhere: clipping widens a stripe,
+and the filter must see its flanks. With a ratio of 1 it does not where the light is 35 times full
+scale; with one of 2.8 the errors of coloured lines are 20 to 40 % larger."""
+MIN_BORDER_DISTANCE_SIGMAS = 1.5
 """Distance of a line from the image's border, in sigmas of the filter, below which the border cuts
-off a flank of the line."""
+off a flank of the line: a stripe as wide as the filter has 7 % of its light beyond."""
 MAX_BORDER_FRACTION = 0.5
-"""Largest fraction of a line's columns that may be so near to the border."""
+"""Largest fraction of a line's columns that may be so near to the border; if fewer are, only these
+are lost."""
 STEGER_CORRELATION_SIGMAS = 4.0
 """Distance along the line, in sigmas of Steger's smoothing, from which errors are independent."""
 
-__all__ = ["LaserLine", "LineSettings", "extract_laser_line"]
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class LaserLine(ComparedByValue):
-    """A laser line: one point for each of the n columns (or rows) of the image, in order.
-
-    Of the mosaic of a colour sensor, a red or blue laser has a point in every second one only.
-
-    Parameters
-    ----------
-    pixels : (n, 2) ndarray
-        u, v; NaN rows where the line is lost. Pixel (0, 0) is the centre of the top-left
-        pixel. Units: px.
-    std : (n,) ndarray
-        Standard deviation along v (columns) or u (rows). Units: px.
-    intensity : (n,) ndarray
-        Height above the background; where the line is saturated and a Gaussian fits its flanks,
-        the height of that, above full scale. Units: DN.
-    width : (n,) ndarray
-        Standard deviation of the Gaussian section down the column (along the row): on a steep part
-        of the line larger than across it. Units: px.
-    saturated : (n,) ndarray of bool
-        Whether the line is at full scale there.
-    direction : {"columns", "rows"}
-        Whether there is one point for each column or one for each row.
-    second_line_fraction : float
-        Fraction of the columns in which a second line, at least half as strong and apart from this
-        one, can be followed: above about 0.2, check that this is the right one.
-    filter_sigma : float
-        Standard deviation of the filter that located it. Units: px.
-    skew_shift : (n,) ndarray, optional
-        Shift of v (or u) by a skewness of the section, over its third cumulant; NaN, by default
-        everywhere, for that of the derivative of Gaussian on an unsaturated section, and where no
-        Gaussian fits a saturated one: its `width` is too large then. Units: 1 / px^2.
-
-    Examples
-    --------
-    >>> rows = np.arange(64)[:, None]
-    >>> image = (10 + 90 * np.exp(-0.5 * ((rows - 30.2) / 1.5) ** 2) * np.ones(99)).astype("uint8")
-    >>> extract_laser_line(image)
-    <LaserLine: 99 columns, 0 lost>
-    """
-
-    pixels: Points
-    std: FloatArray
-    intensity: FloatArray
-    width: FloatArray
-    saturated: BoolArray
-    direction: Direction
-    second_line_fraction: float
-    filter_sigma: float
-    skew_shift: FloatArray = field(default_factory=lambda: np.array(np.nan))
-
-    def __post_init__(self) -> None:
-        freeze_arrays(self, pixels=("n", 2))
-        count = (len(self.pixels),)
-        freeze_arrays(self, std=count, intensity=count, width=count)
-        saturated = np.array(self.saturated, dtype=bool)
-        if saturated.shape != count:
-            raise ValueError(f"expected saturated of shape {count}, got {saturated.shape}")
-        saturated.setflags(write=False)
-        object.__setattr__(self, "saturated", saturated)
-        if not np.ndim(self.skew_shift):
-            object.__setattr__(self, "skew_shift", np.full(count, self.skew_shift))
-        freeze_arrays(self, skew_shift=count)
-        if self.direction not in get_args(Direction):
-            raise ValueError(f"expected direction 'columns' or 'rows', got {self.direction!r}")
-
-    def __len__(self) -> int:
-        return len(self.pixels)
-
-    def __repr__(self) -> str:
-        return f"<LaserLine: {len(self)} {self.direction}, {self.lost} lost>"
-
-    @property
-    def lost(self) -> int:
-        """Number of columns without a line."""
-        return int(np.isnan(self.std).sum())
+__all__ = ["LineSettings", "extract_laser_line"]
 
 
 def extract_laser_line(
@@ -191,7 +119,7 @@ def extract_laser_line(
     if settings.luminance and line_image.colours:
         line_image, detected, coarseness = select_sharper_line(line_image, detected, settings)
     elif line_image.colours:
-        coarseness = coarse_colour_std(detected)
+        coarseness = estimate_coarse_colour_std(detected)
     stripes = _locate_stripes(line_image, detected, settings)
     stripes = replace(stripes, std=np.hypot(stripes.std, coarseness))
     _check_border(line_image, detected)
@@ -206,11 +134,13 @@ def _extract_from_mosaic(
 ) -> LaserLine:
     """Extract the line from the pixels of the laser's colour; for green from both their grids."""
     array = as_image(image, min_size=2 * MIN_SIZE_PX)
-    planes = colour_planes(array, pattern, settings.channel)
+    planes = split_colour_planes(array, pattern, settings.channel)
     dark = as_laser_off(laser_off, array)
     dark_planes: list[Image] | list[None] = [None] * len(planes)
     if dark is not None:
-        dark_planes = [plane for _, _, plane in colour_planes(dark, pattern, settings.channel)]
+        dark_planes = [
+            plane for _, _, plane in split_colour_planes(dark, pattern, settings.channel)
+        ]
     settings = replace(
         settings,
         bayer=None,
@@ -223,18 +153,23 @@ def _extract_from_mosaic(
         line = extract_laser_line(plane, settings, dark_plane)
         # Both grids have the direction of the first one.
         settings = replace(settings, direction=line.direction)
-        lines.append(_to_sensor_pixels(line, row, column))
+        lines.append(_convert_to_sensor_pixels(line, row, column))
         starts.append(column if line.direction == "columns" else row)
     return lines[0] if len(lines) == 1 else _interleave(lines, starts)
 
 
-def _to_sensor_pixels(line: LaserLine, row: int, column: int) -> LaserLine:
+def _convert_to_sensor_pixels(line: LaserLine, row: int, column: int) -> LaserLine:
     """Return a line of every second row and column, converted to pixels of the sensor.
 
-    Such pixels undersample a thin line. The first alias of the sampled stripe shifts the zero
-    crossing of the filter of sigma s, for a line of sigma q, by up to 4 pi q^2 exp(-2 pi^2 p^2) to
-    either side, with 1 / p^2 = 1 / q^2 + 1 / s^2: 0.13 of these pixels for a line of 0.4, 0.01
-    for one of 0.7.
+    Such pixels undersample a thin line: 0.13 of them is its error for a line of sigma 0.4, 0.01 for
+    one of 0.7.
+
+    Derivation: the filter of sigma s is solved for F(m) = sum h(k - m) = 0. For a stripe of sigma q
+    h(x) = x exp(-x^2 / 2 p^2) near the zero crossing, with 1 / p^2 = 1 / q^2 + 1 / s^2. By
+    Poisson's formula the sum over whole k adds to the integral the Fourier transform of h at the
+    frequencies 1 and -1: a sine of the amplitude 2 sqrt(2 pi) p^3 2 pi exp(-2 pi^2 p^2). Over
+    F' = -sqrt(2 pi) p (1 - p^2 / s^2) = -sqrt(2 pi) p^3 / q^2 this is a shift of up to
+    4 pi q^2 exp(-2 pi^2 p^2).
     """
     q_squared = float(np.nanmedian(line.width)) ** 2
     p_squared = 1 / (1 / q_squared + 1 / line.filter_sigma**2)
@@ -331,9 +266,9 @@ def _relocate_saturated(image: LineImage, detected: DetectedLine) -> Stripes:
     return stripes.replace_at(np.flatnonzero(clipped)[replaced], wider.select(replaced))
 
 
-def _near_border(image: LineImage, detected: DetectedLine) -> BoolArray:
+def _is_near_border(image: LineImage, detected: DetectedLine) -> BoolArray:
     """Return whether the upper or lower border cuts off a flank of the line (n,)."""
-    margin = CUT_FLANK_SIGMAS * detected.sigma
+    margin = MIN_BORDER_DISTANCE_SIGMAS * detected.sigma
     rows = detected.windows.centre_rows
     near: BoolArray = (rows < margin) | (rows > image.signal.shape[0] - 1 - margin)
     return near
@@ -341,9 +276,9 @@ def _near_border(image: LineImage, detected: DetectedLine) -> BoolArray:
 
 def _check_border(image: LineImage, detected: DetectedLine) -> None:
     """Raise NoLaserLine if most of the line is cut off by the border of the image."""
-    near = _near_border(image, detected)
+    near = _is_near_border(image, detected)
     if near.mean() > MAX_BORDER_FRACTION:
-        margin = CUT_FLANK_SIGMAS * detected.sigma
+        margin = MIN_BORDER_DISTANCE_SIGMAS * detected.sigma
         raise NoLaserLine(
             f"the line runs within {margin:.0f} px of the image's border "
             f"in {near.mean():.0%} of its columns, where a flank is cut off: move the camera, "
@@ -355,7 +290,7 @@ def _build_line(
     image: LineImage, detected: DetectedLine, stripes: Stripes, settings: LineSettings
 ) -> LaserLine:
     """Build the line of all columns from its stripes; u and v as in `image`."""
-    good = stripes.found & ~_near_border(image, detected)
+    good = stripes.found & ~_is_near_border(image, detected)
     if not good.any():
         raise NoLaserLine(
             f"the method {settings.method!r} locates the line in none of its {len(good)} columns "
@@ -365,32 +300,32 @@ def _build_line(
     columns = detected.windows.columns[good]
     rows, noise_std, lag = stripes.pixels[good, 1], stripes.std[good], None
     if settings.method == "steger":
-        rows = _rows_at_columns(stripes.pixels[good], columns)
+        rows = _interpolate_rows_at_columns(stripes.pixels[good], columns)
         # The smoothing along the line correlates the errors of neighbours.
         lag = math.ceil(STEGER_CORRELATION_SIGMAS * detected.sigma)
-    excess = excess_variance(columns, rows, noise_std, lag)
+    excess = estimate_excess_variance(columns, rows, noise_std, lag)
     if detected.blocks is not None:
         first = detected.blocks.column
-        of_blocks = block_excess_variance(columns, rows, noise_std, BLOCK, first)
+        of_blocks = estimate_block_excess_variance(columns, rows, noise_std, BLOCK_PX, first)
         excess = np.maximum(excess, of_blocks)
     width = image.signal.shape[1]
     pixels = np.full((width, 2), np.nan)
     pixels[columns] = stripes.pixels[good]
-    std, heights, sigmas, skew_shift = np.full((4, width), np.nan)
+    std, heights, widths, skew_shift = np.full((4, width), np.nan)
     std[columns] = np.sqrt(noise_std**2 + excess)
     heights[columns] = stripes.heights[good]
-    sigmas[columns] = stripes.sigmas[good]
+    widths[columns] = stripes.widths[good]
     skew_shift[columns] = stripes.skew_shifts[good]
     saturated = np.zeros(width, dtype=bool)
     saturated[columns] = detected.windows.saturated[good].any(axis=1)
     second, sigma = detected.second_line_fraction, detected.sigma
-    return LaserLine(pixels, std, heights, sigmas, saturated, "columns", second, sigma, skew_shift)
+    return LaserLine(pixels, std, heights, widths, saturated, "columns", second, sigma, skew_shift)
 
 
-def _rows_at_columns(pixels: Points, columns: IntArray) -> FloatArray:
+def _interpolate_rows_at_columns(pixels: Points, columns: IntArray) -> FloatArray:
     """Return the rows (n,) of the line at whole columns, from ridge points up to 1 px beside."""
     index, last = np.arange(len(pixels)), len(pixels) - 1
-    before, after = np.maximum(index - SLOPE_SPAN, 0), np.minimum(index + SLOPE_SPAN, last)
+    before, after = np.maximum(index - SLOPE_SPAN_PX, 0), np.minimum(index + SLOPE_SPAN_PX, last)
     du, dv = (pixels[after] - pixels[before]).T
     slopes = np.divide(dv, du, out=np.zeros_like(dv), where=np.abs(du) > 1)
     rows: FloatArray = pixels[:, 1] - slopes * (pixels[:, 0] - columns)

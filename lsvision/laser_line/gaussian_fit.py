@@ -23,7 +23,7 @@ USUAL_ITERATIONS = 7
 CONVERGED_STEP_PX = 1e-4
 """Step of position and width below which a fit has converged: the next one is far smaller. Units:
 px."""
-SQUARE_RANGE, MAX_CONSTANT = (-0.5, 0.2), 0.7
+SQUARE_COEFFICIENT_RANGE, MAX_CONSTANT_COEFFICIENT = (-0.5, 0.2), 0.7
 """Coefficients of x^2 and of 1 that are added at most to the logarithm of a Gaussian in a step: its
 width changes by a factor of 0.7 to 1.3. Larger steps lead away from a faint stripe."""
 HANKEL = np.add.outer(np.arange(3), np.arange(3))
@@ -37,25 +37,27 @@ MAX_SHIFT_PX = 1.0
 Units: px."""
 MIN_PIXELS = 6
 """Smallest number of unsaturated pixels for the four parameters of a Gaussian."""
-SIGMA_RATIO_RANGE = (0.4, 4.0)
+WIDTH_RATIO_RANGE = (0.4, 4.0)
 """Smallest and largest ratio of fitted to initial sigma; outside of this range the fit has
-converged to something other than the stripe."""
+converged to something other than the stripe. Strongly saturated stripes start too wide: with 0.56
+the fits of a line of 6 times full scale are lost."""
 MIN_FITTED_WIDTH_PX = 0.4
 """Smallest width of a fitted stripe: a narrower one fits the noise of one or two pixels, and its
 errors are two to ten times `std`. A pixel alone blurs by 0.29. Units: px."""
-MIN_FLANK_LIGHT, MIN_FLANK_LIGHT_STDS = 0.02, 3.0
+MIN_FLANK_LIGHT_FRACTION, MIN_FLANK_LIGHT_SIGMAS = 0.02, 3.0
 """Smallest light of the pixel beside a plateau of saturated ones, over the height of the line, and
 in its standard deviations."""
-MODEL_ERROR = 0.01
+MODEL_ERROR_FRACTION = 0.01
 """Error of the model of a clipped stripe over its height, which limits the weights of its tails: a
-section that is no Gaussian differs most from it there."""
-MAX_MISFIT, TOLERATED_RESIDUAL = 1.15, 0.003
+section that is no Gaussian differs most from it there. With 0.7 and 1.4 times this error the mean
+squared normalised error of saturated lines is 0.96 and 0.90 instead of 0.93."""
+MAX_NORMALISED_RMS, TOLERATED_RESIDUAL_FRACTION = 1.15, 0.003
 """Largest residual of clipped stripes (median of rms) with which their sections are taken for
 Gaussians, over their noise and a residual, over the height, that sections of pipes have. Measured:
 0.8 to 1.1, and 1.0 to 2.4 with a halo of 15 % of the light."""
-MAX_LAST_STEP_STDS = 0.1
+MAX_LAST_STEP_SIGMAS = 0.1
 """Largest last step of a fit that has converged, in standard deviations of the position."""
-MAX_CLIPPED_LAST_STEP_STDS = 3.0
+MAX_CLIPPED_LAST_STEP_SIGMAS = 3.0
 """The same where pixels are clipped: such fits converge slowly, and the stripes at their start are
 worse; errors above 5 standard deviations occurred from steps of 12 on."""
 
@@ -79,7 +81,7 @@ def locate_by_gaussian_fit(windows: Windows, start: Stripes, variances: FloatArr
         are unsaturated. `std` comes from the covariance of the fit. The stripe of `start` where the
         fitted one is narrower than `MIN_FITTED_WIDTH_PX`, a saturated one has no light beside its
         plateau, the fit has not converged, or the residuals of most saturated ones exceed
-        `MAX_MISFIT`: its `skew_shifts` is NaN.
+        `MAX_NORMALISED_RMS`: its `skew_shifts` is NaN.
     """
     usable = start.found & ((~windows.saturated).sum(axis=1) >= MIN_PIXELS)
     stripes = Stripes(
@@ -93,21 +95,21 @@ def locate_by_gaussian_fit(windows: Windows, start: Stripes, variances: FloatArr
     fitted = replace(fitted, values=fitted.values / heights[:, None])
     noise = variances[usable] / heights[:, None] ** 2
     clipped = fitted.saturated.any(axis=1)
-    variances = noise + np.where(clipped, MODEL_ERROR**2, 0.0)[:, None]
+    variances = noise + np.where(clipped, MODEL_ERROR_FRACTION**2, 0.0)[:, None]
     initial = start.pixels[usable, 1] - fitted.centre_rows
-    initial_widths = start.sigmas[usable]
+    initial_widths = start.widths[usable]
     guess = np.stack([np.ones_like(heights), initial, initial_widths, fitted.backgrounds])
     unknown = np.full(len(heights), np.inf)
     fits = _Fits(guess, unknown, unknown, np.full(len(heights), True))
     fits = _fit_gaussians(fitted, fits, variances, USUAL_ITERATIONS)
-    if clipped.all() and _rest_cannot_be_gaussians(fitted, fits, guess, noise):
+    if clipped.all() and _cannot_be_gaussians(fitted, fits, guess, noise):
         return stripes.replace_at(np.flatnonzero(usable), start.select(usable))
     remaining = GAUSS_NEWTON_ITERATIONS - USUAL_ITERATIONS
     fits = _fit_gaussians(fitted, fits, variances, remaining)
-    good, valid = _near_start(fits, guess), _are_valid(fitted, fits, noise)
-    if not _are_gaussians(_misfits(fitted, fits, noise, clipped & good & valid)):
+    good, valid = _are_near_start(fits, guess), _are_valid(fitted, fits, noise)
+    if not _are_gaussians(_compute_reduced_chi2(fitted, fits, noise, clipped & good & valid)):
         valid &= ~clipped
-    found = _stripes_of(fitted, fits, noise, variances)
+    found = _build_stripes(fitted, fits, noise, variances)
     found = replace(found, heights=heights * found.heights).select(good & valid)
     stripes = stripes.replace_at(np.flatnonzero(usable)[good & valid], found)
     kept = usable.copy()
@@ -135,41 +137,45 @@ class _Fits:
     moving: BoolArray
 
 
-def _stripes_of(windows: Windows, fits: _Fits, noise: FloatArray, variances: FloatArray) -> Stripes:
+def _build_stripes(
+    windows: Windows, fits: _Fits, noise: FloatArray, variances: FloatArray
+) -> Stripes:
     """Return the fits as n stripes, with heights relative to those that they start from.
 
     `variances` (n, w) are those by which the fits were weighted, `noise` those of the pixels.
     """
     height, position, width, _ = fits.parameters
-    weights = _position_weights(windows, position, width, variances)
-    std = fits.std * np.sqrt(_weighted_mean(noise / variances, weights))
+    weights = _compute_position_weights(windows, position, width, variances)
+    std = fits.std * np.sqrt(_compute_weighted_mean(noise / variances, weights))
     skew = ((windows.offsets - position[:, None]) / width[:, None]) ** 2 - 3
     clipped = windows.saturated.any(axis=1)
-    shifts = np.where(clipped, _weighted_mean(skew, weights) / (6 * width**2), np.nan)
+    shifts = np.where(clipped, _compute_weighted_mean(skew, weights) / (6 * width**2), np.nan)
     pixels = np.column_stack([windows.columns, windows.centre_rows + position])
     return Stripes(pixels, std, height, width, shifts)
 
 
-def _near_start(fits: _Fits, initial: FloatArray) -> BoolArray:
+def _are_near_start(fits: _Fits, initial: FloatArray) -> BoolArray:
     """Return whether each fit (n,) has stayed near its start, the parameters `initial` (4, n)."""
     height, position, width, _ = fits.parameters
     ratio = width / initial[2]
     near = (height > 0) & (np.abs(position - initial[1]) < MAX_SHIFT_PX)
-    near &= (ratio > SIGMA_RATIO_RANGE[0]) & (ratio < SIGMA_RATIO_RANGE[1])
+    near &= (ratio > WIDTH_RATIO_RANGE[0]) & (ratio < WIDTH_RATIO_RANGE[1])
     return np.asarray(near)
 
 
 def _are_valid(windows: Windows, fits: _Fits, noise: FloatArray) -> BoolArray:
     """Return whether each fit (n,) has converged to a stripe with flanks, not too narrow a one."""
     clipped = windows.saturated.any(axis=1)
-    max_step = np.where(clipped, MAX_CLIPPED_LAST_STEP_STDS, MAX_LAST_STEP_STDS) * fits.std
+    max_step = np.where(clipped, MAX_CLIPPED_LAST_STEP_SIGMAS, MAX_LAST_STEP_SIGMAS) * fits.std
     converged = np.abs(fits.last_step) <= np.maximum(max_step, CONVERGED_STEP_PX)
     wide = fits.parameters[2] >= MIN_FITTED_WIDTH_PX
-    valid: BoolArray = converged & wide & _flanks_have_light(windows, noise)
+    valid: BoolArray = converged & wide & _have_light_beside_plateau(windows, noise)
     return valid
 
 
-def _misfits(windows: Windows, fits: _Fits, noise: FloatArray, which: BoolArray) -> FloatArray:
+def _compute_reduced_chi2(
+    windows: Windows, fits: _Fits, noise: FloatArray, which: BoolArray
+) -> FloatArray:
     """Return the mean squares (k,) of the residuals over their noise, of the fits of a mask (n,).
 
     `values` of the windows are relative to the heights, and so are the variances `noise`.
@@ -179,17 +185,19 @@ def _misfits(windows: Windows, fits: _Fits, noise: FloatArray, which: BoolArray)
     x = (windows.offsets - position) / width
     residuals = windows.values - height * np.exp(-0.5 * x**2) - background
     free = np.maximum((~windows.saturated).sum(axis=1) - len(fits.parameters), 1)
-    relative = np.where(windows.saturated, 0.0, residuals**2 / (noise + TOLERATED_RESIDUAL**2))
-    misfits: FloatArray = relative.sum(axis=1) / free
-    return misfits
+    relative = np.where(
+        windows.saturated, 0.0, residuals**2 / (noise + TOLERATED_RESIDUAL_FRACTION**2)
+    )
+    reduced_chi2: FloatArray = relative.sum(axis=1) / free
+    return reduced_chi2
 
 
-def _are_gaussians(misfits: FloatArray) -> bool:
-    """Return whether noise explains the residuals of most fits, by `_misfits`; True for none."""
-    return not len(misfits) or math.sqrt(median(misfits)) < MAX_MISFIT
+def _are_gaussians(reduced_chi2: FloatArray) -> bool:
+    """Return whether noise explains the reduced chi^2 (k,) of most fits; True for no fits."""
+    return not len(reduced_chi2) or math.sqrt(median(reduced_chi2)) < MAX_NORMALISED_RMS
 
 
-def _rest_cannot_be_gaussians(
+def _cannot_be_gaussians(
     windows: Windows, fits: _Fits, initial: FloatArray, noise: FloatArray
 ) -> bool:
     """Return whether clipped stripes are no Gaussians, whatever the unfinished fits will yield.
@@ -199,12 +207,12 @@ def _rest_cannot_be_gaussians(
     unfinished = np.count_nonzero(fits.moving)
     if not unfinished:
         return False
-    which = ~fits.moving & _near_start(fits, initial) & _are_valid(windows, fits, noise)
-    misfits = _misfits(windows, fits, noise, which)
-    return not _are_gaussians(np.append(misfits, np.zeros(unfinished)))
+    which = ~fits.moving & _are_near_start(fits, initial) & _are_valid(windows, fits, noise)
+    reduced_chi2 = _compute_reduced_chi2(windows, fits, noise, which)
+    return not _are_gaussians(np.append(reduced_chi2, np.zeros(unfinished)))
 
 
-def _flanks_have_light(windows: Windows, variances: FloatArray) -> BoolArray:
+def _have_light_beside_plateau(windows: Windows, variances: FloatArray) -> BoolArray:
     """Return whether the pixels beside the plateau of saturated ones have light on both sides (n,).
 
     `values` of the windows are relative to the heights, and so are the `variances`. True without
@@ -216,12 +224,12 @@ def _flanks_have_light(windows: Windows, variances: FloatArray) -> BoolArray:
     ends = np.stack([before, after], axis=1)
     light = np.take_along_axis(windows.values, ends, axis=1) - windows.backgrounds[:, None]
     noise = np.sqrt(np.take_along_axis(variances, ends, axis=1))
-    smallest = np.maximum(MIN_FLANK_LIGHT, MIN_FLANK_LIGHT_STDS * noise)
+    smallest = np.maximum(MIN_FLANK_LIGHT_FRACTION, MIN_FLANK_LIGHT_SIGMAS * noise)
     lit: BoolArray = (light - smallest).min(axis=1) > 0
     return lit | ~windows.saturated.any(axis=1)
 
 
-def _position_weights(
+def _compute_position_weights(
     windows: Windows, position: FloatArray, width: FloatArray, variances: FloatArray
 ) -> FloatArray:
     """Return the weights (n, w) of the pixels in the position of a fit.
@@ -236,7 +244,7 @@ def _position_weights(
     return np.where(windows.saturated, 0.0, squared * np.exp(-squared) / variances)
 
 
-def _weighted_mean(values: FloatArray, weights: FloatArray) -> FloatArray:
+def _compute_weighted_mean(values: FloatArray, weights: FloatArray) -> FloatArray:
     """Return the weighted mean (n,) of values (n, w); NaN where no weight is positive."""
     with np.errstate(invalid="ignore"):
         mean: FloatArray = (weights * values).sum(axis=1) / weights.sum(axis=1)
@@ -257,7 +265,7 @@ def _fit_gaussians(windows: Windows, fits: _Fits, variances: FloatArray, iterati
         if not len(moving):
             break
         current = parameters.take(moving, axis=1)
-        step, std[moving] = _gauss_newton_step(powers, values, weights, sums, current)
+        step, std[moving] = _compute_gauss_newton_step(powers, values, weights, sums, current)
         parameters[:, moving] = changed = _change_logarithm(current, step)
         moved = np.abs(changed - current)[1:3]
         last_step[moving] = moved[0]
@@ -272,7 +280,7 @@ def _fit_gaussians(windows: Windows, fits: _Fits, variances: FloatArray, iterati
     return _Fits(parameters, last_step, std, still_moving)
 
 
-def _gauss_newton_step(
+def _compute_gauss_newton_step(
     powers: FloatArray,
     values: FloatArray,
     weights: FloatArray,
@@ -297,7 +305,7 @@ def _gauss_newton_step(
     np.multiply(weights, second, out=first)
     second *= first
     np.multiply(first, values, out=light)
-    second, first, light = _moments(products, powers, position, width)
+    second, first, light = _compute_moments(products, powers, position, width)
     first, light = first[:3], light[:3]
     system = np.empty((4, 6, len(position)))
     system[:3, :3] = second[HANKEL]
@@ -321,10 +329,13 @@ def _change_logarithm(parameters: FloatArray, step: FloatArray) -> FloatArray:
     """
     height, position, width, background = parameters
     constant, linear, square = step[:3]
-    narrowing = 1 - 2 * _clip(square, *SQUARE_RANGE)
+    narrowing = 1 - 2 * _clip(square, *SQUARE_COEFFICIENT_RANGE)
     # The position moves by half the width at most, so that the fit stays at its stripe.
     shift = _clip(linear / narrowing, -0.5, 0.5)
-    growth = _clip(constant, -MAX_CONSTANT, MAX_CONSTANT) + 0.5 * narrowing * shift**2
+    growth = (
+        _clip(constant, -MAX_CONSTANT_COEFFICIENT, MAX_CONSTANT_COEFFICIENT)
+        + 0.5 * narrowing * shift**2
+    )
     return np.stack(
         [
             height * np.exp(growth),
@@ -341,7 +352,7 @@ def _clip(values: FloatArray, low: float, high: float) -> FloatArray:
     return limited
 
 
-def _moments(
+def _compute_moments(
     weights: FloatArray, powers: FloatArray, position: FloatArray, width: FloatArray
 ) -> FloatArray:
     """Return the sums (k, 5, n) over the pixels of k weights (k, w, n) times powers of x."""
@@ -358,7 +369,7 @@ def _solve(system: FloatArray) -> FloatArray:
     """Return the solutions (k, j, n) of n positive definite systems, matrix beside right sides."""
     size = len(system)
     for k in range(size):
-        # Columns up to k are those of the unit matrix by now: nobody reads them.
+        # Columns up to k are those of the unit matrix now and are not read again.
         row = system[k, k + 1 :] / system[k, k]
         system[:, k + 1 :] -= system[:, k, None] * row
         system[k, k + 1 :] = row

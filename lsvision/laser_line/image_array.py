@@ -9,9 +9,10 @@ import numpy.typing as npt
 
 Image = npt.NDArray[Any]
 MIN_SIZE_PX = 16
-"""Smallest height and width. Units: px."""
-MAX_LEVEL = 1e30
-"""Largest number of a float image, which is kept in single precision."""
+"""Smallest height and width: what a filter of sigma 1.3 px needs. Units: px."""
+MAX_FLOAT_LEVEL = 1e30
+"""Largest number of a float image, which is kept in single precision: its sums over a window do not
+overflow."""
 
 
 def as_image(image: npt.ArrayLike, name: str = "image", min_size: int = MIN_SIZE_PX) -> Image:
@@ -37,7 +38,7 @@ def as_image(image: npt.ArrayLike, name: str = "image", min_size: int = MIN_SIZE
         If it is not an array (such as the name of a file), or its numbers are of another type.
     ValueError
         If the shape is another, a side is shorter than `min_size`, or a float image holds NaN,
-        infinity or a number beyond `MAX_LEVEL`.
+        infinity or a number beyond `MAX_FLOAT_LEVEL`.
 
     Examples
     --------
@@ -70,19 +71,19 @@ way, got (480, 640, 4): leave transparency out, image[..., :3]
     if not (array.ndim == 2 or colours) or min(array.shape[:2], default=0) < min_size:
         raise ValueError(
             f"expected {name} of shape (height, width) or (height, width, 3), {min_size} px or "
-            f"more each way, got {array.shape}{_hint(array.shape)}"
+            f"more each way, got {array.shape}{_describe_remedy(array.shape)}"
         )
     if array.dtype.kind != "f":
         return np.ascontiguousarray(array)
-    if not (np.abs(array) <= MAX_LEVEL).all():
+    if not (np.abs(array) <= MAX_FLOAT_LEVEL).all():
         raise ValueError(
-            f"expected finite numbers up to {MAX_LEVEL:g} in a float {name}, got NaN, infinity or "
-            "more"
+            f"expected finite numbers up to {MAX_FLOAT_LEVEL:g} in a float {name}, got NaN, "
+            "infinity or more"
         )
     return np.ascontiguousarray(array, dtype=np.float32)
 
 
-def grey_image(image: npt.ArrayLike) -> npt.NDArray[np.uint8]:
+def convert_to_grey(image: npt.ArrayLike) -> npt.NDArray[np.uint8]:
     """Return an 8- or 16-bit grey or colour image as 8-bit grey.
 
     The largest value of a 16-bit image becomes 255.
@@ -103,7 +104,7 @@ def grey_image(image: npt.ArrayLike) -> npt.NDArray[np.uint8]:
     return np.ascontiguousarray(array, dtype=np.uint8)
 
 
-def _hint(shape: tuple[int, ...]) -> str:
+def _describe_remedy(shape: tuple[int, ...]) -> str:
     """Return the remedy for an image of a wrong shape; empty if none is known."""
     if len(shape) == 3 and shape[2] == 4:
         return ": leave transparency out, image[..., :3]"

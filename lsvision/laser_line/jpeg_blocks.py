@@ -21,15 +21,15 @@ from lsvision.laser_line.image_array import Image
 from lsvision.laser_line.stripe_windows import Windows
 from lsvision.statistics.robust import median
 
-BLOCK = 8
+BLOCK_PX = 8
 """Width and height of a JPEG image's blocks. Units: px."""
-PATCH = 2 * BLOCK - 1
+PATCH_PX = 2 * BLOCK_PX - 1
 """Width and height of a patch, which contains a block at each of the 64 grids. Units: px."""
 PATCHES = 16
 """Patches along the line by which the grids are compared."""
 HIGH_FREQUENCY = 6
 """Frequency along rows or columns from which on most coefficients of a JPEG image are zero."""
-MAX_COEFFICIENT = 2.0
+MAX_COEFFICIENT_DN = 2.0
 """Size at which coefficients are clipped in a grid's score. Units: DN."""
 MAX_SCORE_RATIO, MAX_DISTINCT_SCORE_RATIO = 0.92, 0.6
 """Ratio of the best grid's score to the median score of the grids with the same rows, or the same
@@ -57,7 +57,7 @@ ROUNDING_STD = 0.35
 0.45 in the luminance of a colour image. Units: DN."""
 OUTLIER_FRACTION = 0.15
 """Fraction of the coefficients that are no multiples: pixels of their blocks were clipped."""
-MAX_LEVEL = 255
+MAX_JPEG_LEVEL_DN = 255
 """Largest pixel, and largest step, of a JPEG image. Units: DN."""
 STANDARD_STEPS = np.array(
     [
@@ -76,10 +76,10 @@ STANDARD_STEPS = np.array(
 rows and columns."""
 
 
-COSINES: FloatArray = cv2.dct(np.eye(BLOCK), flags=cv2.DCT_ROWS).T
+COSINES: FloatArray = cv2.dct(np.eye(BLOCK_PX), flags=cv2.DCT_ROWS).T
 """Discrete cosine transform of 8 pixels (frequency, pixel), an orthogonal matrix."""
 SHIFTED_COSINES: Image = np.array(
-    [np.pad(COSINES, ((0, 0), (shift, PATCH - BLOCK - shift))) for shift in range(BLOCK)],
+    [np.pad(COSINES, ((0, 0), (shift, PATCH_PX - BLOCK_PX - shift))) for shift in range(BLOCK_PX)],
     dtype=np.float32,
 )
 """Transforms (shift, frequency, pixel) of each 8 neighbours among 15 pixels."""
@@ -104,27 +104,29 @@ class JpegBlocks:
     steps: FloatArray
     zero_variances: FloatArray
 
-    def row_variances(self, signal: Image, windows: Windows, sigma: float) -> FloatArray:
+    def compute_row_variances(self, signal: Image, windows: Windows, sigma: float) -> FloatArray:
         """Return the variance of independent pixel errors with the same effect as the rounding.
 
         One for all pixels of each of n windows, (n,), in DN^2. The effect is the standard deviation
         of the line that the derivative of Gaussian of `sigma` px locates in the `signal` of the
         laser.
         """
-        tops = _first_of_block(windows.centre_rows, self.row)
-        lefts = _first_of_block(windows.columns, self.column)
+        tops = _find_block_start(windows.centre_rows, self.row)
+        lefts = _find_block_start(windows.columns, self.column)
         # Row and column of a window's central pixel in its block.
         rows, columns = windows.centre_rows - tops, windows.columns - lefts
-        max_step = math.ceil(windows.offsets[-1] / BLOCK)
+        max_step = math.ceil(windows.offsets[-1] / BLOCK_PX)
         variances = np.zeros(len(tops))
         for step in range(-max_step, max_step + 1):
-            gains = _filter_gains(windows.offsets, sigma, step)
-            of_blocks, index = self._coefficient_variances(signal, tops + step * BLOCK, lefts)
+            gains = _compute_filter_gains(windows.offsets, sigma, step)
+            of_blocks, index = self._find_coefficient_variances(
+                signal, tops + step * BLOCK_PX, lefts
+            )
             by_column = of_blocks @ COSINES**2
             variances += (gains[rows] * by_column[index, :, columns]).sum(axis=1)
         return variances
 
-    def _coefficient_variances(
+    def _find_coefficient_variances(
         self, signal: Image, tops: IntArray, lefts: IntArray
     ) -> tuple[FloatArray, IntArray]:
         """Return the error variances (m, 8, 8) of m blocks, and the index (n,) of each window's.
@@ -132,18 +134,18 @@ class JpegBlocks:
         Beyond the border of the image the nearest whole block is used.
         """
         height, width = signal.shape
-        last_top = _first_of_block(np.array(height - BLOCK), self.row)
-        last_left = _first_of_block(np.array(width - BLOCK), self.column)
+        last_top = _find_block_start(np.array(height - BLOCK_PX), self.row)
+        last_left = _find_block_start(np.array(width - BLOCK_PX), self.column)
         tops = np.clip(tops, self.row, last_top)
         lefts = np.clip(lefts, self.column, last_left)
         first_pixels, index = np.unique(tops * width + lefts, return_inverse=True)
-        zero = np.abs(_coefficients(signal, first_pixels)) < self.steps / 2
+        zero = np.abs(_transform_blocks(signal, first_pixels)) < self.steps / 2
         return np.where(zero, self.zero_variances, self.steps**2 / 12), index
 
 
-def _first_of_block(pixels: IntArray, start: int) -> IntArray:
+def _find_block_start(pixels: IntArray, start: int) -> IntArray:
     """Return the first row (or column) of the blocks that contain rows, one of which is `start`."""
-    return (pixels - start) // BLOCK * BLOCK + start
+    return (pixels - start) // BLOCK_PX * BLOCK_PX + start
 
 
 def find_jpeg_blocks(signal: Image, windows: Windows) -> JpegBlocks | None:
@@ -153,12 +155,12 @@ def find_jpeg_blocks(signal: Image, windows: Windows) -> JpegBlocks | None:
     None for an image that was never a JPEG image, was one of so high a quality that the rounding is
     negligible, or has more than 8 bit.
     """
-    if np.abs(windows.values).max() > MAX_LEVEL:
+    if np.abs(windows.values).max() > MAX_JPEG_LEVEL_DN:
         return None
     row, column, score_ratio = _find_grid(signal, windows)
-    if score_ratio >= MAX_SCORE_RATIO or len(np.unique(windows.values[::BLOCK])) < MIN_LEVELS:
+    if score_ratio >= MAX_SCORE_RATIO or len(np.unique(windows.values[::BLOCK_PX])) < MIN_LEVELS:
         return None
-    coefficients = _coefficients_along_line(signal, windows, row, column)
+    coefficients = _transform_blocks_along_line(signal, windows, row, column)
     steps, evidence = _estimate_steps(coefficients)
     distinct = score_ratio < MAX_DISTINCT_SCORE_RATIO
     known = evidence > MIN_STEP_EVIDENCE
@@ -166,51 +168,53 @@ def find_jpeg_blocks(signal: Image, windows: Windows) -> JpegBlocks | None:
         return None
     scale = median((steps / STANDARD_STEPS)[known])
     steps = np.where(known, steps, np.maximum(scale * STANDARD_STEPS, 1.0))
-    return JpegBlocks(row, column, steps, _zero_variances(coefficients, steps))
+    return JpegBlocks(row, column, steps, _estimate_zero_variances(coefficients, steps))
 
 
 def _find_grid(signal: Image, windows: Windows) -> tuple[int, int, float]:
     """Return row and column of the best grid, and the ratio of its score to those beside it."""
-    scores = _grid_scores(signal, windows)
-    row, column = divmod(int(scores.argmin()), BLOCK)
+    scores = _score_grids(signal, windows)
+    row, column = divmod(int(scores.argmin()), BLOCK_PX)
     beside = min(median(scores[row]), median(scores[:, column]))
     return row, column, float(scores[row, column]) / max(beside, TINY)
 
 
-def _grid_scores(signal: Image, windows: Windows) -> FloatArray:
+def _score_grids(signal: Image, windows: Windows) -> FloatArray:
     """Return the sum of the sizes of coefficients of high frequency for each grid (row, column)."""
     height, width = signal.shape
     rows, columns = windows.centre_rows, windows.columns
-    inside = (rows >= BLOCK - 1) & (rows <= height - BLOCK)
-    inside &= (columns >= BLOCK - 1) & (columns <= width - BLOCK)
+    inside = (rows >= BLOCK_PX - 1) & (rows <= height - BLOCK_PX)
+    inside &= (columns >= BLOCK_PX - 1) & (columns <= width - BLOCK_PX)
     chosen = np.flatnonzero(inside)
     if not len(chosen):
-        return np.ones((BLOCK, BLOCK))
+        return np.ones((BLOCK_PX, BLOCK_PX))
     chosen = chosen[np.linspace(0, len(chosen) - 1, PATCHES).astype(np.int64)]
-    tops, lefts = rows[chosen] - (BLOCK - 1), columns[chosen] - (BLOCK - 1)
-    patches = _squares(signal, tops * width + lefts, PATCH).astype(np.float32)
-    every = SHIFTED_COSINES.reshape(-1, PATCH)
-    high = SHIFTED_COSINES[:, HIGH_FREQUENCY:].reshape(-1, PATCH)
-    low = SHIFTED_COSINES[:, :HIGH_FREQUENCY].reshape(-1, PATCH)
-    sizes = _sizes_by_shift(high @ patches @ every.T) + _sizes_by_shift(low @ patches @ high.T)
-    shifts = np.arange(BLOCK)
-    grid_rows = (tops[:, None] + shifts) % BLOCK
-    grid_columns = (lefts[:, None] + shifts) % BLOCK
-    grids = grid_rows[:, :, None] * BLOCK + grid_columns[:, None, :]
-    scores = np.bincount(grids.ravel(), sizes.ravel(), BLOCK * BLOCK).astype(np.float64)
-    return scores.reshape(BLOCK, BLOCK)
+    tops, lefts = rows[chosen] - (BLOCK_PX - 1), columns[chosen] - (BLOCK_PX - 1)
+    patches = _cut_squares(signal, tops * width + lefts, PATCH_PX).astype(np.float32)
+    every = SHIFTED_COSINES.reshape(-1, PATCH_PX)
+    high = SHIFTED_COSINES[:, HIGH_FREQUENCY:].reshape(-1, PATCH_PX)
+    low = SHIFTED_COSINES[:, :HIGH_FREQUENCY].reshape(-1, PATCH_PX)
+    sizes = _sum_sizes_by_shift(high @ patches @ every.T) + _sum_sizes_by_shift(
+        low @ patches @ high.T
+    )
+    shifts = np.arange(BLOCK_PX)
+    grid_rows = (tops[:, None] + shifts) % BLOCK_PX
+    grid_columns = (lefts[:, None] + shifts) % BLOCK_PX
+    grids = grid_rows[:, :, None] * BLOCK_PX + grid_columns[:, None, :]
+    scores = np.bincount(grids.ravel(), sizes.ravel(), BLOCK_PX * BLOCK_PX).astype(np.float64)
+    return scores.reshape(BLOCK_PX, BLOCK_PX)
 
 
-def _sizes_by_shift(coefficients: Image) -> Image:
+def _sum_sizes_by_shift(coefficients: Image) -> Image:
     """Return the sums (n, 8, 8) of sizes by the shifts of rows and columns, clipped."""
-    sizes = np.minimum(np.abs(coefficients), MAX_COEFFICIENT)
+    sizes = np.minimum(np.abs(coefficients), MAX_COEFFICIENT_DN)
     count, rows, columns = sizes.shape
-    by_row = sizes.reshape(count, BLOCK, rows // BLOCK, columns).sum(axis=2)
-    sums: Image = by_row.reshape(count, BLOCK, BLOCK, columns // BLOCK).sum(axis=3)
+    by_row = sizes.reshape(count, BLOCK_PX, rows // BLOCK_PX, columns).sum(axis=2)
+    sums: Image = by_row.reshape(count, BLOCK_PX, BLOCK_PX, columns // BLOCK_PX).sum(axis=3)
     return sums
 
 
-def _squares(signal: Image, first_pixels: IntArray, size: int) -> Image:
+def _cut_squares(signal: Image, first_pixels: IntArray, size: int) -> Image:
     """Return squares (n, size, size) of an image by the index of their first pixels."""
     steps = np.arange(size)
     within = steps[:, None] * signal.shape[1] + steps
@@ -218,19 +222,21 @@ def _squares(signal: Image, first_pixels: IntArray, size: int) -> Image:
     return squares
 
 
-def _coefficients(signal: Image, first_pixels: IntArray) -> FloatArray:
+def _transform_blocks(signal: Image, first_pixels: IntArray) -> FloatArray:
     """Return the cosine transform (n, 8, 8) of blocks by the index of their first pixels."""
-    return COSINES @ _squares(signal, first_pixels, BLOCK) @ COSINES.T
+    return COSINES @ _cut_squares(signal, first_pixels, BLOCK_PX) @ COSINES.T
 
 
-def _coefficients_along_line(signal: Image, windows: Windows, row: int, column: int) -> FloatArray:
+def _transform_blocks_along_line(
+    signal: Image, windows: Windows, row: int, column: int
+) -> FloatArray:
     """Return the coefficients (n, 8, 8) of the blocks that contain the line."""
     height, width = signal.shape
-    tops = _first_of_block(windows.centre_rows, row)
-    lefts = _first_of_block(windows.columns, column)
-    whole = (tops >= 0) & (tops <= height - BLOCK) & (lefts >= 0) & (lefts <= width - BLOCK)
+    tops = _find_block_start(windows.centre_rows, row)
+    lefts = _find_block_start(windows.columns, column)
+    whole = (tops >= 0) & (tops <= height - BLOCK_PX) & (lefts >= 0) & (lefts <= width - BLOCK_PX)
     first_pixels = np.unique(tops[whole] * width + lefts[whole])
-    return _coefficients(signal, first_pixels[:: max(1, len(first_pixels) // MAX_BLOCKS)])
+    return _transform_blocks(signal, first_pixels[:: max(1, len(first_pixels) // MAX_BLOCKS)])
 
 
 def _estimate_steps(coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -240,8 +246,8 @@ def _estimate_steps(coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
     whole numbers, and so multiples of a step in any image of few grey levels.
     """
     ordered = np.sort(coefficients, axis=0)
-    steps, evidence = np.ones((BLOCK, BLOCK)), np.zeros((BLOCK, BLOCK))
-    for i, j in np.ndindex(BLOCK, BLOCK):
+    steps, evidence = np.ones((BLOCK_PX, BLOCK_PX)), np.zeros((BLOCK_PX, BLOCK_PX))
+    for i, j in np.ndindex(BLOCK_PX, BLOCK_PX):
         if i % 4 or j % 4:
             steps[i, j], evidence[i, j] = _estimate_step(ordered[:, i, j])
     return steps, evidence
@@ -260,7 +266,7 @@ def _estimate_step(ordered: FloatArray) -> tuple[float, float]:
     # Apart from those of clipped blocks, the smallest coefficient is one step or more.
     outliers = int(OUTLIER_FRACTION * len(values))
     smallest = float(np.partition(np.abs(values), outliers)[outliers])
-    tried = np.arange(2.0, min(smallest + 2, MAX_LEVEL + 1))
+    tried = np.arange(2.0, min(smallest + 2, MAX_JPEG_LEVEL_DN + 1))
     if not len(tried):
         return 1.0, 0.0
     multiples = np.rint(values / tried[:, None])
@@ -277,7 +283,7 @@ def _estimate_step(ordered: FloatArray) -> tuple[float, float]:
     return float(tried[best]), max(float(evidence[best]) - float(np.log(len(tried) + 1)), 0.0)
 
 
-def _zero_variances(coefficients: FloatArray, steps: FloatArray) -> FloatArray:
+def _estimate_zero_variances(coefficients: FloatArray, steps: FloatArray) -> FloatArray:
     """Return the mean square (8, 8) of the coefficients that were rounded to zero.
 
     They are taken to have a Laplace distribution; the fraction that was not rounded to zero gives
@@ -293,7 +299,7 @@ def _zero_variances(coefficients: FloatArray, steps: FloatArray) -> FloatArray:
     return np.minimum(variances, limit**2 / 3)
 
 
-def _filter_gains(offsets: IntArray, sigma: float, step: int) -> FloatArray:
+def _compute_filter_gains(offsets: IntArray, sigma: float, step: int) -> FloatArray:
     """Return the squared gains (row, frequency) of the derivative filter for the rows of a block.
 
     The row is that of the central pixel in its own block; the gains are those for the block that
@@ -301,7 +307,9 @@ def _filter_gains(offsets: IntArray, sigma: float, step: int) -> FloatArray:
     """
     weights = offsets * np.exp(-0.5 * (offsets / sigma) ** 2)
     weights = weights / np.linalg.norm(weights)
-    rows = np.arange(BLOCK)[:, None] + offsets - step * BLOCK
-    inside = (rows >= 0) & (rows < BLOCK)
-    gains: FloatArray = (COSINES[:, np.clip(rows, 0, BLOCK - 1)] * (inside * weights)).sum(axis=2)
+    rows = np.arange(BLOCK_PX)[:, None] + offsets - step * BLOCK_PX
+    inside = (rows >= 0) & (rows < BLOCK_PX)
+    gains: FloatArray = (COSINES[:, np.clip(rows, 0, BLOCK_PX - 1)] * (inside * weights)).sum(
+        axis=2
+    )
     return gains.T**2

@@ -7,17 +7,17 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.geometry import FloatArray, IntArray
-from lsvision.laser_line.extraction import LaserLine
-from lsvision.laser_line.line_shape import WINDOW, LineShape, compute_line_shape
+from lsvision.laser_line.line import LaserLine
+from lsvision.laser_line.line_shape import POLYNOMIAL_COLUMNS, LineShape, compute_line_shape
 from lsvision.laser_line.line_spread import LineSpread, estimate_line_spread
 from lsvision.statistics.robust import median
 
 MAX_STEP_PX = 8.0
 """Largest step between neighbouring columns of one surface. Units: px."""
-SECOND_ORDER = 2.0
+SECOND_ORDER_FACTOR = 2.0
 """Error of the first-order correction, as a multiple of (sum of its terms)^2 / width of the line:
 the largest value on noise-free images of pipes whose line becomes vertical."""
-SATURATED_SECOND_ORDER = 5.0
+SATURATED_SECOND_ORDER_FACTOR = 5.0
 """The same where pixels are clipped: in the flanks that are left, the terms by curvature and by
 skewness do not cancel as in the middle, and the error of the curvature near an end counts twice."""
 MAX_EDGE_VARIANCE_RATIO = 2.0
@@ -80,6 +80,13 @@ def correct_line_blur(
     fitted to a saturated line, it is 3 v'' (C_uv - v' C_uu)^2 times
     `LaserLine.skew_shift`: flanks are shifted to the other side than the middle.
 
+    Derivation: blur displaces light by normal deviates d_u, d_v of covariance C. The light in
+    column u comes from the column u - d_u and arrives in the row v(u - d_u) + d_v. Its mean row
+    E[M(u - d_u) (v(u - d_u) + d_v)] / E[M(u - d_u)], with M and v expanded to the second order, has
+    the first two terms. The row's deviation x + v'' d_u^2 / 2, with x = d_v - v' d_u, has the third
+    cumulant k = 3 v'' cov(x, d_u)^2, and the maximum of a section of variance q^2 + s^2 lies
+    -k / (2 (q^2 + s^2)) from its mean: the last term.
+
     Examples
     --------
     >>> from lsvision.laser_line.extraction import extract_laser_line
@@ -92,7 +99,7 @@ def correct_line_blur(
     if blur is not None and not 0 <= blur < math.inf:
         raise ValueError(f"expected blur >= 0 px, got {blur}")
     across = 1 if line.direction == "columns" else 0
-    runs = _continuous_runs(line.pixels[:, across])
+    runs = _find_continuous_runs(line.pixels[:, across])
     if blur == 0 or not runs:
         return line
     sheet = np.array([0.0, 1.0])  # along and across the line's columns
@@ -119,16 +126,18 @@ def correct_line_blur(
         width_std = np.where(unusable, np.inf, std[run])
         thicker = None if thickening is None else thickening[run]
         spread = estimate_line_spread(width, width_std, shape, blur, sheet, thicker)
-        second_order = np.where(line.saturated[run], SATURATED_SECOND_ORDER, SECOND_ORDER)
+        second_order = np.where(
+            line.saturated[run], SATURATED_SECOND_ORDER_FACTOR, SECOND_ORDER_FACTOR
+        )
         shift, shift_std = _compute_shift(
-            shape, spread, width, _skew_shift(line, run) * pitch**2, second_order
+            shape, spread, width, _find_skew_shift(line, run) * pitch**2, second_order
         )
         pixels[run, across] -= pitch * shift
         corrected_std[run] = pitch * np.hypot(std[run], shift_std)
     return replace(line, pixels=pixels, std=corrected_std)
 
 
-def _skew_shift(line: LaserLine, run: IntArray) -> FloatArray:
+def _find_skew_shift(line: LaserLine, run: IntArray) -> FloatArray:
     """Return the shift (k,) of a run by a skewness, over its third cumulant. Units: 1 / px^2."""
     squared = line.width[run] ** 2
     variance = np.minimum(squared, MAX_VARIANCE_RATIO * median(squared))
@@ -145,23 +154,23 @@ def _compute_shift(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the shift (n,) of a run by its blur, and its standard deviation. Units: px."""
     c_vv, c_uv, c_uu = spread.values
-    # Minus the covariance of the displacements of light along u and from the line along v.
-    lag = shape.slope * c_uu - c_uv
+    # Minus cov(x, d_u) in the notes of `correct_line_blur`.
+    displacement_covariance = shape.slope * c_uu - c_uv
     bend = shape.curvature * c_uu / 2
-    fade = lag * shape.fade
+    fade = displacement_covariance * shape.fade
     by_skewness = 3 * shape.curvature * skew_shift
-    skew = by_skewness * lag**2
-    by_lag = shape.fade + 2 * by_skewness * lag
-    gradient = np.stack([-by_lag, shape.curvature / 2 + shape.slope * by_lag], axis=1)
+    skew = by_skewness * displacement_covariance**2
+    by_covariance = shape.fade + 2 * by_skewness * displacement_covariance
+    gradient = np.stack([-by_covariance, shape.curvature / 2 + shape.slope * by_covariance], axis=1)
     shift = bend + fade + skew
     size = np.abs(bend) + np.abs(fade) + np.abs(skew)
     shift_variance = (
         (gradient @ spread.covariance[1:, 1:] * gradient).sum(axis=1)
-        + (lag * shape.fade_std) ** 2
+        + (displacement_covariance * shape.fade_std) ** 2
         + (second_order * size**2 / width) ** 2
     )
     # These errors are common to the columns of a window, the first one to all of them.
-    shift_variance *= WINDOW / 2
+    shift_variance *= POLYNOMIAL_COLUMNS / 2
     # At an edge of a steep line, a column can hold light that is smeared over many rows.
     expected = c_vv - 2 * shape.slope * c_uv + shape.slope**2 * c_uu
     smeared = shape.edge & (width**2 > MAX_EDGE_VARIANCE_RATIO * expected)
@@ -169,9 +178,9 @@ def _compute_shift(
     return shift, np.sqrt(shift_variance)
 
 
-def _continuous_runs(rows: FloatArray) -> list[IntArray]:
+def _find_continuous_runs(rows: FloatArray) -> list[IntArray]:
     """Return the indices of each run without lost points and jumps, at least a window long."""
     valid = np.flatnonzero(np.isfinite(rows))
     breaks = (np.diff(valid) > 1) | (np.abs(np.diff(rows[valid])) > MAX_STEP_PX)
     runs = np.split(valid, np.flatnonzero(breaks) + 1)
-    return [run for run in runs if len(run) >= WINDOW]
+    return [run for run in runs if len(run) >= POLYNOMIAL_COLUMNS]

@@ -96,7 +96,7 @@ class LineImage:
             colours=colours,
         )
 
-    def signal_at(self, rows: IntArray, columns: IntArray) -> FloatArray:
+    def read_signal(self, rows: IntArray, columns: IntArray) -> FloatArray:
         """Return the signal at pixels, in DN; of a coloured laser neither rounded nor cut off at 0.
 
         Without the negative values of the background, its noise would seem to be half as large, and
@@ -227,14 +227,14 @@ def _split_channels(array: Image, channel: Channel) -> tuple[Image, Image]:
             )
         return array, array
     if channel == "grey":
-        grey = _grey_channel(array)
+        grey = _extract_grey_channel(array)
         return grey, grey
     weights = np.array(CHANNEL_WEIGHTS[channel], dtype=np.float32)
     signal: Image = cv2.transform(array, weights[None])
     return signal, signal if channel == "white" else array[:, :, int(np.argmax(weights))]
 
 
-def _grey_channel(array: Image) -> Image:
+def _extract_grey_channel(array: Image) -> Image:
     """Return one channel of a grey image stored as three equal channels; else ValueError."""
     first = array[..., 0]
     if np.array_equal(first, array[..., 1]) and np.array_equal(first, array[..., 2]):
@@ -245,7 +245,7 @@ def _grey_channel(array: Image) -> Image:
     )
 
 
-def colour_planes(array: Image, pattern: Bayer, colour: str) -> list[tuple[int, int, Image]]:
+def split_colour_planes(array: Image, pattern: Bayer, colour: str) -> list[tuple[int, int, Image]]:
     """Return the pixels of one colour of a mosaic, as images of every second row and column.
 
     The image is raw, or a colour image interpolated from a raw one. `pattern` names the colours of
@@ -255,7 +255,7 @@ def colour_planes(array: Image, pattern: Bayer, colour: str) -> list[tuple[int, 
     Examples
     --------
     >>> raw = np.arange(16, dtype=np.uint8).reshape(4, 4)
-    >>> (row, column, pixels), = colour_planes(raw, "GRBG", "red")
+    >>> (row, column, pixels), = split_colour_planes(raw, "GRBG", "red")
     >>> row, column, pixels.tolist()
     (0, 1, [[1, 3], [9, 11]])
     """
@@ -272,7 +272,7 @@ def interpolate_grey(array: Image, pattern: Bayer | None) -> Image:
     """Return the luminance of a mosaic at every pixel, in which objects of any colour are visible.
 
     The given image is returned if it has colours or another depth than 8 or 16 bit, or if `pattern`
-    (see `colour_planes`) is None.
+    (see `split_colour_planes`) is None.
 
     Examples
     --------

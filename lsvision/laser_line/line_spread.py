@@ -19,21 +19,21 @@ from lsvision.geometry import FloatArray
 from lsvision.laser_line.line_shape import LineShape
 from lsvision.statistics.robust import mad_std, median
 
-CLEARANCE = 3
+MIN_EDGE_DISTANCE_PX = 3
 """Distance in columns from an edge or end beyond which the width of a line is not disturbed. Units:
 px."""
 NARROW_QUANTILE = 0.2
 """Quantile of the variances perpendicular to the line that is taken for its narrow parts."""
-STATED_STD = 0.1
+STATED_VARIANCE_STD_FRACTION = 0.1
 """Relative standard deviation of the variance of a stated blur, whose sigma is known to 5 %."""
-UNSTATED_FRACTION = 0.4
+UNSTATED_BLUR_FRACTION = 0.4
 """Fraction of a narrow line's variance that is assumed for lens and pixel if no blur is stated."""
-SPREAD_STD, TILT_STD, ALONG_STD = 1.0, 0.4, 0.3
+C_VV_STD_FRACTION, C_UV_STD_FRACTION, C_UU_STD_FRACTION = 1.0, 0.4, 0.3
 """Prior standard deviations of C_vv, C_uv and C_uu, relative to the line's variance: a pipe's axis
 is tilted from the laser plane's normal by an unknown angle."""
-SHEET_STD = 0.02
+SHEET_STD_FRACTION = 0.02
 """Standard deviation, over C_vv, of the sheet's part of C_uu as it follows from C_uv and C_vv."""
-CONSTRAINT_STEPS = 3
+CONSTRAINT_ITERATIONS = 3
 """Number of times that the constraint by a stated blur is linearised."""
 MIN_SQUARED_SINE = 0.05
 """Lower limit of the squared sine between the line and the direction of the sheet's blur, by which
@@ -54,7 +54,7 @@ THICKENING_STD = 0.7
 """Prior standard deviation of the thickening of the sheet's image over that of a surface along the
 plane's normal: 0.5 to 1.4 on pipes tilted by up to 40 deg, and the sheet's blur itself is estimated
 to 30 % only."""
-MODEL_ERROR, UNKNOWN_THICKENING_ERROR = 0.03, 0.1
+MODEL_ERROR_FRACTION, UNKNOWN_THICKENING_ERROR_FRACTION = 0.03, 0.1
 """Error of each value relative to C_vv, with and without a stated thickening of the sheet's image;
 from noise-free images."""
 
@@ -95,16 +95,18 @@ def estimate_line_spread(
     prior with its wide uncertainty. If edges disturb all columns it is zero, which means no
     correction.
     """
-    undisturbed = shape.far_from_edges(CLEARANCE)
+    undisturbed = shape.is_far_from_edges(MIN_EDGE_DISTANCE_PX)
     if not undisturbed.any():
         return LineSpread(np.zeros(3), np.zeros((3, 3)))
     usable = np.isfinite(width_std) & undisturbed
     if not usable.any():
-        prior, prior_std, _ = _prior(width[undisturbed] ** 2, shape.slope[undisturbed], blur, sheet)
+        prior, prior_std, _ = _build_prior(
+            width[undisturbed] ** 2, shape.slope[undisturbed], blur, sheet
+        )
         spread = LineSpread(prior[:3], np.diag(prior_std[:3] ** 2))
-        return spread if blur is None else _with_stated_blur(spread, blur)
+        return spread if blur is None else _apply_stated_blur(spread, blur)
     variances, slope = width[usable] ** 2, shape.slope[usable]
-    prior, prior_std, thickness = _prior(variances, slope, blur, sheet)
+    prior, prior_std, thickness = _build_prior(variances, slope, blur, sheet)
     u, v = sheet
     thicker = np.zeros(len(slope)) if thickening is None else thickening[usable]
     sheet_change = thickness * thicker * (v - slope * u) ** 2
@@ -123,23 +125,23 @@ def estimate_line_spread(
     undetermined = np.sqrt(covariance.diagonal()) > UNDETERMINED_FRACTION * prior_std
     values, covariance = np.where(undetermined, prior, values)[:3], covariance[:3, :3]
     values[2] = max(values[2], 0.0)  # no variance is negative
-    error = UNKNOWN_THICKENING_ERROR if thickening is None else MODEL_ERROR
+    error = UNKNOWN_THICKENING_ERROR_FRACTION if thickening is None else MODEL_ERROR_FRACTION
     spread = LineSpread(values, covariance + np.diag([(error * values[0]) ** 2] * 3))
-    return spread if blur is None else _with_stated_blur(spread, blur)
+    return spread if blur is None else _apply_stated_blur(spread, blur)
 
 
-def _with_stated_blur(spread: LineSpread, blur: float) -> LineSpread:
+def _apply_stated_blur(spread: LineSpread, blur: float) -> LineSpread:
     """Return the weighted mean of an estimate and the stated blur (a Kalman filter step).
 
     The sheet spreads light along one direction: without the blur B of lens and pixel, C is of rank
     one, C_uu - B = C_uv^2 / (C_vv - B). C_uv and C_vv are as uncertain as C_uu: they change, too.
     """
     values, P = spread.values, spread.covariance
-    for _ in range(CONSTRAINT_STEPS):
+    for _ in range(CONSTRAINT_ITERATIONS):
         c_vv, c_uv, c_uu = values
-        sheet = max(c_vv - blur**2, UNSTATED_FRACTION * c_vv)
+        sheet = max(c_vv - blur**2, UNSTATED_BLUR_FRACTION * c_vv)
         row = np.array([(c_uv / sheet) ** 2, -2 * c_uv / sheet, 1.0])
-        variance = (STATED_STD * blur**2) ** 2 + (SHEET_STD * c_vv) ** 2
+        variance = (STATED_VARIANCE_STD_FRACTION * blur**2) ** 2 + (SHEET_STD_FRACTION * c_vv) ** 2
         gain = P @ row / (row @ P @ row + variance)
         innovation = blur**2 - (c_uu - c_uv**2 / sheet)
         values = spread.values + gain * (innovation - row @ (spread.values - values))
@@ -147,7 +149,7 @@ def _with_stated_blur(spread: LineSpread, blur: float) -> LineSpread:
     return LineSpread(values, covariance)
 
 
-def _prior(
+def _build_prior(
     variances: FloatArray, slope: FloatArray, blur: float | None, sheet: FloatArray
 ) -> tuple[FloatArray, FloatArray, float]:
     """Return prior values (4,), their stds (4,), and the variance of the sheet's blur.
@@ -158,10 +160,12 @@ def _prior(
     ordered = np.sort(variances / (1 + slope**2))
     position = NARROW_QUANTILE * (len(ordered) - 1)
     narrow = float(np.interp(position, np.arange(len(ordered)), ordered))
-    lens = UNSTATED_FRACTION * narrow if blur is None else min(blur**2, narrow)
+    lens = UNSTATED_BLUR_FRACTION * narrow if blur is None else min(blur**2, narrow)
     u, v = sheet
     squared_sine = np.maximum((v - slope * u) ** 2, MIN_SQUARED_SINE)
     thickness = max(median((variances - lens * (1 + slope**2)) / squared_sine), 0.0)
     values = lens * np.array([1.0, 0.0, 1.0]) + thickness * np.array([v * v, u * v, u * u])
-    stds = max(narrow, thickness) * np.array([SPREAD_STD, TILT_STD, ALONG_STD])
+    stds = max(narrow, thickness) * np.array(
+        [C_VV_STD_FRACTION, C_UV_STD_FRACTION, C_UU_STD_FRACTION]
+    )
     return np.append(values, 1.0), np.append(stds, THICKENING_STD), thickness

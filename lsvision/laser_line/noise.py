@@ -20,33 +20,34 @@ THIRD_DIFFERENCE = np.array([1.0, -3.0, 3.0, -1.0]) / np.sqrt(20.0)
 """Third difference, normalised in the same way."""
 FIFTH_DIFFERENCE = np.array([1.0, -5.0, 10.0, -10.0, 5.0, -1.0]) / np.sqrt(252.0)
 """Fifth difference, normalised in the same way; removes a pipe's curve over tens of columns."""
-INDEPENDENT_LAG = 3
+INDEPENDENT_LAG_PX = 3
 """Distance in columns from which on the errors of points are independent; at shorter distances
 speckle is correlated. Units: px."""
 MAX_SCATTER_RATIO = 2.5
-"""Ratio of the scatter at `INDEPENDENT_LAG` to that of neighbours above which the correlation
+"""Ratio of the scatter at `INDEPENDENT_LAG_PX` to that of neighbours above which the correlation
 extends over longer distances: 1.0 in read noise, 1.6 to 1.9 in speckle, 2.6 to 4 in enlarged
 photographs."""
-LONGER_LAGS = (6, 12)
+LONGER_LAGS_PX = (6, 12)
 """Distances in columns that are tried in this case. Units: px."""
-COMPARED_LAGS = (1, 2, 3, 6)
+COMPARED_LAGS_PX = (1, 2, 3, 6)
 """Distances at which scatters are compared to see whether errors are correlated. Units: px."""
 MAX_CORRELATED_RATIO = 0.7
 """Ratio of the smallest to the largest scatter below which errors are correlated: 0.84 and more in
 images of a camera with three sensors, 0 to 0.56 in JPEG files and interpolated mosaics."""
 MIN_SCATTER_GROWTH = 1.25
-"""Smallest ratio by which the scatter must grow for a longer distance to be used."""
-MIN_LENGTH_RATIO = 20
+"""Smallest ratio by which the scatter must grow for a longer distance to be used: white noise has
+it in 2 % of lines of 600 columns, the shortest for which one is."""
+MIN_LINE_TO_DIFFERENCE_RATIO = 20
 """Smallest ratio of a line's length to that of a difference, so that most differences lie on one
 surface."""
-SLOPE_SPAN = 6
+SLOPE_SPAN_PX = 6
 """Distance in columns over which the slope of a line is computed, to each side. Units: px."""
 BINS = 12
 """Bins of pixel values in the photon transfer curve."""
 MAX_SAMPLE_COLUMNS, MAX_SAMPLE_PIXELS = 250, 9
 """Columns, and pixels in each window, to which the photon transfer curve is subsampled."""
-MAX_SAMPLE_LEVEL = 0.9
-"""Largest value of a pixel of that curve over the full scale."""
+MAX_SAMPLE_LEVEL_FRACTION = 0.9
+"""Largest value of a pixel of that curve over the full scale: noise of brighter ones is clipped."""
 ROUNDING_VARIANCE = 1 / 12
 """Variance of rounding to whole numbers. Units: DN^2."""
 MIN_SAMPLES = 40
@@ -74,7 +75,7 @@ class PixelNoise:
     gain: float
     rounding_variance: float
 
-    def variances(self, values: FloatArray) -> FloatArray:
+    def compute_variances(self, values: FloatArray) -> FloatArray:
         """Return the variance (DN^2) of pixels by their values (DN), at least that of rounding."""
         variances: FloatArray = self.read_variance + self.gain * np.maximum(values, 0.0)
         return np.maximum(variances, self.rounding_variance)
@@ -96,12 +97,12 @@ def estimate_pixel_noise(
     rows = np.clip(windows.centre_rows[inside, None] + offsets, 0, height - 1)
     columns = np.broadcast_to(windows.columns[inside, None], rows.shape)
     at = rows.ravel(), columns.ravel() + np.arange(-2, 3)[:, None]
-    along = image.signal_at(*at)
+    along = image.read_signal(*at)
     level = along.mean(axis=0)
     # At full scale pixels have no noise, and just below it only one side of it.
     is_raw = image.raw_channel is image.signal and not image.colours
     raw = level if is_raw else image.raw_channel[at].mean(axis=0)
-    below = np.flatnonzero(raw < MAX_SAMPLE_LEVEL * image.full_scale)
+    below = np.flatnonzero(raw < MAX_SAMPLE_LEVEL_FRACTION * image.full_scale)
     if len(below) >= MIN_SAMPLES:
         along, level = along.take(below, axis=1), level[below]
     scatter = np.abs(FOURTH_DIFFERENCE @ along)
@@ -123,7 +124,7 @@ def estimate_pixel_noise(
     return PixelNoise(float(read_variance), float(gain), rounding_variance)
 
 
-def excess_variance(
+def estimate_excess_variance(
     columns: IntArray, rows: FloatArray, std: FloatArray, lag: int | None = None
 ) -> FloatArray:
     """Estimate the variance (n,) of a line's rows in excess of their predicted noise, in px^2.
@@ -137,46 +138,48 @@ def excess_variance(
     Speckle and roughness shift the line along its normal; the shift along a column is sqrt(1 +
     slope^2) times as large, and so is the standard deviation on a flank.
     """
-    steepness = 1 + line_slopes(columns, rows) ** 2
+    column_variance_ratio = 1 + measure_line_slopes(columns, rows) ** 2
     width = int(columns.max()) + 1 if len(columns) else 0
     line, scale = np.full((2, width), np.nan)
-    line[columns], scale[columns] = rows, np.sqrt(steepness)
-    scatter = _scatter(line, scale, THIRD_DIFFERENCE, lag or INDEPENDENT_LAG)
-    if lag is None and scatter > MAX_SCATTER_RATIO * _scatter(line, scale, THIRD_DIFFERENCE, 1):
-        for longer in LONGER_LAGS:
-            longer_scatter = _scatter(line, scale, FIFTH_DIFFERENCE, longer)
+    line[columns], scale[columns] = rows, np.sqrt(column_variance_ratio)
+    scatter = _measure_scatter(line, scale, THIRD_DIFFERENCE, lag or INDEPENDENT_LAG_PX)
+    if lag is None and scatter > MAX_SCATTER_RATIO * _measure_scatter(
+        line, scale, THIRD_DIFFERENCE, 1
+    ):
+        for longer in LONGER_LAGS_PX:
+            longer_scatter = _measure_scatter(line, scale, FIFTH_DIFFERENCE, longer)
             if (
-                len(columns) < MIN_LENGTH_RATIO * longer * (len(FIFTH_DIFFERENCE) - 1)
+                len(columns) < MIN_LINE_TO_DIFFERENCE_RATIO * longer * (len(FIFTH_DIFFERENCE) - 1)
                 or longer_scatter < MIN_SCATTER_GROWTH * scatter
             ):
                 break
             scatter = longer_scatter
-    explained = median(std**2 / steepness) if len(std) else 0.0
-    return steepness * max(scatter**2 - explained, 0.0)
+    explained = median(std**2 / column_variance_ratio) if len(std) else 0.0
+    return column_variance_ratio * max(scatter**2 - explained, 0.0)
 
 
-def block_excess_variance(
+def estimate_block_excess_variance(
     columns: IntArray, rows: FloatArray, std: FloatArray, block: int, first: int
 ) -> FloatArray:
-    """Estimate the variance (n,) of `excess_variance`, in px^2, by the means of blocks of columns.
+    """Estimate the variance (n,) of `estimate_excess_variance`, in px^2, by means over columns.
 
     The rounding of a JPEG image removes the noise of high frequencies and keeps that of low ones.
     Therefore the scatter of single columns underestimates the error of a fit, which is proportional
     to the scatter of block means times the square root of the columns in a block. A block
     has `block` columns; the first whole one begins with the column `first`.
     """
-    steepness = 1 + line_slopes(columns, rows) ** 2
+    column_variance_ratio = 1 + measure_line_slopes(columns, rows) ** 2
     index = columns + block - first
     width = (int(index.max()) // block + 1) * block if len(index) else 0
     line, scale = np.full((2, width), np.nan)
-    line[index], scale[index] = rows, np.sqrt(steepness)
+    line[index], scale[index] = rows, np.sqrt(column_variance_ratio)
     means, scales = (values.reshape(-1, block).mean(axis=1) for values in (line, scale))
-    scatter = _scatter(means, scales, FIFTH_DIFFERENCE, 1, MIN_BLOCK_SAMPLES)
-    explained = median(std**2 / steepness) if len(std) else 0.0
-    return steepness * max(block * scatter**2 - explained, 0.0)
+    scatter = _measure_scatter(means, scales, FIFTH_DIFFERENCE, 1, MIN_BLOCK_SAMPLES)
+    explained = median(std**2 / column_variance_ratio) if len(std) else 0.0
+    return column_variance_ratio * max(block * scatter**2 - explained, 0.0)
 
 
-def errors_are_correlated(columns: IntArray, rows: FloatArray) -> bool:
+def has_correlated_errors(columns: IntArray, rows: FloatArray) -> bool:
     """Return whether the errors of neighbouring columns of a line are correlated.
 
     They are where the scatter of its sub-pixel `rows` depends on the distance of the `columns`
@@ -184,43 +187,45 @@ def errors_are_correlated(columns: IntArray, rows: FloatArray) -> bool:
     in speckle. Not in read and shot noise, but for chance on lines of fewer than about 200 columns,
     and not if the line is too short to tell.
     """
-    scatters = _scatters(columns, rows)
+    scatters = _measure_scatters(columns, rows)
     return min(scatters, default=0.0) < MAX_CORRELATED_RATIO * max(scatters, default=0.0)
 
 
-def roughness(columns: IntArray, rows: FloatArray) -> float:
+def measure_roughness(columns: IntArray, rows: FloatArray) -> float:
     """Return the largest scatter of a line over the distances of its points. Units: px.
 
     `rows` (n,) are the sub-pixel rows in the `columns` in which the line was located. Where a line
     was located in two ways, the way with the smaller roughness is the better one.
     """
-    return max(_scatters(columns, rows), default=0.0)
+    return max(_measure_scatters(columns, rows), default=0.0)
 
 
-def _scatters(columns: IntArray, rows: FloatArray) -> list[float]:
-    """Return the scatter of a line at each of `COMPARED_LAGS` that it is long enough for, in px."""
+def _measure_scatters(columns: IntArray, rows: FloatArray) -> list[float]:
+    """Return the scatter (px) of a line at those `COMPARED_LAGS_PX` that it is long enough for."""
     line = np.full(int(columns.max()) + 1, np.nan)
     line[columns] = rows
     scale = np.ones_like(line)
-    differences = [_differences(line, scale, THIRD_DIFFERENCE, lag) for lag in COMPARED_LAGS]
+    differences = [
+        _compute_differences(line, scale, THIRD_DIFFERENCE, lag) for lag in COMPARED_LAGS_PX
+    ]
     return [mad_std(of_lag) for of_lag in differences if len(of_lag) >= MIN_SAMPLES]
 
 
-def line_slopes(columns: IntArray, rows: FloatArray) -> FloatArray:
+def measure_line_slopes(columns: IntArray, rows: FloatArray) -> FloatArray:
     """Return the absolute slope (n,) of a line at each point: the smaller one of the two sides.
 
     The smaller one is not affected by a jump beside the point. Rows per column; 0 for a point
-    without neighbours at a distance of `SLOPE_SPAN`.
+    without neighbours at a distance of `SLOPE_SPAN_PX`.
     """
     width = int(columns.max()) + 1 if len(columns) else 0
-    padded = np.full(width + 2 * SLOPE_SPAN, np.nan)
-    padded[columns + SLOPE_SPAN] = rows
-    ahead = np.abs(padded[columns + 2 * SLOPE_SPAN] - rows)
+    padded = np.full(width + 2 * SLOPE_SPAN_PX, np.nan)
+    padded[columns + SLOPE_SPAN_PX] = rows
+    ahead = np.abs(padded[columns + 2 * SLOPE_SPAN_PX] - rows)
     behind = np.abs(padded[columns] - rows)
-    return np.nan_to_num(np.fmin(ahead, behind)) / SLOPE_SPAN
+    return np.nan_to_num(np.fmin(ahead, behind)) / SLOPE_SPAN_PX
 
 
-def _scatter(
+def _measure_scatter(
     line: FloatArray,
     scale: FloatArray,
     weights: FloatArray,
@@ -229,13 +234,15 @@ def _scatter(
 ) -> float:
     """Return the robust std of a line along its normal, 0 from too few differences. Units: px.
 
-    Parameters are those of `_differences`.
+    Parameters are those of `_compute_differences`.
     """
-    differences = _differences(line, scale, weights, lag)
+    differences = _compute_differences(line, scale, weights, lag)
     return mad_std(differences) if len(differences) >= min_samples else 0.0
 
 
-def _differences(line: FloatArray, scale: FloatArray, weights: FloatArray, lag: int) -> FloatArray:
+def _compute_differences(
+    line: FloatArray, scale: FloatArray, weights: FloatArray, lag: int
+) -> FloatArray:
     """Return the differences (k,) of a line's points along its normal that are not NaN. Units: px.
 
     `line` holds the row in each column and `scale` its factor sqrt(1 + slope^2), NaN where lost;

@@ -24,7 +24,7 @@ MIN_EDGE_COST = 1e-9
 
 @dataclass(frozen=True, kw_only=True)
 class PathSettings:
-    """Costs and limits of the path along a laser line.
+    """Costs and limits of the path along a laser line; only ratios of the costs matter.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ class LinePath:
     cost_reduction: float
 
 
-def shortest_line_path(candidates: LineCandidates, settings: PathSettings) -> LinePath:
+def find_shortest_line_path(candidates: LineCandidates, settings: PathSettings) -> LinePath:
     """Find the path of lowest cost with at most one candidate in each column.
 
     It is empty where every segment costs more than empty columns. Nodes are the candidates and, for
@@ -101,14 +101,14 @@ def shortest_line_path(candidates: LineCandidates, settings: PathSettings) -> Li
     if not len(candidates):
         return LinePath(np.zeros(0, np.int64), 0.0)
     count, width = len(candidates), candidates.shape[1]
-    graph = _sparse_matrix(*_edges(candidates, settings), count + width + 1)
+    graph = _build_sparse_matrix(*_build_edges(candidates, settings), count + width + 1)
     costs, predecessors = dijkstra(graph, indices=count, return_predecessors=True)
     indices = _backtrack(predecessors.tolist(), count, width)
     cost_reduction = width * settings.empty_column_cost - float(costs[count + width])
     return LinePath(indices, cost_reduction)
 
 
-def _sparse_matrix(
+def _build_sparse_matrix(
     start: IntArray, stop: IntArray, cost: FloatArray, nodes: int
 ) -> "csr_array[np.float64]":
     """Return the matrix of the edges' costs; scipy's own checks and sorting take twice the time."""
@@ -122,7 +122,7 @@ def _sparse_matrix(
     return csr_array(entries, shape=(nodes, nodes))
 
 
-def _edges(
+def _build_edges(
     candidates: LineCandidates, settings: PathSettings
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Return start, stop and cost of each edge.
@@ -134,7 +134,7 @@ def _edges(
     candidate_costs = settings.empty_column_cost * (
         1 - np.minimum(candidates.scores / (settings.max_score_ratio * candidates.threshold), 1.0)
     )
-    first, second, link_costs = _links(candidates, candidate_costs, settings)
+    first, second, link_costs = _build_links(candidates, candidate_costs, settings)
     empty = count + np.arange(width)
     starts = [empty, empty[candidates.columns], np.arange(count), first]
     stops = [empty + 1, np.arange(count), count + candidates.columns + 1, second]
@@ -147,14 +147,16 @@ def _edges(
     return np.concatenate(starts), np.concatenate(stops), np.concatenate(costs)
 
 
-def _links(
+def _build_links(
     candidates: LineCandidates, candidate_costs: FloatArray, settings: PathSettings
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Return start, stop and cost of the edges between candidates that may be on the path.
 
     An edge over several columns is left out if the path may as well pass a candidate of the next
-    column: one `turn` rows off the straight line adds slope_cost * step / (step - 1) * turn^2 to
-    the cost, and saves part of that of an empty column.
+    column: that saves the cost of an empty column less the candidate's. A candidate `detour` rows
+    off the straight line of the edge adds slope_cost * step / (step - 1) * detour^2: its two parts
+    rise by rise / step + detour over one column and by the rest over step - 1 columns, and each
+    costs slope_cost times the square of its rise over its columns.
     """
     rows, empty_cost = candidates.rows, settings.empty_column_cost
     steps = range(1, settings.max_missing_columns + 2)
@@ -163,15 +165,15 @@ def _links(
     next_rise, saved = np.zeros((2, len(candidates)))
     links = []
     for step in steps:
-        first, second = _pairs(column_starts, candidates.columns + step)
+        first, second = _pair_candidates(column_starts, candidates.columns + step)
         rise = rows.take(second) - rows.take(first)
         near = np.flatnonzero(np.abs(rise) <= settings.max_row_step * step)
         first, second, rise = first.take(near), second.take(near), rise.take(near)
         if step > 1:
-            next_of_first = next_rise.take(first)
-            turn, onward = next_of_first - rise / step, rise - next_of_first
-            added = settings.slope_cost * step / (step - 1) * turn**2
-            needed = np.abs(onward) > settings.max_row_step * (step - 1)
+            first_rise = next_rise.take(first)
+            detour, remaining_rise = first_rise - rise / step, rise - first_rise
+            added = settings.slope_cost * step / (step - 1) * detour**2
+            needed = np.abs(remaining_rise) > settings.max_row_step * (step - 1)
             kept = np.flatnonzero((added >= saved.take(first)) | needed)
             first, second, rise = first.take(kept), second.take(kept), rise.take(kept)
         if step == 1:
@@ -182,7 +184,7 @@ def _links(
     return starts, stops, costs
 
 
-def _pairs(column_starts: IntArray, columns: IntArray) -> tuple[IntArray, IntArray]:
+def _pair_candidates(column_starts: IntArray, columns: IntArray) -> tuple[IntArray, IntArray]:
     """Return the pairs of each candidate with all candidates of the column given for it (n,)."""
     low = column_starts[columns]
     counts = column_starts[columns + 1] - low

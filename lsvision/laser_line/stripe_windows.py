@@ -20,7 +20,7 @@ used. On stripes of 1.2 to 12 times full scale, errors are 0.3 to 2.1 times the 
 HARD_EDGE_ALIAS = 0.41
 """The same where the light falls from full scale to the background from one pixel to the next, as
 in an image of two values: each end lies anywhere within a pixel, with an rms of 0.29."""
-HARD_EDGE_STEP = 0.95
+HARD_EDGE_STEP_FRACTION = 0.95
 """Largest step between two pixels over the height of the stripe above which its ends are so."""
 END_PIXELS = 2
 """Pixels at each end of a window whose mean is its background."""
@@ -55,7 +55,7 @@ class Windows:
         backgrounds: FloatArray = ends.mean(axis=1)
         return backgrounds
 
-    def clipping_std(self, sigma: float, steepness: FloatArray) -> FloatArray:
+    def compute_clipping_std(self, sigma: float, steepness: FloatArray) -> FloatArray:
         """Return the standard deviation of each position due to clipping at full scale (n,), in px.
 
         The two ends of the plateau lie anywhere within their pixels. `sigma` is that of the
@@ -69,7 +69,9 @@ class Windows:
             values = self.values.T.take(at, axis=1)  # as stored: whole rows are compared
             step = np.abs(np.diff(values, axis=0)).max(axis=0)
             height = values.max(axis=0) - self.backgrounds[at]
-            alias = np.where(step > HARD_EDGE_STEP * height, HARD_EDGE_ALIAS, CLIPPING_ALIAS)
+            alias = np.where(
+                step > HARD_EDGE_STEP_FRACTION * height, HARD_EDGE_ALIAS, CLIPPING_ALIAS
+            )
             end = clipped[at] / 2
             weight = end * np.exp(-0.5 * (end / sigma) ** 2)
             std[at] = alias * step * weight / steepness[at]
@@ -108,7 +110,7 @@ class Stripes:
         Standard deviation of v, predicted from read and shot noise and from clipping. Units: px.
     heights : (n,) ndarray
         Height above the background. Units: DN.
-    sigmas : (n,) ndarray
+    widths : (n,) ndarray
         Standard deviation of the Gaussian section down the column. Units: px.
     skew_shifts : (n,) ndarray
         Shift of v by a skewness of the section, over its third cumulant; NaN where it is that of
@@ -118,7 +120,7 @@ class Stripes:
     pixels: FloatArray
     std: FloatArray
     heights: FloatArray
-    sigmas: FloatArray
+    widths: FloatArray
     skew_shifts: FloatArray
 
     @property
@@ -152,7 +154,7 @@ def cut_windows(
     centre_rows = np.rint(rows).astype(np.int64)
     window_rows = np.clip(centre_rows + offsets[:, None], 0, signal.shape[0] - 1)
     if signal is image.signal:
-        values = image.signal_at(window_rows, columns)
+        values = image.read_signal(window_rows, columns)
     else:
         values = signal[window_rows, columns].astype(np.float64)
     raw = values if image.raw_channel is signal else image.raw_channel[window_rows, columns]

@@ -32,10 +32,10 @@ MIN_SIGMA_PX = 0.1
 the exponentials of a narrower filter overflow. Units: px."""
 WIDTH_RATIO_MARGIN = 1e-3
 """Margin from 0 and 1 of the ratio that gives a stripe's width, which would be infinite or 0."""
-TABULATED_WIDTHS = (0.3, 2.6, 50)
+TABULATED_WIDTH_RATIOS = (0.3, 2.6, 50)
 """Smallest and largest width of a stripe over sigma of the filter for which the part of its tails
 in the background is tabulated, and number of values."""
-MEDIAN_SPAN = 7
+MEDIAN_COLUMNS = 7
 """Number of neighbouring columns whose median width gives the correction for the tails; 15 columns
 would smooth the widths at steep ends of a line."""
 MAX_SHIFT_PX = 1.0
@@ -44,7 +44,7 @@ Units: px."""
 PADDED_RIDGE_SIGMAS = 2.5
 """Distance from the left and right border, in sigmas of the smoothing, below which the values
 substituted for the missing pixels shift a ridge."""
-PADDING_SIGMAS = 5.0
+MARGIN_SIGMAS = 5.0
 """Rows around the line that are smoothed, in sigmas of the smoothing."""
 
 
@@ -76,31 +76,43 @@ def locate_by_derivative(
     Newton's method on the continuous filter, so the result is not biased towards pixel centres, as
     by interpolation. Its variance is sum (x_k g(x_k))^2 var_k / F'^2. For a Gaussian stripe of
     sigma q the ratio -F' / sum I_k g is s^2 / (s^2 + q^2), which gives its width; of a wide one
-    the tails are part of the background, for which `_tail_factors` corrects.
+    the tails are part of the background, for which `_compute_tail_factors` corrects.
     """
     offsets, sigma = windows.offsets, max(sigma, MIN_SIGMA_PX)
     gaussian = np.exp(-0.5 * (offsets[:, None] / sigma) ** 2)
     weighted = (windows.values.T - windows.backgrounds) * gaussian
     initial = start - windows.centre_rows
     position = _find_zero_crossings(weighted, offsets, initial, sigma)
-    tilt = _tilt(offsets, position, sigma)
-    # The factor that `_tilt` leaves out.
+    shift_factors = _compute_shift_factors(offsets, position, sigma)
+    # The factor that `_compute_shift_factors` leaves out.
     scale = np.exp((offsets[0] - position / 2) * position / sigma**2)
-    mass, _, spread = _moments(weighted * tilt * scale, offsets, position)
-    slope = spread / sigma**2 - mass
+    filtered_light, _, second_moment = _compute_moments(
+        weighted * shift_factors * scale, offsets, position
+    )
+    slope = second_moment / sigma**2 - filtered_light
     near = np.abs(position - initial) < max(MAX_SHIFT_SIGMAS * sigma, MIN_SHIFT_LIMIT_PX)
-    located = (slope < 0) & (mass > 0) & near
-    steepness, mass = np.where(located, -slope, np.nan), np.where(located, mass, np.nan)
-    _, _, spread = _moments((gaussian * tilt) ** 2 * variances.T, offsets, position)
-    variance = spread * (scale / steepness) ** 2
-    width_ratio = np.clip(steepness / mass, WIDTH_RATIO_MARGIN, 1 - WIDTH_RATIO_MARGIN)
-    width_factor, light_factor = _tail_factors(width_ratio, offsets, sigma)
-    sigmas = sigma * np.sqrt(1 / width_ratio - 1) * width_factor
-    heights = light_factor * mass * np.hypot(sigma, sigmas) / (np.sqrt(2 * np.pi) * sigma * sigmas)
+    located = (slope < 0) & (filtered_light > 0) & near
+    steepness, filtered_light = (
+        np.where(located, -slope, np.nan),
+        np.where(located, filtered_light, np.nan),
+    )
+    _, _, second_moment = _compute_moments(
+        (gaussian * shift_factors) ** 2 * variances.T, offsets, position
+    )
+    variance = second_moment * (scale / steepness) ** 2
+    width_ratio = np.clip(steepness / filtered_light, WIDTH_RATIO_MARGIN, 1 - WIDTH_RATIO_MARGIN)
+    width_factor, light_factor = _compute_tail_factors(width_ratio, offsets, sigma)
+    widths = sigma * np.sqrt(1 / width_ratio - 1) * width_factor
+    heights = (
+        light_factor
+        * filtered_light
+        * np.hypot(sigma, widths)
+        / (np.sqrt(2 * np.pi) * sigma * widths)
+    )
     rows = np.where(located, windows.centre_rows + position, np.nan)
-    std = np.hypot(np.sqrt(variance), windows.clipping_std(sigma, steepness))
+    std = np.hypot(np.sqrt(variance), windows.compute_clipping_std(sigma, steepness))
     pixels = np.column_stack([windows.columns.astype(np.float64), rows])
-    return Stripes(pixels, std, heights, sigmas, np.full(len(std), np.nan))
+    return Stripes(pixels, std, heights, widths, np.full(len(std), np.nan))
 
 
 def _find_zero_crossings(
@@ -109,15 +121,15 @@ def _find_zero_crossings(
     """Return the zero crossings m (n,) of F by Newton's method; `weighted` is I_k g(k), (w, n)."""
     position = initial
     for _ in range(NEWTON_ITERATIONS):
-        weights = weighted * _tilt(offsets, position, sigma)
-        mass, moment, spread = _moments(weights, offsets, position)
-        slope = spread / sigma**2 - mass
-        step = moment / np.where(slope < 0, slope, -np.inf)
+        weights = weighted * _compute_shift_factors(offsets, position, sigma)
+        filtered_light, first_moment, second_moment = _compute_moments(weights, offsets, position)
+        slope = second_moment / sigma**2 - filtered_light
+        step = first_moment / np.where(slope < 0, slope, -np.inf)
         position = position - np.clip(step, -sigma, sigma)
     return position
 
 
-def _tail_factors(
+def _compute_tail_factors(
     width_ratio: FloatArray, offsets: IntArray, sigma: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return factors (n,) on width and filtered light that correct for tails in the background.
@@ -132,19 +144,19 @@ def _tail_factors(
 
     if len(offsets) <= 2 * END_PIXELS:  # the whole window is background
         return np.ones_like(width_ratio), np.ones_like(width_ratio)
-    ratios, width_factors, light_factors = _tabulated_factors(len(offsets) // 2, sigma)
+    ratios, width_factors, light_factors = _tabulate_tail_factors(len(offsets) // 2, sigma)
     found = np.isfinite(width_ratio)
     smooth = np.ones_like(width_ratio)
     if found.any():
-        smooth[found] = median_filter(width_ratio[found], MEDIAN_SPAN, mode="nearest")
+        smooth[found] = median_filter(width_ratio[found], MEDIAN_COLUMNS, mode="nearest")
     width_factor = np.interp(smooth, ratios, width_factors)
     return width_factor, np.interp(smooth, ratios, light_factors)
 
 
 @lru_cache
-def _tabulated_factors(half_width: int, sigma: float) -> tuple[FloatArray, ...]:
-    """Return ascending ratios of widths (k,) with the factors of `_tail_factors` for each."""
-    widths = sigma * np.linspace(*TABULATED_WIDTHS)
+def _tabulate_tail_factors(half_width: int, sigma: float) -> tuple[FloatArray, ...]:
+    """Return ascending ratios of widths (k,) with the factors of `_compute_tail_factors`."""
+    widths = sigma * np.linspace(*TABULATED_WIDTH_RATIOS)
     ends = np.arange(half_width - END_PIXELS + 1, half_width + 1)
     tails = np.exp(-0.5 * (ends[:, None] / widths) ** 2).mean(axis=0)
     kept = 1 - tails * np.hypot(sigma, widths) / widths
@@ -153,20 +165,20 @@ def _tabulated_factors(half_width: int, sigma: float) -> tuple[FloatArray, ...]:
     return ratios[::-1], (widths / apparent_widths)[::-1], 1 / kept[::-1]
 
 
-def _tilt(offsets: IntArray, position: FloatArray, sigma: float) -> FloatArray:
+def _compute_shift_factors(offsets: IntArray, position: FloatArray, sigma: float) -> FloatArray:
     """Return factors (w, n) that convert g(k) into g(k - m), up to one factor for each window.
 
     g(k - m) = g(k) exp(k m / s^2) exp(-m^2 / 2 s^2): powers of exp(m / s^2), here from the first
     pixel on, take a quarter of the time of exponentials.
     """
     factor = np.exp(position / sigma**2)
-    tilt = np.ones((len(offsets), len(position)))
-    for before, after in itertools.pairwise(tilt):
+    shift_factors = np.ones((len(offsets), len(position)))
+    for before, after in itertools.pairwise(shift_factors):
         np.multiply(before, factor, out=after)
-    return tilt
+    return shift_factors
 
 
-def _moments(
+def _compute_moments(
     weights: FloatArray, offsets: IntArray, position: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the sums (n,) over pixels of weights (w, n), of weights times x, and times x^2."""
@@ -208,7 +220,7 @@ def locate_by_steger(
     """
     coarse = np.where(start.found, start.pixels[:, 1], windows.centre_rows)
     rows = np.clip(np.rint(coarse), 0, len(image) - 1).astype(np.int64)
-    gradient, hessian = _derivatives(image, windows.columns, rows, sigma)
+    gradient, hessian = _compute_derivatives(image, windows.columns, rows, sigma)
     curvatures, eigenvectors = np.linalg.eigh(hessian)
     normals, curvature = eigenvectors[:, :, 0], curvatures[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -217,9 +229,9 @@ def locate_by_steger(
         variance = np.median(variances, axis=1) + 0.5 * variances.max(axis=1)
         std = np.sqrt(variance / (8 * math.pi * sigma**4)) / np.abs(curvature * normals[:, 1])
         # The expansion's own error on a Gaussian section: g / H = x / (1 - x^2 / (s^2 + q^2)).
-        offset *= 1 - offset**2 / (sigma**2 + start.sigmas**2)
+        offset *= 1 - offset**2 / (sigma**2 + start.widths**2)
     steepness = np.sqrt(2 * np.pi) * sigma**3 * np.abs(curvature)
-    std = np.hypot(std, windows.clipping_std(sigma, steepness))
+    std = np.hypot(std, windows.compute_clipping_std(sigma, steepness))
     shift = offset[:, None] * normals
     border_distance = np.minimum(windows.columns, image.shape[1] - 1 - windows.columns)
     good = (
@@ -233,19 +245,19 @@ def locate_by_steger(
         np.where(good[:, None], pixels, np.nan),
         np.where(good, std, np.nan),
         start.heights,
-        start.sigmas,
+        start.widths,
         start.skew_shifts,
     )
 
 
-def _derivatives(
+def _compute_derivatives(
     image: Image, columns: IntArray, rows: IntArray, sigma: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return the gradient (n, 2) and Hessian (n, 2, 2) of the smoothed image by u and v."""
     from scipy.ndimage import gaussian_filter
     from skimage.feature import hessian_matrix
 
-    margin = math.ceil(PADDING_SIGMAS * sigma)
+    margin = math.ceil(MARGIN_SIGMAS * sigma)
     low = max(int(rows.min()) - margin, 0)
     band = image[low : int(rows.max()) + margin + 1].astype(np.float64)
     at = rows - low, columns

@@ -21,8 +21,9 @@ from lsvision.errors import DegenerateGeometry, LsvisionError
 from lsvision.geometry import FloatArray, Plane, Points, Pose
 from lsvision.geometry.equality import ComparedByValue
 from lsvision.geometry.plane import find_section_pose
-from lsvision.laser_line.extraction import LaserLine, LineSettings, extract_laser_line
+from lsvision.laser_line.extraction import LineSettings, extract_laser_line
 from lsvision.laser_line.image_array import as_image
+from lsvision.laser_line.line import LaserLine
 from lsvision.laser_line.line_blur import correct_line_blur
 from lsvision.profile import PointNoise, Profile
 from lsvision.sensors.camera import Camera

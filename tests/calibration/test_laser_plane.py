@@ -13,7 +13,7 @@ from lsvision.calibration.laser_plane import (
     LaserPlaneSettings,
     fit_laser_plane,
 )
-from lsvision.calibration.laser_plane_checks import outside_warnings, pattern_fraction
+from lsvision.calibration.laser_plane_checks import list_outside_warnings, measure_pattern_fraction
 from lsvision.calibration.laser_plane_initial_guess import fit_plane
 from lsvision.calibration.views import ViewSources
 from lsvision.errors import CalibrationFailed, DegenerateGeometry
@@ -158,7 +158,7 @@ def views_of_small_pattern(columns, of):
         replace(view, points=view.points[corners], pixels=view.pixels[corners])
         for view in views_of(scene, 8)
     ]
-    assert pattern_fraction(views) == pytest.approx((columns - 1) / (of - 1), abs=0.03)
+    assert measure_pattern_fraction(views) == pytest.approx((columns - 1) / (of - 1), abs=0.03)
     return views
 
 
@@ -170,7 +170,9 @@ def test_bow_is_fitted_where_two_fifths_of_the_lines_are_on_the_pattern():
 
 def test_lines_of_which_a_fifth_is_on_the_pattern_cross_it():
     for columns, crosses in ((3, False), (4, True)):
-        assert bool(outside_warnings(views_of_small_pattern(columns, 13), margin=3.0)) != crosses
+        assert (
+            bool(list_outside_warnings(views_of_small_pattern(columns, 13), margin=3.0)) != crosses
+        )
 
 
 def test_bow_that_is_not_fitted_increases_the_line_residual():

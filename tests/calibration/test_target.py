@@ -23,7 +23,7 @@ from lsvision.calibration.target_files import (
     target_svg,
 )
 from lsvision.geometry import Pose
-from lsvision.laser_line.image_array import grey_image
+from lsvision.laser_line.image_array import convert_to_grey
 
 PRINTED = 0.05  # px: corners of a rendered board, seen straight on
 MACHINE = 1e-9
@@ -122,7 +122,7 @@ def test_16_bit_and_colour_images_give_the_same_points(scale):
 )
 def test_invalid_images_are_rejected(image, error, match):
     with pytest.raises(error, match=match):
-        grey_image(image)
+        convert_to_grey(image)
 
 
 def test_counts_of_a_target_must_be_whole_numbers():

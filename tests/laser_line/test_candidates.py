@@ -7,8 +7,8 @@ import pytest
 from lsvision.laser_line.candidates import (
     DETECTION_SIGMAS,
     NOISE_SAMPLE_STEP,
+    build_matched_kernel,
     find_line_candidates,
-    matched_kernel,
 )
 from lsvision.statistics.robust import MAD_TO_STD
 
@@ -26,7 +26,7 @@ def plateaus(rng, kind):
 
 def response_of(image):
     """Return the response of the matched filter, of 8-bit images rounded to 1 / 32 DN."""
-    kernel, along = matched_kernel(SIGMA).astype(np.float32), np.ones(1, np.float32)
+    kernel, along = build_matched_kernel(SIGMA).astype(np.float32), np.ones(1, np.float32)
     if image.dtype == np.uint8:
         return cv2.sepFilter2D(image, cv2.CV_16S, along, 32 * kernel) / 32
     return cv2.sepFilter2D(image, cv2.CV_32F, along, kernel)

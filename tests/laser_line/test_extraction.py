@@ -210,7 +210,7 @@ def test_the_noise_of_an_overexposed_image_is_that_of_its_other_pixels(rng):
     windows = cut_windows(image, image.signal, np.arange(1200), truth, 2.0)
     noise = estimate_pixel_noise(image, windows, 1 / 12)
     assert noise.gain == pytest.approx(0.05, rel=0.3)
-    assert noise.variances(np.array([30.0])) == pytest.approx(3.5, rel=0.25)
+    assert noise.compute_variances(np.array([30.0])) == pytest.approx(3.5, rel=0.25)
 
 
 def test_noise_given_by_the_settings_is_used():

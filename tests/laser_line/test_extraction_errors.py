@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from lsvision.errors import NoLaserLine
-from lsvision.laser_line.extraction import LaserLine, LineSettings, extract_laser_line
+from lsvision.laser_line.extraction import LineSettings, extract_laser_line
+from lsvision.laser_line.line import LaserLine
 from lsvision.simulate.image_effects import StrayLight
 from tests.laser_line.line_scenes import SMALL_RIG, nothing, plank, rendered
 

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from scipy.special import ive
 
-from lsvision.laser_line.extraction import LaserLine, LineSettings, extract_laser_line
-from lsvision.laser_line.line_blur import _continuous_runs, correct_line_blur
-from lsvision.laser_line.line_shape import WINDOW, compute_line_shape
+from lsvision.laser_line.extraction import LineSettings, extract_laser_line
+from lsvision.laser_line.line import LaserLine
+from lsvision.laser_line.line_blur import _find_continuous_runs, correct_line_blur
+from lsvision.laser_line.line_shape import POLYNOMIAL_COLUMNS, compute_line_shape
 from lsvision.laser_line.line_spread import estimate_line_spread
 from lsvision.measure import measure_cylinders
 from lsvision.sensors.camera import Camera
@@ -77,7 +78,7 @@ def test_only_pixels_change_and_lost_points_stay_lost():
 def test_runs_shorter_than_the_window_are_not_corrected():
     line = extract_laser_line(blurred_line().round().astype(np.uint8))
     pixels = line.pixels.copy()
-    pixels[:: WINDOW - 1] = np.nan
+    pixels[:: POLYNOMIAL_COLUMNS - 1] = np.nan
     pieces = replace(line, pixels=pixels)
     np.testing.assert_array_equal(correct_line_blur(pieces, BLUR).pixels, pixels)
 
@@ -136,7 +137,7 @@ def test_a_pipe_is_corrected_within_what_is_said(name, stated):
 def test_the_blur_is_known_from_the_widths(blur, roll):
     picture = Picture(psf=blur, wall=None, roll=roll)
     line = extract_laser_line(photograph(picture.light(), np.random.default_rng(5)))
-    (run,) = _continuous_runs(line.pixels[:, 1])
+    (run,) = _find_continuous_runs(line.pixels[:, 1])
     width = line.width[run]
     shape = compute_line_shape(
         line.pixels[run, 1], line.intensity[run] * width, line.std[run] / width
@@ -221,7 +222,7 @@ def test_a_blur_below_zero_is_rejected(blur):
 
 def test_points_far_from_edges_by_no_column_are_all_but_the_edges():
     shape = compute_line_shape(FLANK, BRIGHTNESS, np.full(len(U), 0.01))
-    assert (shape.far_from_edges(0) == ~shape.edge).all()
+    assert (shape.is_far_from_edges(0) == ~shape.edge).all()
 
 
 def blurred_ring(peak, radius=84.0, blur=1.2):

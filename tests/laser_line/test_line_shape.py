@@ -3,17 +3,19 @@
 import numpy as np
 import pytest
 
-from lsvision.laser_line.line_shape import WINDOW, compute_line_shape
+from lsvision.laser_line.line_shape import POLYNOMIAL_COLUMNS, compute_line_shape
 
 MAX_FALSE_EDGES = 0.015  # of ends in noise alone: 0.5 % seen, 5 % with half their std
 
 
 @pytest.mark.parametrize("distance", [0, 3, 6, 40])
 def test_a_run_shorter_than_the_distance_has_no_point_far_from_its_ends(distance):
-    shape = compute_line_shape(np.zeros(WINDOW), np.ones(WINDOW), np.full(WINDOW, 0.01))
-    far = np.arange(WINDOW)
-    far = (far >= distance) & (far < WINDOW - distance)
-    np.testing.assert_array_equal(shape.far_from_edges(distance), far)
+    shape = compute_line_shape(
+        np.zeros(POLYNOMIAL_COLUMNS), np.ones(POLYNOMIAL_COLUMNS), np.full(POLYNOMIAL_COLUMNS, 0.01)
+    )
+    far = np.arange(POLYNOMIAL_COLUMNS)
+    far = (far >= distance) & (far < POLYNOMIAL_COLUMNS - distance)
+    np.testing.assert_array_equal(shape.is_far_from_edges(distance), far)
 
 
 def test_noise_at_the_end_of_a_run_is_no_edge():

@@ -7,7 +7,11 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 
 from lsvision.laser_line.extraction import LineSettings, extract_laser_line
-from lsvision.laser_line.noise import errors_are_correlated, excess_variance, line_slopes
+from lsvision.laser_line.noise import (
+    estimate_excess_variance,
+    has_correlated_errors,
+    measure_line_slopes,
+)
 from lsvision.simulate.scene import Scene
 from lsvision.simulate.solids import Tube
 from tests.laser_line.line_scenes import STAND_OFF, rendered
@@ -20,7 +24,7 @@ RADIUS = 235.0  # px; a pipe of 47 mm half filling the image
 
 
 def std_of(rows, std=0.01, columns=COLUMNS):
-    return np.sqrt(excess_variance(columns, rows, np.full(len(rows), std)))
+    return np.sqrt(estimate_excess_variance(columns, rows, np.full(len(rows), std)))
 
 
 def test_the_excess_variance_is_that_of_white_noise_minus_the_predicted_one(rng):
@@ -54,13 +58,13 @@ def test_the_excess_variance_along_columns_grows_with_the_slope(rng):
 
 def test_the_slope_beside_a_jump_is_that_of_the_line():
     rows = np.where(np.arange(60) < 30, 0.5 * np.arange(60), 200.0)
-    slopes = line_slopes(np.arange(60), rows)
+    slopes = measure_line_slopes(np.arange(60), rows)
     np.testing.assert_allclose(slopes[:30], 0.5)
     np.testing.assert_allclose(slopes[30:], 0.0)
 
 
 def test_a_single_point_has_slope_zero_and_a_short_line_no_excess_variance():
-    assert line_slopes(np.array([7]), np.array([3.0])) == 0
+    assert measure_line_slopes(np.array([7]), np.array([3.0])) == 0
     assert (std_of(np.array([3.0, 8.0, 1.0]), columns=np.arange(3)) == 0).all()
     assert std_of(np.empty(0), columns=np.empty(0, dtype=int)).shape == (0,)
 
@@ -81,9 +85,9 @@ def test_the_std_on_a_pipe_is_valid_from_crown_to_flank(looks):
 
 def test_the_errors_of_a_short_line_are_not_called_correlated(rng):
     """45 columns are too few for the differences of points 6 columns apart."""
-    correlated = [errors_are_correlated(COLUMNS[:45], rng.normal(size=45)) for _ in range(50)]
+    correlated = [has_correlated_errors(COLUMNS[:45], rng.normal(size=45)) for _ in range(50)]
     assert sum(correlated) < 25  # by chance; all of them where the missing scatter counted as 0
-    assert not errors_are_correlated(COLUMNS[:20], rng.normal(size=20))
+    assert not has_correlated_errors(COLUMNS[:20], rng.normal(size=20))
 
 
 def test_the_noise_of_a_float_image_does_not_depend_on_its_full_scale(rng):

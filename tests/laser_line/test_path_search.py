@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lsvision.laser_line.candidates import LineCandidates
-from lsvision.laser_line.path_search import PathSettings, shortest_line_path
+from lsvision.laser_line.path_search import PathSettings, find_shortest_line_path
 
 SETTINGS = PathSettings(restart_cost=3.0)
 THRESHOLD, HEIGHT = 10.0, 60
@@ -71,7 +71,7 @@ def cost_of(candidates, path):
 @pytest.mark.parametrize("seed", range(20))
 def test_no_path_costs_less(seed):
     candidates = random_candidates(seed)
-    found = shortest_line_path(candidates, SETTINGS)
+    found = find_shortest_line_path(candidates, SETTINGS)
     empty = candidates.shape[1] * SETTINGS.empty_column_cost
     assert len(found.indices) > 10
     assert empty - found.cost_reduction == pytest.approx(least_cost(candidates), abs=1e-6)
@@ -83,7 +83,7 @@ def test_a_candidate_that_leads_nowhere_does_not_stand_for_the_edge_over_it():
     climb = np.minimum(25.0 + 4.0 * np.arange(29), 45.0)
     rows = np.concatenate([np.full(30, 20.0), [20.5], climb])
     candidates = LineCandidates(np.arange(60), rows, np.full(60, 20.0), THRESHOLD, (HEIGHT, 60))
-    path = shortest_line_path(candidates, PathSettings(restart_cost=3.0, slope_cost=0.02))
+    path = find_shortest_line_path(candidates, PathSettings(restart_cost=3.0, slope_cost=0.02))
     np.testing.assert_array_equal(path.indices, np.delete(np.arange(60), 30))
 
 
