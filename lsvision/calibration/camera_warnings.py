@@ -56,7 +56,7 @@ def _view_warnings(count: int, tilt: float) -> list[str]:
     return warnings
 
 
-def covered_cells(size: tuple[int, int], views: Sequence[TargetView]) -> BoolArray:
+def find_covered_cells(size: tuple[int, int], views: Sequence[TargetView]) -> BoolArray:
     """Return the mask of the image's cells that contain a corner, top row first.
 
     Its shape is (CELLS_PER_SIDE, CELLS_PER_SIDE).
@@ -70,7 +70,7 @@ def covered_cells(size: tuple[int, int], views: Sequence[TargetView]) -> BoolArr
 
 def _coverage_warnings(camera: Camera, views: Sequence[TargetView]) -> list[str]:
     """Return a warning if the corners cover too little of the image."""
-    covered = float(covered_cells(camera.size, views).mean())
+    covered = float(find_covered_cells(camera.size, views).mean())
     if covered >= RECOMMENDED_COVERAGE:
         return []
     return [

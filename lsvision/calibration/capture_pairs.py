@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.calibration.board_pose import DEFAULT_FOCAL_RATIO, guess_camera_from_board
-from lsvision.calibration.camera_warnings import CELLS_PER_SIDE, covered_cells
+from lsvision.calibration.camera_warnings import CELLS_PER_SIDE, find_covered_cells
 from lsvision.calibration.laser_line_on_board import LineOnBoardSettings, find_laser_view
 from lsvision.calibration.lens_blur import estimate_blur_from_views
 from lsvision.calibration.target import (
@@ -260,7 +260,7 @@ def rough_camera(size: tuple[int, int]) -> Camera:
 
 def _empty_areas(views: Sequence[TargetView]) -> list[str]:
     """Return the corners, sides and the middle of the image without any corner of a board."""
-    covered = covered_cells(views[0].size, views)
+    covered = find_covered_cells(views[0].size, views)
     # Blocks of cells along a side: the first cell, all between, and the last cell.
     blocks = np.array([0, *[1] * (CELLS_PER_SIDE - 2), 2])
     return [

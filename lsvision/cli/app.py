@@ -12,7 +12,7 @@ import typer
 from typer.core import TyperGroup
 from typer.main import get_group
 
-from lsvision.cli.messages import FAILED, internal_error, plain_usage_message, print_error
+from lsvision.cli.messages import FAILED, describe_internal_error, format_usage_message, print_error
 from lsvision.errors import LsvisionError
 from lsvision.files.limited_reading import size_limit
 from lsvision.files.printable import printable
@@ -73,7 +73,7 @@ class _OneLineErrors(TyperGroup):
         except _USAGE_ERROR as error:
             # A group of commands without a command raises its help, of several lines, as an error.
             if error.ctx is None or error.message != error.ctx.get_help():
-                error.message = printable(plain_usage_message(error))
+                error.message = printable(format_usage_message(error))
             raise
         except LsvisionError as error:
             print_error(str(error), debug=ctx.params["debug"])
@@ -181,5 +181,5 @@ def main() -> None:
     try:
         app(prog_name="lsvision")
     except Exception as error:  # noqa: BLE001 - a bug is reported in one line, too
-        print_error(internal_error(error), debug="--debug" in sys.argv)
+        print_error(describe_internal_error(error), debug="--debug" in sys.argv)
         sys.exit(FAILED)

@@ -14,7 +14,7 @@ from lsvision.cli.measure_options import build_measure_function
 from lsvision.cli.messages import (
     FAILED,
     StatusLine,
-    duration_text,
+    format_duration,
     print_error,
     print_lines,
     print_notes,
@@ -251,7 +251,8 @@ class _Report(StatusLine):
         seconds = max(time.monotonic() - self._start, 1e-3)
         self.write(
             f"{self._total - left}/{self._total} files, {format_count(self._profiles, 'profile')}, "
-            f"{self._profiles / seconds:.0f}/s, {duration_text(seconds / self._files * left)} left"
+            f"{self._profiles / seconds:.0f}/s, "
+            f"{format_duration(seconds / self._files * left)} left"
         )
 
     def print_notes(self) -> None:

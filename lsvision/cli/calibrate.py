@@ -13,19 +13,19 @@ from lsvision.cli.calibrate_inputs import (
     LineOptions,
     Report,
     add_file_names_to_errors,
-    image_files,
+    find_image_files,
+    format_value_lines,
+    format_warning_lines,
     read_images,
-    value_lines,
-    warning_lines,
 )
 from lsvision.cli.messages import print_lines
-from lsvision.cli.option_groups import command_group, expand_option_groups
+from lsvision.cli.option_groups import build_command_group, expand_option_groups
 from lsvision.cli.outputs import check_outputs
 from lsvision.cli.target_options import TargetOptions
 from lsvision.errors import UnreadableFile
 from lsvision.files.printable import printable
 
-calibrate = command_group(
+calibrate = build_command_group(
     "calibrate", "Camera, laser plane and sensor to robot; each with its uncertainty and a report."
 )
 calibrate.add_typer(hand_eye)
@@ -112,7 +112,7 @@ def camera(
         --out camera.json --ros-yaml camera.yaml --report camera.html
     """  # noqa: D301 - the backspace makes click keep the line breaks
     board = target_options.parse()
-    files = image_files(images)
+    files = find_image_files(images)
     check_outputs((out, ros_yaml, report), files)
     from lsvision.calibration.intrinsics import CameraSettings, calibrate_camera
     from lsvision.io.calibration import build_provenance, write_calibration
@@ -129,21 +129,21 @@ def camera(
         photos = read_images(files)
         calibration = calibrate_camera(photos, board, settings)
     rows = camera_rows(calibration)
-    warnings = warning_lines(names, calibration)
+    warnings = format_warning_lines(names, calibration)
     provenance = build_provenance(f"{len(calibration.views)} views of {board}", files)
     if report is not None:
-        from lsvision.draw.calibration_report import ReportContent, camera_page
+        from lsvision.draw.calibration_report import ReportContent, render_camera_page
         from lsvision.files.atomic_files import write_atomic
 
         content = ReportContent(rows, warnings, names, provenance, photos)
-        write_atomic(report, camera_page(calibration, content))
+        write_atomic(report, render_camera_page(calibration, content))
     write_calibration(out, calibration, provenance)
     if ros_yaml is not None:
         write_camera_yaml(ros_yaml, calibration.camera)
     width, height = calibration.camera.size
     source = f"{len(calibration.views)} of {len(files)} images"
     heading = f"{out}: camera of {width} x {height} px from {source}"
-    print_lines([heading, *value_lines(rows), *warnings])
+    print_lines([heading, *format_value_lines(rows), *warnings])
 
 
 @calibrate.command("laser-plane")
@@ -194,13 +194,13 @@ def laser_plane(
         --laser red --bayer RGGB --out rig.json
     """  # noqa: D301 - the backspace makes click keep the line breaks
     board = target_options.parse()
-    board_files, line_files = _image_pairs(boards, lines)
+    board_files, line_files = _find_image_pairs(boards, lines)
     files = [camera_file, *board_files, *line_files]
     check_outputs((out, details, report), files)
     from dataclasses import replace
 
     from lsvision.calibration.laser_plane import LaserPlaneSettings, calibrate_laser_plane
-    from lsvision.draw.calibration_report import ReportContent, laser_plane_page
+    from lsvision.draw.calibration_report import ReportContent, render_laser_plane_page
     from lsvision.draw.view_photos import combine_photos
     from lsvision.files.atomic_files import write_atomic
     from lsvision.io.calibration import build_provenance, write_calibration
@@ -220,26 +220,26 @@ def laser_plane(
         f"laser line on {board} in {len(calibration.views)} poses", dict.fromkeys(files)
     )
     rows = laser_plane_rows(calibration)
-    warnings = warning_lines(names, calibration)
+    warnings = format_warning_lines(names, calibration)
     if report is not None:
         combined_photos = [
             combine_photos(*pair, line_options.pattern)
             for pair in zip(board_images, line_images, strict=True)
         ]
         content = ReportContent(rows, warnings, names, provenance, combined_photos)
-        write_atomic(report, laser_plane_page(calibration, board.points, content))
+        write_atomic(report, render_laser_plane_page(calibration, board.points, content))
     replace(calibration.light_section, provenance=provenance).save(out)
     if details is not None:
         write_calibration(details, calibration, provenance)
     source = f"{len(calibration.views)} of {len(names)} poses of the board"
-    print_lines([f"{out}: laser plane from {source}", *value_lines(rows), *warnings])
+    print_lines([f"{out}: laser plane from {source}", *format_value_lines(rows), *warnings])
 
 
-def _image_pairs(
+def _find_image_pairs(
     board_names: Sequence[str], line_names: Sequence[str]
 ) -> tuple[list[Path], list[Path]]:
     """Return the files of board and line images; raise an error unless there is one for each."""
-    boards, lines = image_files(board_names), image_files(line_names)
+    boards, lines = find_image_files(board_names), find_image_files(line_names)
     if len(boards) != len(lines):
         raise UnreadableFile(
             f"expected a line image for each of {len(boards)} board images ({boards[0].name} to "

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from lsvision.cli.calibrate_inputs import add_file_names_to_errors, image_files
+from lsvision.cli.calibrate_inputs import add_file_names_to_errors, find_image_files
 from lsvision.cli.hand_eye_boards import find_boards
 from lsvision.cli.hand_eye_command import (
     HandEyeOptions,
@@ -17,13 +17,13 @@ from lsvision.cli.hand_eye_command import (
     calibrate_from_profiles,
     report_hand_eye,
 )
-from lsvision.cli.option_groups import command_group, expand_option_groups
+from lsvision.cli.option_groups import build_command_group, expand_option_groups
 from lsvision.cli.profile_options import ReadingOptions
 from lsvision.cli.robot_options import RobotOptions, parse_convention, parse_pose_file
 from lsvision.cli.target_options import TargetOptions
 from lsvision.files.printable import printable
 
-hand_eye = command_group(
+hand_eye = build_command_group(
     "hand-eye", "Pose of the sensor on the robot, from a sphere, a plane or a board."
 )
 
@@ -113,7 +113,7 @@ def board(
         --convention fanuc --out hand_eye.json
     """  # noqa: D301 - the backspace makes click keep the line breaks
     target = target_options.parse()
-    files = image_files(images)
+    files = find_image_files(images)
     from lsvision.io.robot_poses import find_pose_files
 
     inputs = [*find_pose_files(options.poses), camera, *files]

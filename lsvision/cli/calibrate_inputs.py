@@ -86,13 +86,13 @@ class LineOptions:
         return LineOnBoardSettings(extraction=extraction, margin=self.margin)
 
 
-def image_files(names: Sequence[str]) -> list[Path]:
+def find_image_files(names: Sequence[str]) -> list[Path]:
     """Return the image files of names, folders and patterns; print and exit if one has none."""
     return _find(names, IMAGE_SUFFIXES)
 
 
-def profile_files(names: Sequence[str], dx: float | None) -> list[Path]:
-    """Return the profile files, as `image_files` does; with ``--dx`` also height maps."""
+def find_profile_files(names: Sequence[str], dx: float | None) -> list[Path]:
+    """Return the profile files, as `find_image_files` does; with ``--dx`` also height maps."""
     return _find(names, suffixes_of_profiles(dx))
 
 
@@ -168,12 +168,12 @@ def _find(names: Sequence[str], suffixes: frozenset[str]) -> list[Path]:
     return files
 
 
-def value_lines(rows: Sequence[Row]) -> list[str]:
+def format_value_lines(rows: Sequence[Row]) -> list[str]:
     """Return names and values as lines, with the unit after each value."""
     return text_table([(name, f"{value} {unit}") for name, value, unit in rows], left=2)
 
 
-def warning_lines(
+def format_warning_lines(
     names: Sequence[str], calibration: "CameraCalibration | LaserPlaneCalibration"
 ) -> list[str]:
     """Return lines on rejected views, outliers and warnings, with the names of the images."""

@@ -42,13 +42,13 @@ def demo(
     from lsvision.cli.outputs import Pictures
 
     profile, picture = _write_profile(out), out / "profile.png"
-    typer.echo(f"$ lsvision measure {_quote(profile)} --plot {_quote(picture)}")
+    typer.echo(f"$ lsvision measure {_quote_for_shell(profile)} --plot {_quote_for_shell(picture)}")
     pictures = Pictures(picture, several=False)
     options = PartOptions(measure_function=build_measure_function())
     failed = measure_sources([profile], RunOptions(part=options, pictures=pictures))
     if failed:
         raise typer.Exit(FAILED)
-    typer.echo("\n".join(_next_lines(profile, picture)))
+    typer.echo("\n".join(_format_next_lines(profile, picture)))
     if show:
         typer.launch(str(picture))
 
@@ -82,10 +82,10 @@ def _write_profile(folder: Path) -> Path:
     return profile
 
 
-def _next_lines(profile: Path, picture: Path) -> list[str]:
+def _format_next_lines(profile: Path, picture: Path) -> list[str]:
     """Return the printed text: where the picture is, and commands to try next."""
     commands = [
-        (f"lsvision measure {arguments.format(profile=_quote(profile))}", purpose)
+        (f"lsvision measure {arguments.format(profile=_quote_for_shell(profile))}", purpose)
         for arguments, purpose in NEXT_COMMANDS
     ]
     commands.append(("lsvision --help", "scans, camera images, calibration, robots"))
@@ -98,7 +98,7 @@ def _next_lines(profile: Path, picture: Path) -> list[str]:
     ]
 
 
-def _quote(path: Path) -> str:
+def _quote_for_shell(path: Path) -> str:
     """Return a path as it is typed in a shell."""
     import shlex
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from lsvision.profile import Profile
     from lsvision.sensors.profile_sensor import ProfileSensor
 
-RANGE_WARNING_FACTOR = 3.0
+MAX_RANGE_RATIO = 3.0
 """Ratio of the distance of a profile to the largest range of the sensor, or of the smallest range
 to this distance, above which a warning is given."""
 
@@ -102,7 +102,7 @@ def read_parts(source: Path | LiveCamera, options: PartOptions) -> Iterator[File
     # The source is a path here; converting it only tells the type checker so.
     for part in iterate_source(Path(str(source)), options.reading):
         several = part.first > 0 or len(part.file.profiles) > 1
-        header = _header(options, part.file, part.first)
+        header = _build_header(options, part.file, part.first)
         yield FilePart(part.file, part.first, several=several, header=header)
 
 
@@ -111,7 +111,7 @@ def read_whole(source: Path | LiveCamera, options: PartOptions) -> FilePart:
     if is_image_source(source, options):
         return _read_images(source, options)
     file = read_source(Path(str(source)), options.reading)
-    return FilePart(file, several=len(file.profiles) > 1, header=_header(options, file))
+    return FilePart(file, several=len(file.profiles) > 1, header=_build_header(options, file))
 
 
 def is_image_source(source: Path | LiveCamera, options: PartOptions) -> bool:
@@ -122,13 +122,15 @@ def is_image_source(source: Path | LiveCamera, options: PartOptions) -> bool:
 def _read_images(source: Path | LiveCamera, options: PartOptions) -> FilePart:
     """Return the profiles of an image, a video or a camera as one part."""
     images = read_image_source(source, options.imaging)
-    return FilePart(images, several=len(images.profiles) > 1, header=_header(options, images))
+    return FilePart(images, several=len(images.profiles) > 1, header=_build_header(options, images))
 
 
-def _header(options: PartOptions, file: "ProfileFile | ImageFile", first: int = 0) -> list[str]:
+def _build_header(
+    options: PartOptions, file: "ProfileFile | ImageFile", first: int = 0
+) -> list[str]:
     """Return the lines above the results: a summary of the file or part, and notes."""
     valid = (profile for profile in file.profiles if profile.lost < len(profile))
-    warnings = filter(None, (_range_warning(profile, options.sensor) for profile in valid))
+    warnings = filter(None, (_find_range_warning(profile, options.sensor) for profile in valid))
     # One warning for all profiles: those of others differ only in the distance that they state.
     notes = [*file.notes, *islice(warnings, 1)]
     if options.verbose and not isinstance(file, ImageFile) and file.ignored:
@@ -137,7 +139,7 @@ def _header(options: PartOptions, file: "ProfileFile | ImageFile", first: int = 
     return [f"{name}: {file.summary}", *(f"  note: {note}" for note in notes)]
 
 
-def _range_warning(profile: "Profile", sensor: "ProfileSensor | None") -> str | None:
+def _find_range_warning(profile: "Profile", sensor: "ProfileSensor | None") -> str | None:
     """Return a warning if the profile lies far outside the sensor's range; None without a sensor.
 
     The profile has at least one point. The noise grows with the distance from the sensor, and is
@@ -148,11 +150,7 @@ def _range_warning(profile: "Profile", sensor: "ProfileSensor | None") -> str | 
     import numpy as np
 
     distance = float(np.nanmedian(np.hypot(*(profile.points - sensor.origin).T)))
-    if (
-        sensor.min_range / RANGE_WARNING_FACTOR
-        <= distance
-        <= sensor.max_range * RANGE_WARNING_FACTOR
-    ):
+    if sensor.min_range / MAX_RANGE_RATIO <= distance <= sensor.max_range * MAX_RANGE_RATIO:
         return None
     return (
         f"the points lie {distance:.0f} mm from the sensor's origin, and its noise is stated for "

@@ -79,7 +79,7 @@ class DetectedBoards:
         turns = pattern_turns(target)
         if not turns:
             return self
-        mount_poses = [_mount_pose(flange, mounting) for flange in flanges]
+        mount_poses = [_compute_mount_pose(flange, mounting) for flange in flanges]
         turned = turn_boards(self.poses, mount_poses, turns)
         turned_from_original = [
             camera_from_turned.inverse() @ camera_from_original
@@ -113,7 +113,7 @@ class DetectedBoards:
         assert isinstance(calibration.target, Pose)
         corners = []
         for view, flange in zip(self.views, flanges, strict=True):
-            mount_pose = _mount_pose(flange, calibration.mounting)
+            mount_pose = _compute_mount_pose(flange, calibration.mounting)
             # In the frame in which the board does not move, as `calibration.target`.
             camera_pose = mount_pose @ calibration.mount_from_sensor
             camera_from_board = camera_pose.inverse() @ calibration.target
@@ -193,7 +193,7 @@ def _detect_boards(
     return detections, left_out
 
 
-def _mount_pose(flange: "Pose", mounting: "Mounting") -> "Pose":
+def _compute_mount_pose(flange: "Pose", mounting: "Mounting") -> "Pose":
     """Return the pose of the camera's mount in the frame in which the board does not move.
 
     Eye in hand: ``base_from_flange``; eye to hand: its inverse, ``flange_from_base``.

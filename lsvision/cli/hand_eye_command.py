@@ -11,9 +11,9 @@ import typer
 from lsvision.cli.calibrate_inputs import (
     Report,
     add_file_names_to_errors,
-    profile_files,
+    find_profile_files,
+    format_value_lines,
     read_named_profiles,
-    value_lines,
 )
 from lsvision.cli.hand_eye_boards import ReportData
 from lsvision.cli.messages import print_lines
@@ -230,7 +230,7 @@ def calibrate_from_profiles(
     from lsvision.io.robot_poses import find_pose_files
 
     read_options = reading.parse()
-    files = profile_files(sources, reading.dx)
+    files = find_profile_files(sources, reading.dx)
     inputs = [*find_pose_files(options.poses), *files]
     options.check_files(inputs, plan.plan_out)
     profiles, names = read_named_profiles(files, read_options)
@@ -266,26 +266,28 @@ def report_hand_eye(
     warnings += [f"warning: {text}" for text in (*hand_eye.warnings, *report_data.warnings)]
     used = len(names) - len(hand_eye.rejected)
     origin = "samples" if convention is None else f"{convention} poses"
-    method = f"{_target_kind(hand_eye)}, {options.mounting}, {origin}"
+    method = f"{_find_target_kind(hand_eye)}, {options.mounting}, {origin}"
     provenance = build_provenance(method, dict.fromkeys(inputs))
     if options.report is not None:
-        from lsvision.draw.calibration_report import ReportContent, hand_eye_page
+        from lsvision.draw.calibration_report import ReportContent, render_hand_eye_page
         from lsvision.files.atomic_files import write_atomic
 
         page = ReportContent(rows, warnings, names, provenance, report_data.images)
-        write_atomic(options.report, hand_eye_page(hand_eye, flanges, page, report_data.corners))
+        write_atomic(
+            options.report, render_hand_eye_page(hand_eye, flanges, page, report_data.corners)
+        )
     hand_eye.save(options.out, provenance)
     if options.easy_handeye is not None:
         robot, sensor = options.frame_names
         export_easy_handeye(hand_eye, options.easy_handeye, robot_frame=robot, sensor_frame=sensor)
     heading = f"{options.out}: sensor to robot from {used} of {len(names)} poses"
     table = text_table(
-        [("pose", "residual mm", "leave-one-out mm", ""), *_pose_rows(hand_eye, names)], left=1
+        [("pose", "residual mm", "leave-one-out mm", ""), *_list_pose_rows(hand_eye, names)], left=1
     )
-    print_lines([heading, *value_lines(rows), "", *table, *warnings])
+    print_lines([heading, *format_value_lines(rows), "", *table, *warnings])
 
 
-def _target_kind(hand_eye: "HandEye") -> str:
+def _find_target_kind(hand_eye: "HandEye") -> str:
     """Return the kind of the calibration's target: sphere, plane or board."""
     from lsvision.geometry import Pose
 
@@ -344,7 +346,7 @@ def _report_pose_plan(plan: "PosePlan", out: Path | None) -> None:
         typer.echo(f"{out}: base_from_flange as 4x4 rows, best first; check each for collisions")
 
 
-def _pose_rows(hand_eye: "HandEye", names: Sequence[str]) -> list[tuple[str, str, str, str]]:
+def _list_pose_rows(hand_eye: "HandEye", names: Sequence[str]) -> list[tuple[str, str, str, str]]:
     """Return for each pose: name, residual and leave-one-out residual (mm), whether left out."""
     left_out = {pose.index for pose in hand_eye.rejected}
     return [

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from lsvision.profile import Profile
     from lsvision.sensors.light_section import LightSection
 
-MAX_SECOND_LINE_FRACTION = 0.2
+MIN_NOTED_SECOND_LINE_FRACTION = 0.2
 """Fraction of columns with a second line above which a note is printed."""
-MAX_SATURATED_FRACTION = 0.2
+MIN_NOTED_SATURATED_FRACTION = 0.2
 """Fraction of saturated points of the line above which a note is printed."""
 MAX_GREY_DIFFERENCE = 4
 """Largest difference of a pixel's channels in a grey video, by the rounding of its codec: 2 in
@@ -219,16 +219,23 @@ def _read_profiles(
     failure: NoLaserLine | None = None
     for number, image in enumerate(images):
         try:
-            with _prefix_errors(f"{source}, frame {number}" if number else str(source), remedies):
+            with _add_prefix_to_errors(
+                f"{source}, frame {number}" if number else str(source), remedies
+            ):
                 measured.append(_measure_image(image, imaging, remedies))
         except NoLaserLine as error:
             failure = failure or error
-            measured.append((_empty_profile(imaging), image if imaging.keep_images else None, None))
+            measured.append(
+                (_build_empty_profile(imaging), image if imaging.keep_images else None, None)
+            )
     lines = [line for _, _, line in measured if line is not None]
     if failure is not None and not lines:
         raise failure
     profiles, kept_images, _ = zip(*measured, strict=True)
-    summary, notes = _summary(lines, len(measured)), tuple(_warnings(lines, len(measured)))
+    summary, notes = (
+        _summarise_lines(lines, len(measured)),
+        tuple(_list_warnings(lines, len(measured))),
+    )
     return ImageFile(
         path=source, profiles=profiles, images=kept_images, summary=summary, notes=notes
     )
@@ -246,13 +253,13 @@ def extract_named_line(
     """
     from lsvision.laser_line.extraction import extract_laser_line
 
-    with _prefix_errors(str(source), OPTIONS):
+    with _add_prefix_to_errors(str(source), OPTIONS):
         check_colours(image, settings.channel, bayer=settings.bayer)
         return extract_laser_line(image, settings, laser_off)
 
 
 @contextmanager
-def _prefix_errors(where: str, remedies: ImageRemedies) -> Iterator[None]:
+def _add_prefix_to_errors(where: str, remedies: ImageRemedies) -> Iterator[None]:
     """Prefix errors with the name of a file, and replace remedies by those of the command."""
     try:
         yield
@@ -289,7 +296,7 @@ def _with_surface_noise(profile: "Profile", surface_std: float) -> "Profile":
     return Profile(profile.points, PointNoise(covariances))
 
 
-def _empty_profile(imaging: ImagingOptions) -> "Profile":
+def _build_empty_profile(imaging: ImagingOptions) -> "Profile":
     """Return a profile of lost points only, one per image column, for a frame without a line."""
     import numpy as np
 
@@ -298,7 +305,7 @@ def _empty_profile(imaging: ImagingOptions) -> "Profile":
     return Profile(np.full((imaging.light_section.camera.size[0], 2), np.nan))
 
 
-def _summary(lines: "list[LaserLine]", frames: int) -> str:
+def _summarise_lines(lines: "list[LaserLine]", frames: int) -> str:
     """Return frames, direction, lost points and median std (px) of the laser lines as text."""
     import numpy as np
 
@@ -308,7 +315,7 @@ def _summary(lines: "list[LaserLine]", frames: int) -> str:
     return f"{source}, line along {lines[0].direction}, {lost} of {total} points lost, {std:.2g} px"
 
 
-def _warnings(lines: "list[LaserLine]", frames: int) -> "list[str]":
+def _list_warnings(lines: "list[LaserLine]", frames: int) -> "list[str]":
     """Return notes on frames without a line, a second line and saturated points."""
     import numpy as np
 
@@ -316,12 +323,12 @@ def _warnings(lines: "list[LaserLine]", frames: int) -> "list[str]":
     if len(lines) < frames:
         notes.append(f"{frames - len(lines)} of {frames} frames contain no laser line")
     second_fraction = max(line.second_line_fraction for line in lines)
-    if second_fraction > MAX_SECOND_LINE_FRACTION:
+    if second_fraction > MIN_NOTED_SECOND_LINE_FRACTION:
         notes.append(
             f"a second line runs through {second_fraction:.0%} of the image: lsvision line --plot "
             "shows which one is measured; --laser-off removes lines that are not the laser's"
         )
     saturated = float(np.mean([line.saturated.mean() for line in lines]))
-    if saturated > MAX_SATURATED_FRACTION:
+    if saturated > MIN_NOTED_SATURATED_FRACTION:
         notes.append(f"{saturated:.0%} of the line is at full scale: shorten the exposure")
     return notes

@@ -103,7 +103,7 @@ def inspect(
     has_rig = job.rig.light_section is not None
     suffixes = MEASURED_SUFFIXES if has_rig else suffixes_of_profiles(reading.dx)
     groups, missing = _group_files(files, suffixes, is_scan=job.scan is not None)
-    inputs = [job_file, *_files_of_rig(job, job_file.parent)]
+    inputs = [job_file, *_list_rig_files(job, job_file.parent)]
     inputs += [source for _, sources in groups for source in sources]
     check_outputs((parquet, report), inputs, streams=(json_file, csv_file))
     _print_notes_on_job(job, job_file)
@@ -124,7 +124,7 @@ def inspect(
     _inspect_all(run, groups, blocked, outputs, to_stderr=STDOUT in (json_file, csv_file))
 
 
-def _files_of_rig(job: "Job", folder: Path) -> list[Path]:
+def _list_rig_files(job: "Job", folder: Path) -> list[Path]:
     """Return the files that [rig] of a job names, relative to its folder."""
     rig = job.rig
     files = [folder / name for name in filter(None, (rig.light_section, rig.flange_from_section))]
@@ -195,10 +195,10 @@ class _Run:
             return
         profiles = [profile for file in files for profile in file.profiles]
         require_points_of_scan(profiles, sources)
-        poses, calibration = self._poses(len(profiles))
+        poses, calibration = self._read_poses(len(profiles))
         yield name, 0, measure_scan_of_job(profiles, poses, self.job, calibration)
 
-    def _poses(self, count: int) -> "tuple[list[Pose], Any]":
+    def _read_poses(self, count: int) -> "tuple[list[Pose], Any]":
         """Return `count` poses of a scan's sections, and the hand-eye calibration or None.
 
         The keys of the job are checked like the options of ``lsvision scan``.
@@ -208,7 +208,12 @@ class _Run:
         LsvisionError
             If a key is missing or invalid, or a file cannot be used.
         """
-        from lsvision.cli.robot_options import Robot, RobotOptions, parse_motion, scan_poses
+        from lsvision.cli.robot_options import (
+            RobotMotion,
+            RobotOptions,
+            build_scan_poses,
+            parse_motion,
+        )
 
         rig, scan = self.job.rig, self.job.scan
         names = (rig.poses, rig.flange_from_section)
@@ -223,8 +228,8 @@ class _Run:
         except typer.BadParameter as error:
             message = _replace_options_by_keys(str(error))
             raise LsvisionError(f"{self.path}: [scan] and [rig]: {message}") from None
-        calibration = motion.calibration if isinstance(motion, Robot) else None
-        return scan_poses(motion, count), calibration
+        calibration = motion.calibration if isinstance(motion, RobotMotion) else None
+        return build_scan_poses(motion, count), calibration
 
 
 def _replace_options_by_keys(message: str) -> str:
@@ -282,7 +287,7 @@ def _inspect_all(
     try:
         for judged in _judge_all(run, groups, blocked):
             outputs.add(judged)  # first: a closed pipe must not lose a verdict in the files
-            print_lines(_verdict_lines(judged), err=to_stderr)
+            print_lines(_format_verdict_lines(judged), err=to_stderr)
     except KeyboardInterrupt:
         message = f"interrupted: {format_count(len(outputs.judged), 'measurement')} judged"
         run.failures.append(message)
@@ -328,7 +333,7 @@ def _judge_measurement(
     return JudgedMeasurement(printable_name(source), index, measurement, verdict, remedies)
 
 
-def _verdict_lines(judged: "JudgedMeasurement") -> list[str]:
+def _format_verdict_lines(judged: "JudgedMeasurement") -> list[str]:
     """Return the printed lines of a verdict."""
     name = judged.source if judged.profile == 0 else f"{judged.source}, profile {judged.profile}"
     decision = str(judged.verdict.decision)

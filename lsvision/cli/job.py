@@ -9,12 +9,14 @@ from typing import Annotated
 import typer
 
 from lsvision.cli.messages import FAILED, print_error, print_lines
-from lsvision.cli.option_groups import command_group, expand_option_groups
+from lsvision.cli.option_groups import build_command_group, expand_option_groups
 from lsvision.cli.outputs import check_outputs, write_output
 from lsvision.cli.profile_options import Radius, ReadingOptions
 from lsvision.files.file_kinds import STDOUT
 
-job = command_group("job", "Make and check a job file: the parts to measure and their limits.")
+job = build_command_group(
+    "job", "Make and check a job file: the parts to measure and their limits."
+)
 
 JobFile = Annotated[Path, typer.Argument(metavar="JOB.toml", help="The job file.")]
 

@@ -54,7 +54,7 @@ def line(
     inputs = [image_file, *filter(None, [laser_off])]
     check_outputs((plot,), inputs, streams=(csv_file,))
     from lsvision.cli.image_sources import extract_named_line
-    from lsvision.draw import draw_laser_line, line_summary
+    from lsvision.draw import draw_laser_line, summarise_line
     from lsvision.draw.figures import write_figure
     from lsvision.io.images import read_image
     from lsvision.io.laser_lines import line_csv
@@ -66,6 +66,6 @@ def line(
     )
     if csv_file is not None:
         write_output(csv_file, line_csv(laser_line))
-    print_lines([f"{image_file}: {line_summary(laser_line)}"], err=csv_file == STDOUT)
+    print_lines([f"{image_file}: {summarise_line(laser_line)}"], err=csv_file == STDOUT)
     if plot is not None:
         write_figure(plot, draw_laser_line(image, laser_line, title=printable(str(image_file))))

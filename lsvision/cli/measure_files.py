@@ -11,7 +11,7 @@ from lsvision.cli.file_part import FilePart, PartOptions, read_parts, read_whole
 from lsvision.cli.image_sources import ImageFile, LiveCamera, is_image
 from lsvision.cli.messages import Progress, print_error, print_lines
 from lsvision.cli.outputs import Pictures
-from lsvision.cli.part_results import MeasureTask, PartResult, error_text, measure_task
+from lsvision.cli.part_results import MeasureTask, PartResult, format_error, measure_task
 from lsvision.files.file_kinds import is_regular
 
 if TYPE_CHECKING:
@@ -195,7 +195,7 @@ def _tasks_of_file(
             for task_part in part.split(task_size):
                 yield MeasureTask(number, (source,), task_part, profiles_read)
     except Exception as error:  # noqa: BLE001 - a bug in one file must not stop the run
-        yield MeasureTask(number, (source,), error=error_text(source, error, run.part))
+        yield MeasureTask(number, (source,), error=format_error(source, error, run.part))
 
 
 def _with_pictures(part: FilePart, pictures: Pictures | None) -> FilePart:

@@ -21,7 +21,7 @@ def parse_search_range(text: str | None) -> float | tuple[float, float] | None:
         return None
     low, high = _parse_pair(text, "--radius 19 or --radius 10:40")
     if low <= 0 or (high is not None and not low < high):
-        raise _usage_error(f"expected --radius above 0 mm, min:max, got {text!r}")
+        raise _build_usage_error(f"expected --radius above 0 mm, min:max, got {text!r}")
     return low if high is None else (low, high)
 
 
@@ -31,7 +31,7 @@ def parse_known_radius(text: str | None) -> float | tuple[float, float] | None:
         return None
     radius, std = _parse_pair(text, "--known-radius 19 or --known-radius 19:0.05")
     if radius <= 0 or (std is not None and std <= 0):
-        raise _usage_error(f"expected --known-radius and its sigma above 0 mm, got {text!r}")
+        raise _build_usage_error(f"expected --known-radius and its sigma above 0 mm, got {text!r}")
     return radius if std is None else (radius, std)
 
 
@@ -41,7 +41,7 @@ def parse_known_phi(text: str | None) -> float | tuple[float, float] | None:
         return None
     phi_deg, std_deg = _parse_pair(text, "--known-phi-deg 0 or --known-phi-deg 0:2", "deg")
     if not 0 <= phi_deg < 90 or (std_deg is not None and std_deg <= 0):
-        raise _usage_error(
+        raise _build_usage_error(
             f"expected --known-phi-deg from 0 to below 90 deg and its sigma above 0, got {text!r}"
         )
     phi = math.radians(phi_deg)
@@ -58,11 +58,11 @@ def _parse_pair(text: str, expected: str, unit: str = "mm") -> tuple[float, floa
     except ValueError:
         numbers = []
     if len(numbers) not in (1, 2) or not all(map(math.isfinite, numbers)):
-        raise _usage_error(f"expected {expected} in {unit}, got {text!r}")
+        raise _build_usage_error(f"expected {expected} in {unit}, got {text!r}")
     return numbers[0], numbers[1] if len(numbers) == 2 else None
 
 
-def _usage_error(message: str) -> Exception:
+def _build_usage_error(message: str) -> Exception:
     import typer
 
     return typer.BadParameter(message)
@@ -91,12 +91,12 @@ def build_measure_function(
     search_range, known = parse_search_range(radius), parse_known_radius(known_radius)
     known_phi = parse_known_phi(known_phi_deg)
     if paper and (sensor is not None or known_phi is not None):
-        raise _usage_error(
+        raise _build_usage_error(
             "expected --paper, or --sensor, --range-std or --known-phi-deg, got both: the paper's "
             "pipeline uses neither the noise nor a known tilt"
         )
     if paper and search_range is not None and known is not None:
-        raise _usage_error(
+        raise _build_usage_error(
             "expected --paper with --radius or --known-radius, got both: the paper's pipeline only "
             "searches in a range"
         )

@@ -53,20 +53,20 @@ def print_notes(names_by_note: Mapping[str, Sequence[object]]) -> None:
         print_lines([f"{names[0]}{more}: note: {note}"], err=True)
 
 
-def internal_error(error: Exception) -> str:
+def describe_internal_error(error: Exception) -> str:
     """Return the message of an unexpected exception, a bug."""
     reason = " ".join(str(error).split()) or "no message"
     return f"internal error, {type(error).__name__}: {reason} (--debug shows where; please report)"
 
 
-def plain_usage_message(error: Any) -> str:
+def format_usage_message(error: Any) -> str:
     """Return the message of a usage error of click, with what was expected and what was given.
 
     Where pydantic has rejected the value of an option, both are in the cause of the error only.
     """
     details = getattr(error.__cause__, "errors", None)
     if details is None:
-        return str(error.message) + _measure_hint(str(error.message))
+        return str(error.message) + _suggest_measure_command(str(error.message))
     detail = details()[0]
     bounds = [
         f"{bound} {detail['ctx'][key]:g}"
@@ -78,7 +78,7 @@ def plain_usage_message(error: Any) -> str:
     return f"expected {expected}, got {detail['input']!r}" if expected else str(error.message)
 
 
-def _measure_hint(message: str) -> str:
+def _suggest_measure_command(message: str) -> str:
     """Return a sentence with the command that measures a file, if it was given as a command."""
     match = re.search(r"^No such command '(.+)'\.$", message)
     if match is None or not exists(match[1]):
@@ -125,21 +125,21 @@ class Progress(StatusLine):
         profiles = f", profile {part} of {parts}" if parts > 1 else ""
         self.write(
             f"[{'#' * int(BAR_WIDTH * fraction):.<{BAR_WIDTH}}] {done}/{self._total}{profiles}"
-            f"{_time_left(time.monotonic() - self._start, fraction)} {printable(name)}"
+            f"{_format_time_left(time.monotonic() - self._start, fraction)} {printable(name)}"
         )
 
 
-def _time_left(elapsed_s: float, fraction: float) -> str:
+def _format_time_left(elapsed_s: float, fraction: float) -> str:
     """Return the estimated remaining time as text; "" in the first second, and at the end.
 
     `fraction` of the work was done in the elapsed time.
     """
     if not 0 < fraction < 1 or elapsed_s < 1:
         return ""
-    return f", {duration_text(elapsed_s * (1 - fraction) / fraction)} left"
+    return f", {format_duration(elapsed_s * (1 - fraction) / fraction)} left"
 
 
-def duration_text(seconds: float) -> str:
+def format_duration(seconds: float) -> str:
     """Return a duration as text: ``3 min 05 s`` or ``2 h 07 min``."""
     minutes, seconds_left = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)

@@ -32,17 +32,17 @@ def expand_option_groups(command: Callable[..., None]) -> Callable[..., None]:
     options: list[inspect.Parameter] = []
     for name, parameter in signature.parameters.items():
         keyword = parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY)
-        options += _options_of(groups[name]) if name in groups else [keyword]
+        options += _list_options(groups[name]) if name in groups else [keyword]
     run.__signature__ = signature.replace(parameters=options)  # type: ignore[attr-defined] # read by inspect.signature
     return run
 
 
-def command_group(name: str, summary: str) -> typer.Typer:
+def build_command_group(name: str, summary: str) -> typer.Typer:
     """Return a group of commands; without a command it prints its help."""
     return typer.Typer(name=name, no_args_is_help=True, rich_markup_mode=None, help=summary)
 
 
-def _options_of(group: Any) -> list[inspect.Parameter]:
+def _list_options(group: Any) -> list[inspect.Parameter]:
     """Return a keyword parameter for each field of a dataclass."""
     hints = get_type_hints(group, include_extras=True)
     return [

@@ -57,7 +57,7 @@ def check_outputs(
         if output in command_files:
             raise typer.BadParameter(
                 f"expected different files, got {printable(str(output))}: it is also "
-                f"{command_files.role(output)}"
+                f"{command_files.find_role(output)}"
             )
         command_files.add(output, "an output")
         problem = _find_write_problem(Path(true_path(output)))
@@ -73,15 +73,15 @@ class CommandFiles:
         self._roles: dict[Hashable, str] = {}
 
     def __contains__(self, path: Path) -> bool:
-        return any(key in self._roles for key in _identities(path))
+        return any(key in self._roles for key in _find_identities(path))
 
-    def role(self, path: Path) -> str:
+    def find_role(self, path: Path) -> str:
         """Return the role of a file that was added, under this name or another one."""
-        return next(self._roles[key] for key in _identities(path) if key in self._roles)
+        return next(self._roles[key] for key in _find_identities(path) if key in self._roles)
 
     def add(self, path: Path, role: str) -> None:
         """Add a file with its role, such as "an input"."""
-        self._roles.update(dict.fromkeys(_identities(path), role))
+        self._roles.update(dict.fromkeys(_find_identities(path), role))
 
 
 def write_output(path: Path, content: str) -> None:
@@ -145,7 +145,7 @@ def _shorten(stem: str) -> str:
     return printable(stem).encode()[:MAX_STEM_BYTES].decode("utf-8", "ignore")
 
 
-def _identities(path: Path) -> list[Hashable]:
+def _find_identities(path: Path) -> list[Hashable]:
     """Return keys that are equal for two names of one file: real path, device and inode."""
     keys: list[Hashable] = [true_path(path)]
     status = read_file_status(path)

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 
 from lsvision.cli.file_part import FilePart, PartOptions, read_parts
 from lsvision.cli.image_sources import ImageFile, LiveCamera
-from lsvision.cli.messages import internal_error
-from lsvision.cli.robot_frame import robot_frame_table
+from lsvision.cli.messages import describe_internal_error
+from lsvision.cli.robot_frame import format_robot_frame_table
 from lsvision.errors import LsvisionError
 from lsvision.files.limited_reading import size_limit
 from lsvision.files.printable import printable, printable_name
@@ -52,7 +52,7 @@ def measure_files(options: PartOptions, sources: Sequence[Path]) -> list[PartRes
         try:
             parts[source] = list(read_parts(source, options))
         except Exception as error:  # noqa: BLE001 - a bug in one file must not stop the run
-            errors[source] = error_text(source, error, options)
+            errors[source] = format_error(source, error, options)
     all_parts = [part for file_parts in parts.values() for part in file_parts]
     results = iter(_measure_parts(options, all_parts))
     return [
@@ -71,10 +71,10 @@ def _measure_parts(options: PartOptions, parts: Sequence[FilePart]) -> list[Part
     from lsvision.batch.measure_group import measure_group
     from lsvision.ellipse.section import precompute_intervals
 
-    profiles = [profile for part in parts for _, profile in _valid_profiles(part)]
+    profiles = [profile for part in parts for _, profile in _select_valid_profiles(part)]
     results = iter(measure_group(options.measure_function, profiles))
     measured = [
-        _complete_part(options, part, [next(results) for _ in _valid_profiles(part)])
+        _complete_part(options, part, [next(results) for _ in _select_valid_profiles(part)])
         for part in parts
     ]
     measurements = [section.measurement for sections, _ in measured for section in sections]
@@ -87,7 +87,7 @@ def _measure_parts(options: PartOptions, parts: Sequence[FilePart]) -> list[Part
     ]
 
 
-def _valid_profiles(part: FilePart) -> "list[tuple[int, Profile]]":
+def _select_valid_profiles(part: FilePart) -> "list[tuple[int, Profile]]":
     """Return the indices in the part of the profiles with a valid point, and these profiles."""
     return [pair for pair in enumerate(part.file.profiles) if pair[1].lost < len(pair[1])]
 
@@ -99,10 +99,10 @@ def _complete_part(
     try:
         sections = [
             _complete_section(options, part, index, result)
-            for (index, _), result in zip(_valid_profiles(part), results, strict=True)
+            for (index, _), result in zip(_select_valid_profiles(part), results, strict=True)
         ]
     except Exception as error:  # noqa: BLE001 - a bug in one file must not stop the run
-        return [], PartResult(errors=[error_text(part.file.path, error, options)])
+        return [], PartResult(errors=[format_error(part.file.path, error, options)])
     return sections, None
 
 
@@ -111,10 +111,10 @@ def _build_result(options: PartOptions, part: FilePart, sections: "list[_Section
     try:
         lines = [*part.header]
         for section in sections:
-            lines += _section_lines(options, part, section)
-        records = _records(part, sections)
+            lines += _format_section_lines(options, part, section)
+        records = _build_records(part, sections)
     except Exception as error:  # noqa: BLE001 - a bug in one file must not stop the run
-        return PartResult(errors=[error_text(part.file.path, error, options)])
+        return PartResult(errors=[format_error(part.file.path, error, options)])
     return PartResult(lines, records, _draw(options, part, sections))
 
 
@@ -127,7 +127,7 @@ def _join_results(results: Sequence[PartResult]) -> PartResult:
     )
 
 
-def error_text(source: Path | LiveCamera, error: Exception, options: PartOptions) -> str:
+def format_error(source: Path | LiveCamera, error: Exception, options: PartOptions) -> str:
     """Return the message of an exception that a file caused, after printing its traceback.
 
     The traceback is printed with ``--debug`` only.
@@ -138,7 +138,7 @@ def error_text(source: Path | LiveCamera, error: Exception, options: PartOptions
         return str(error)
     if isinstance(error, MemoryError):
         return f"{source}: out of memory: split the file, or use a machine with more memory"
-    return f"{source}: {internal_error(error)}"
+    return f"{source}: {describe_internal_error(error)}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,10 +172,12 @@ def _complete_section(
         and not isinstance(part.file, ImageFile)
         and holds_cylinders_upside_down(options.measure_function, profile)
     ):
-        way, option = ("towards", "--no-flip") if part.file.flipped else ("away from", "--flip")
+        direction, option = (
+            ("towards", "--no-flip") if part.file.flipped else ("away from", "--flip")
+        )
         flip_hint = (
             "cylinders are found with the sensor on the other side: if heights grow "
-            f"{way} the sensor, use {option}"
+            f"{direction} the sensor, use {option}"
         )
     if options.robot_frame is not None:
         flange = None if part.flanges is None else part.flanges[index]
@@ -183,20 +185,22 @@ def _complete_section(
     return _Section(index, profile, measurement, flip_hint, placed)
 
 
-def _section_lines(options: PartOptions, part: FilePart, section: _Section) -> list[str]:
+def _format_section_lines(options: PartOptions, part: FilePart, section: _Section) -> list[str]:
     """Return the printed table of a profile, with its number if the file has several."""
-    text_lines = measurement_lines(section.measurement, section.profile, verbose=options.verbose)
+    text_lines = format_measurement_lines(
+        section.measurement, section.profile, verbose=options.verbose
+    )
     if part.several:
-        head = f"{_item_name(part.file)} {part.first + section.index}:"
+        head = f"{_name_item(part.file)} {part.first + section.index}:"
         if section.measurement.cylinders:
             text_lines = [head, *text_lines]
         else:
             text_lines = [f"{head} {text_lines[0]}", *text_lines[1:]]
-    lines = [f"  {line}" for line in (*text_lines, *robot_frame_table(section.placed or ()))]
+    lines = [f"  {line}" for line in (*text_lines, *format_robot_frame_table(section.placed or ()))]
     return [*lines, f"  {section.flip_hint}"] if section.flip_hint else lines
 
 
-def _records(part: FilePart, sections: Sequence[_Section]) -> "list[Record]":
+def _build_records(part: FilePart, sections: Sequence[_Section]) -> "list[Record]":
     """Return records of all profiles, also of those without valid points."""
     from lsvision.io.results import input_record, measurement_record
     from lsvision.measure import Measurement
@@ -229,7 +233,7 @@ def _draw(options: PartOptions, part: FilePart, sections: Sequence[_Section]) ->
         try:
             _draw_section(options, part, section, part.pictures[section.index])
         except Exception as error:  # noqa: BLE001 - the results are kept if a picture fails
-            errors.append(error_text(part.file.path, error, options))
+            errors.append(format_error(part.file.path, error, options))
     return errors
 
 
@@ -240,7 +244,7 @@ def _draw_section(options: PartOptions, part: FilePart, section: _Section, path:
 
     title = printable(str(part.file.path))
     if part.several:
-        title += f", {_item_name(part.file)} {part.first + section.index}"
+        title += f", {_name_item(part.file)} {part.first + section.index}"
     if isinstance(part.file, ImageFile) and options.imaging is not None:
         image, rig = part.file.images[section.index], options.imaging.light_section
         figure = draw_overlay(image, rig, section.profile, section.measurement, title=title)
@@ -249,12 +253,12 @@ def _draw_section(options: PartOptions, part: FilePart, section: _Section, path:
     write_figure(path, figure)
 
 
-def _item_name(file: "ProfileFile | ImageFile") -> str:
+def _name_item(file: "ProfileFile | ImageFile") -> str:
     """Return what an item of a file is called in the output."""
     return "frame" if isinstance(file, ImageFile) else "profile"
 
 
-def measurement_lines(
+def format_measurement_lines(
     measurement: "Measurement", profile: "Profile", *, verbose: bool
 ) -> list[str]:
     """Return the lines of a profile's table, or why there is no cylinder, and the rejected arcs.
@@ -274,16 +278,16 @@ def measurement_lines(
         more = f" ({rejected}: -v lists them)" if len(rejections) > 1 and not verbose else ""
         lines = [f"no cylinder found: {reason}{more}"]
     if verbose:
-        lines += _correlation_notes(measurement.cylinders)
+        lines += _list_correlation_notes(measurement.cylinders)
     if verbose and rejections:
         lines += [
             f"{rejected}:",
-            *(_rejection_line(rejection, profile) for rejection in rejections),
+            *(_format_rejection_line(rejection, profile) for rejection in rejections),
         ]
     return lines
 
 
-def _correlation_notes(cylinders: Sequence["CylinderSection"]) -> list[str]:
+def _list_correlation_notes(cylinders: Sequence["CylinderSection"]) -> list[str]:
     """Return a note for each cylinder whose intervals are wider for correlated residuals."""
     return [
         f"  {number}: residuals correlated over {cylinder.residual_correlation:.1f} points along "
@@ -293,7 +297,7 @@ def _correlation_notes(cylinders: Sequence["CylinderSection"]) -> list[str]:
     ]
 
 
-def _rejection_line(rejection: "Rejection", profile: "Profile") -> str:
+def _format_rejection_line(rejection: "Rejection", profile: "Profile") -> str:
     """Return the indices of a rejected arc's points, its range of x and the reason as one line."""
     arc = rejection.arc
     x = arc.of(profile)[:, 0]

@@ -110,7 +110,9 @@ class RobotFrame:
         return [place_section(section, mount, flange) for section in sections]
 
 
-def robot_frame_table(placed: "Sequence[tuple[PlacedCylinder, PlacedCylinder]]") -> list[str]:
+def format_robot_frame_table(
+    placed: "Sequence[tuple[PlacedCylinder, PlacedCylinder]]",
+) -> list[str]:
     """Return the lines of a table with both possible axes of each cylinder; none without any."""
     if not placed:
         return []

@@ -117,7 +117,7 @@ def parse_convention(name: str | None, option: str = "--convention") -> str:
 
 
 @dataclass(frozen=True)
-class Encoder:
+class EncoderMotion:
     """Motion along an encoder axis: ``--feed`` and ``--step``.
 
     The direction is a unit vector in the section frame; the step, in mm, from one profile to the
@@ -129,7 +129,7 @@ class Encoder:
 
 
 @dataclass(frozen=True)
-class Robot:
+class RobotMotion:
     """Motion by a robot: ``--poses`` with ``--convention``, and ``--flange-from-section``.
 
     Poses are those of the flange, or, without a calibration, of the section frame.
@@ -139,7 +139,9 @@ class Robot:
     calibration: "HandEye | None"
 
 
-def parse_motion(feed: str | None, step: float | None, robot: RobotOptions) -> Encoder | Robot:
+def parse_motion(
+    feed: str | None, step: float | None, robot: RobotOptions
+) -> EncoderMotion | RobotMotion:
     """Return the motion that the options describe.
 
     Raises
@@ -153,7 +155,7 @@ def parse_motion(feed: str | None, step: float | None, robot: RobotOptions) -> E
         raise typer.BadParameter("expected --feed with --step, or --poses, got both")
     pose_file, hand_eye = parse_pose_file(robot), robot.flange_from_section
     if pose_file is not None:
-        return Robot(pose_file, None if hand_eye is None else read_calibration(hand_eye))
+        return RobotMotion(pose_file, None if hand_eye is None else read_calibration(hand_eye))
     if hand_eye is not None:
         raise typer.BadParameter("expected --poses with --flange-from-section, got none")
     if feed is None or step is None:
@@ -165,10 +167,10 @@ def parse_motion(feed: str | None, step: float | None, robot: RobotOptions) -> E
         raise typer.BadParameter(
             f"expected --step in mm other than 0, at most {MAX_STEP_MM:g}, got {step:g}"
         )
-    return Encoder(_parse_direction(feed), step)
+    return EncoderMotion(_parse_direction(feed), step)
 
 
-def scan_poses(motion: Encoder | Robot, count: int) -> "list[Pose]":
+def build_scan_poses(motion: EncoderMotion | RobotMotion, count: int) -> "list[Pose]":
     """Return ``base_from_section`` of each of `count` profiles.
 
     Raises
@@ -176,7 +178,7 @@ def scan_poses(motion: Encoder | Robot, count: int) -> "list[Pose]":
     LsvisionError
         If a file cannot be read, or there are not as many poses as profiles.
     """
-    if isinstance(motion, Encoder):
+    if isinstance(motion, EncoderMotion):
         from lsvision.io.robot_poses import encoder_poses
 
         return encoder_poses(count, motion.direction, motion.step)
@@ -186,9 +188,9 @@ def scan_poses(motion: Encoder | Robot, count: int) -> "list[Pose]":
     return [flange @ motion.calibration.flange_from_section for flange in flanges]
 
 
-def motion_uncertainty_caption(motion: Encoder | Robot) -> str:
+def format_motion_uncertainty_caption(motion: EncoderMotion | RobotMotion) -> str:
     """Return a caption: which errors the standard deviations of the table include."""
-    if isinstance(motion, Encoder):
+    if isinstance(motion, EncoderMotion):
         return "one sigma"
     return format_uncertainty_caption(calibrated=motion.calibration is not None, in_base=True)
 

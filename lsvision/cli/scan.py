@@ -21,12 +21,12 @@ from lsvision.cli.profile_options import (
     Verbose,
 )
 from lsvision.cli.robot_options import (
-    Encoder,
-    Robot,
+    EncoderMotion,
+    RobotMotion,
     RobotOptions,
-    motion_uncertainty_caption,
+    build_scan_poses,
+    format_motion_uncertainty_caption,
     parse_motion,
-    scan_poses,
 )
 from lsvision.cli.sources import (
     find_sources,
@@ -137,7 +137,7 @@ def scan(
     from lsvision.scan import fit_sections_jointly
 
     profiles, names, records = _read_all(sources, options)
-    base_from_sections = scan_poses(motion, len(profiles))
+    base_from_sections = build_scan_poses(motion, len(profiles))
     pose_errors = _build_pose_errors(pose_std, feed_std_deg, motion, base_from_sections)
     measurements = _measure_all(profiles, names, search, known, noise)
     scan_result = fit_sections_jointly(
@@ -146,18 +146,26 @@ def scan(
     )  # fmt: skip
     shapes = _measure_shapes(scan_result)
     _write_tables(scan_result, shapes, (names, records), base_from_sections, (json_file, csv_file))
-    lines = _scan_lines(scan_result, shapes, motion_uncertainty_caption(motion), verbose=verbose)
+    lines = _format_scan_lines(
+        scan_result, shapes, format_motion_uncertainty_caption(motion), verbose=verbose
+    )
     print_lines(lines, err=STDOUT in (json_file, csv_file))
-    points = _points_in_base(profiles, base_from_sections)
+    points = _transform_points_to_base(profiles, base_from_sections)
     if plot is not None:
-        _draw(plot, scan_result, points, title=" ".join(files), of_robot=isinstance(motion, Robot))
+        _draw(
+            plot,
+            scan_result,
+            points,
+            title=" ".join(files),
+            of_robot=isinstance(motion, RobotMotion),
+        )
     _write_clouds(scan_result, points, points_ply, surfaces_ply)
 
 
 def _build_pose_errors(
     pose_std: float,
     feed_std_deg: float,
-    motion: Encoder | Robot,
+    motion: EncoderMotion | RobotMotion,
     base_from_sections: "Sequence[Pose]",
 ) -> "PoseErrors":
     """Return the errors of the poses, from the options (mm, deg) and the hand-eye file."""
@@ -167,7 +175,7 @@ def _build_pose_errors(
     errors = PoseErrors(
         pose_std=pose_std,
         feed_std=math.radians(feed_std_deg),
-        calibration=motion.calibration if isinstance(motion, Robot) else None,
+        calibration=motion.calibration if isinstance(motion, RobotMotion) else None,
     )
     try:
         require_feed(base_from_sections, errors)
@@ -230,7 +238,7 @@ def _measure_shapes(scan_result: "ScanMeasurement") -> "list[TubeShape | None]":
     return shapes
 
 
-def _points_in_base(
+def _transform_points_to_base(
     profiles: "Sequence[Profile]", base_from_sections: "Sequence[Pose]"
 ) -> "Points":
     """Return all measured points in the base frame, without lost ones. Units: mm."""
@@ -300,7 +308,7 @@ def _write_clouds(
         write_ply(surfaces_ply, *colour_surfaces(scan_result))
 
 
-def _scan_lines(
+def _format_scan_lines(
     scan: "ScanMeasurement",
     shapes: "Sequence[TubeShape | None]",
     caption: str,
@@ -309,8 +317,9 @@ def _scan_lines(
 ) -> list[str]:
     """Return the lines of a scan's table, with remarks on each cylinder below.
 
-    A shape is None where there are too few sections; the caption states which errors the standard
-    deviations include, from `motion_uncertainty_caption`. `verbose` adds the rejected tracks.
+    A shape is None where there are too few sections; the caption, from
+    `format_motion_uncertainty_caption`, states which errors the standard deviations include.
+    `verbose` adds the rejected tracks.
     """
     from lsvision.results.summaries import format_count
     from lsvision.results.tables import text_table
@@ -321,7 +330,7 @@ def _scan_lines(
     if scan.cylinders:
         lines = [f"{profiles}, base frame, {caption}", *text_table(tube_cells(scan.cylinders))]
         for number, (tube, shape) in enumerate(zip(scan.cylinders, shapes, strict=True), 1):
-            lines += [f"  {number}: {line}" for line in _remarks(tube, shape)]
+            lines += [f"  {number}: {line}" for line in _format_remarks(tube, shape)]
     else:
         lines = [f"{profiles}: no cylinder found: {scan.reason}"]
         if len(rejected) > 1 and not verbose:
@@ -331,7 +340,7 @@ def _scan_lines(
     return lines
 
 
-def _remarks(tube: "ScannedCylinder", shape: "TubeShape | None") -> list[str]:
+def _format_remarks(tube: "ScannedCylinder", shape: "TubeShape | None") -> list[str]:
     """Return the lines below the table on a cylinder: its axial range, twin and shape."""
     from lsvision.scan.scan_result import twin_note
     from lsvision.scan.shape_result import shape_lines

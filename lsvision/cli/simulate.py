@@ -81,13 +81,13 @@ def simulate(
         raise typer.BadParameter(
             f"expected --noise-mm above 0, from 1e-6 to 1000, got {noise_mm:g}"
         )
-    tubes = _tube_ranges(radius, theta_deg, phi_deg)
+    tubes = _parse_tube_ranges(radius, theta_deg, phi_deg)
     settings = SectionSettings(lost_fraction=lost, jump_fraction=jumps)
     for scene_seed in range(seed, seed + count):
         section = random_section(
             kind, scene_seed, noise_mm=noise_mm, settings=settings, tubes=tubes
         )
-        command = _command(kind, scene_seed, section, tubes)
+        command = _format_command(kind, scene_seed, section, tubes)
         source = {"kind": kind, "seed": scene_seed, "command": command}
         stem = out / f"{kind}_{scene_seed:04d}"
         title = f"simulated light section, {kind}, seed {scene_seed}"
@@ -98,7 +98,7 @@ def simulate(
     print_lines([f"{out}: {names} .truth.json"])
 
 
-def _tube_ranges(radius: str, theta_deg: str, phi_deg: str) -> "TubeRanges":
+def _parse_tube_ranges(radius: str, theta_deg: str, phi_deg: str) -> "TubeRanges":
     """Return the ranges of the options, or raise a usage error for an impossible one."""
     from lsvision.simulate import TubeRanges
 
@@ -124,7 +124,7 @@ def _parse_range(text: str, option: str) -> tuple[float, float]:
     return smallest, largest
 
 
-def _command(kind: str, seed: int, section: "SimulatedSection", tubes: "TubeRanges") -> str:
+def _format_command(kind: str, seed: int, section: "SimulatedSection", tubes: "TubeRanges") -> str:
     """Return the command that writes this scene alone, except --out, which does not change it."""
     ranges = (("radius", tubes.radius_mm), ("theta-deg", tubes.theta_deg),
               ("phi-deg", tubes.phi_deg))  # fmt: skip

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lsvision.cli.messages import end_on_failures, print_error, print_lines
-from lsvision.cli.option_groups import command_group, expand_option_groups
+from lsvision.cli.option_groups import build_command_group, expand_option_groups
 from lsvision.cli.outputs import check_outputs, write_output
 from lsvision.cli.profile_options import (
     JsonFile,
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from lsvision.profile import Profile
     from lsvision.results.result import Result
 
-study = command_group(
+study = build_command_group(
     "study", "Studies of the measurement: bias, repeatability and reproducibility."
 )
 
@@ -228,23 +228,23 @@ def _read_crossed(path: Path, value: str, part: str, operator: str) -> "FloatArr
         raise LsvisionError(
             f"{path}: expected every operator to measure every part equally often, got "
             f"{len(trials)} of {len(parts) * len(operators)} pairs with {min(counts)} to "
-            f"{max(counts)} trials ({_names_text(parts, operators)}): add the missing rows"
+            f"{max(counts)} trials ({_format_names(parts, operators)}): add the missing rows"
         )
     if min(len(parts), len(operators), *counts) < 2:
         raise LsvisionError(
             f"{path}: expected two or more parts, operators and trials of each pair, got "
-            f"{_names_text(parts, operators)}; {format_count(min(counts), 'trial')}: measure more, "
-            "or write each name in one way"
+            f"{_format_names(parts, operators)}; {format_count(min(counts), 'trial')}: measure "
+            "more, or write each name in one way"
         )
     return np.array([[trials[part_name, name] for name in operators] for part_name in parts])
 
 
-def _names_text(parts: Sequence[str], operators: Sequence[str]) -> str:
+def _format_names(parts: Sequence[str], operators: Sequence[str]) -> str:
     """Return the names of parts and operators, by which one that is written in two ways shows."""
-    return f"parts {_first_names(parts)}; operators {_first_names(operators)}"
+    return f"parts {_format_first_names(parts)}; operators {_format_first_names(operators)}"
 
 
-def _first_names(names: Sequence[str]) -> str:
+def _format_first_names(names: Sequence[str]) -> str:
     """Return at most `MAX_NAMES` names."""
     more = ", ..." if len(names) > MAX_NAMES else ""
     return ", ".join(names[:MAX_NAMES]) + more

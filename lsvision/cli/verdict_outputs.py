@@ -101,7 +101,7 @@ def make_page(
     judged: "Sequence[JudgedMeasurement]",
 ) -> str:
     """Return the page of a run; `golden` is the log of the golden part."""
-    from lsvision.draw.inspection_page import InspectionContext, inspection_page
+    from lsvision.draw.inspection_page import InspectionContext, render_inspection_page
     from lsvision.inspection.calibration_files import calibration_age_days
 
     context = InspectionContext(
@@ -111,4 +111,4 @@ def make_page(
         golden=golden,
         not_judged=not_judged,
     )
-    return inspection_page(judged, context)
+    return render_inspection_page(judged, context)

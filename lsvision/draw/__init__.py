@@ -1,7 +1,7 @@
 """Pictures of results; matplotlib's own objects, never pyplot and its global state."""
 
-from lsvision.draw.figures import figure_bytes
-from lsvision.draw.laser_line import draw_laser_line, line_summary
+from lsvision.draw.figures import render_figure
+from lsvision.draw.laser_line import draw_laser_line, summarise_line
 from lsvision.draw.measurement import draw_measurement, draw_on_axes
 from lsvision.draw.overlay import draw_on_photo, draw_overlay
 
@@ -11,6 +11,6 @@ __all__ = [
     "draw_on_axes",
     "draw_on_photo",
     "draw_overlay",
-    "figure_bytes",
-    "line_summary",
+    "render_figure",
+    "summarise_line",
 ]

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lsvision.calibration.camera_warnings import CELLS_PER_SIDE, covered_cells
+from lsvision.calibration.camera_warnings import CELLS_PER_SIDE, find_covered_cells
 from lsvision.calibration.hand_eye_result import HandEye
 from lsvision.calibration.intrinsics import CameraCalibration
 from lsvision.calibration.laser_plane_result import LaserPlaneCalibration
 from lsvision.calibration.observations import Sphere
-from lsvision.draw.figures import make_printable, new_figure
+from lsvision.draw.figures import create_figure, make_printable
 from lsvision.draw.space import fit_into_area, scale_axes
 from lsvision.geometry import FloatArray, Plane, Pose
 from lsvision.geometry.arrays import rms
@@ -34,14 +34,14 @@ def draw_coverage(calibration: CameraCalibration) -> "Figure":
     """
     from matplotlib.patches import Rectangle
 
-    figure = new_figure((9.5, 4.2), layout="constrained")
+    figure = create_figure((9.5, 4.2), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=(1.5, 1))
     for view in calibration.views:
         left.plot(*view.target_view.pixels.T, ".", markersize=3)
     width, height = calibration.camera.size
     cell_width, cell_height = width / CELLS_PER_SIDE, height / CELLS_PER_SIDE
     for row, column in np.argwhere(
-        ~covered_cells(calibration.camera.size, [v.target_view for v in calibration.views])
+        ~find_covered_cells(calibration.camera.size, [v.target_view for v in calibration.views])
     ):
         corner = (column * cell_width, row * cell_height)
         left.add_patch(
@@ -68,7 +68,7 @@ def draw_bars(
     Each series is a name and a value for each group, NaN for a gap; bars of the first series are
     opaque. The groups at the positions `outliers` have the colour of outliers.
     """
-    figure = new_figure((9.5, 3.4), layout="constrained")
+    figure = create_figure((9.5, 3.4), layout="constrained")
     axes = figure.subplots()
     positions, group_width = np.arange(len(names)), 0.8
     width = group_width / len(series)
@@ -93,14 +93,14 @@ def draw_laser_plane(calibration: LaserPlaneCalibration, board: FloatArray) -> "
     The camera frame is drawn with y downwards; in space its z axis is horizontal. `board` are the
     (4, 3) corners of the pattern in order around it, board frame, in mm.
     """
-    figure = new_figure((9.5, 4.6))
+    figure = create_figure((9.5, 4.6))
     side = figure.add_axes((0.075, 0.13, 0.4, 0.73))
     space: Any = figure.add_axes(DRAWING_AREA, projection="3d")
     outlines = [view.camera_from_board.apply(board)[[0, 1, 2, 3, 0]] for view in calibration.views]
     for outline in outlines:
         side.plot(outline[:, 2], outline[:, 1], color=BOARD, linewidth=0.8)
         space.plot(outline[:, 0], outline[:, 2], -outline[:, 1], color=BOARD, linewidth=0.8)
-    plane_corners = _plane_corners(calibration.plane, np.concatenate(outlines))
+    plane_corners = _find_plane_corners(calibration.plane, np.concatenate(outlines))
     side.plot(plane_corners[:, 2], plane_corners[:, 1], color=LASER_PLANE, linewidth=1.5)
     closed = plane_corners[[0, 1, 2, 3, 0]]
     space.plot(closed[:, 0], closed[:, 2], -closed[:, 1], color=LASER_PLANE)
@@ -121,10 +121,13 @@ def draw_poses(calibration: HandEye, flanges: Sequence[Pose]) -> "Figure":
 
     `flanges` are ``base_from_flange`` of each observation, also of the rejected ones.
     """
-    figure = new_figure((9.5, 4.6))
+    figure = create_figure((9.5, 4.6))
     space: Any = figure.add_axes(DRAWING_AREA, projection="3d")
     view = figure.add_axes((0.075, 0.13, 0.4, 0.73))
-    sensors, centre = _sensor_poses(calibration, flanges), _target_point(calibration, flanges)
+    sensors, centre = (
+        _compute_sensor_poses(calibration, flanges),
+        _find_target_point(calibration, flanges),
+    )
     left_out = {pose.index for pose in calibration.rejected}
     targets_in_view = np.array([pose.inverse().apply_one(centre) for pose in sensors])
     length = 0.25 * float(np.linalg.norm(targets_in_view, axis=1).mean())
@@ -149,7 +152,7 @@ def _title_space(figure: "Figure", title: str) -> None:
     figure.text(left + width / 2, 0.885, title, ha="center", va="bottom", fontsize=12)
 
 
-def rms_of_views(calibration: LaserPlaneCalibration) -> tuple[list[float], list[float]]:
+def compute_rms_of_views(calibration: LaserPlaneCalibration) -> tuple[list[float], list[float]]:
     """Return for each view the rms of the line's residuals and of the corners'. Units: px."""
     return (
         [rms(view.line_residuals) for view in calibration.views],
@@ -186,7 +189,7 @@ def _draw_view(
     axes.set_aspect("equal", adjustable="datalim")
 
 
-def _sensor_poses(calibration: HandEye, flanges: Sequence[Pose]) -> list[Pose]:
+def _compute_sensor_poses(calibration: HandEye, flanges: Sequence[Pose]) -> list[Pose]:
     """Return the poses of the sensor in the frame in which the target is fixed.
 
     That is the base frame for a sensor on the flange, else the flange frame.
@@ -196,7 +199,7 @@ def _sensor_poses(calibration: HandEye, flanges: Sequence[Pose]) -> list[Pose]:
     return [flange.inverse() @ calibration.mount_from_sensor for flange in flanges]
 
 
-def _target_point(calibration: HandEye, flanges: Sequence[Pose]) -> FloatArray:
+def _find_target_point(calibration: HandEye, flanges: Sequence[Pose]) -> FloatArray:
     """Return a point (3,) of the target, in the frame in which it is fixed. Units: mm."""
     if isinstance(calibration.target, Sphere):
         return calibration.target.centre
@@ -204,7 +207,7 @@ def _target_point(calibration: HandEye, flanges: Sequence[Pose]) -> FloatArray:
         # The point of the plane nearest to the mean of the sensors' working points.
         working_points = [
             pose.apply_one(calibration.working_point)
-            for pose in _sensor_poses(calibration, flanges)
+            for pose in _compute_sensor_poses(calibration, flanges)
         ]
         middle = np.mean(working_points, axis=0)
         normal = calibration.target.normal
@@ -213,7 +216,7 @@ def _target_point(calibration: HandEye, flanges: Sequence[Pose]) -> FloatArray:
     return calibration.target.translation
 
 
-def _plane_corners(plane: Plane, points: FloatArray) -> FloatArray:
+def _find_plane_corners(plane: Plane, points: FloatArray) -> FloatArray:
     """Return the (4, 3) corners of a rectangle in a plane that contains the projections of points.
 
     The points are (n, 3); two sides of the rectangle are perpendicular to the x axis, or to the y

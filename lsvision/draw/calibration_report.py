@@ -7,21 +7,21 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.calibration.camera_warnings import CELLS_PER_SIDE, covered_cells
+from lsvision.calibration.camera_warnings import CELLS_PER_SIDE, find_covered_cells
 from lsvision.calibration.hand_eye_result import HandEye
 from lsvision.calibration.intrinsics import CameraCalibration
 from lsvision.calibration.laser_plane_result import CalibratedLaserView, LaserPlaneCalibration
 from lsvision.calibration.observations import RejectedPose
 from lsvision.calibration.views import RejectedView
 from lsvision.draw.calibration_figures import (
+    compute_rms_of_views,
     draw_bars,
     draw_coverage,
     draw_laser_plane,
     draw_poses,
-    rms_of_views,
 )
-from lsvision.draw.figures import svg_element
-from lsvision.draw.view_photos import ViewPhoto, arrow_factor, photo_svg
+from lsvision.draw.figures import render_svg_element
+from lsvision.draw.view_photos import ViewPhoto, compute_arrow_factor, render_photo_svg
 from lsvision.geometry import FloatArray, Points, Pose
 from lsvision.geometry.arrays import rms
 from lsvision.results.html import html_environment
@@ -56,22 +56,22 @@ class ReportContent:
     images: Sequence[npt.NDArray[Any]] = ()
 
 
-def camera_page(calibration: CameraCalibration, page: ReportContent) -> str:
+def render_camera_page(calibration: CameraCalibration, page: ReportContent) -> str:
     """Return the page of a camera calibration, HTML without references to other files."""
-    names, outliers = _names_and_outliers(calibration, page)
+    names, outliers = _find_names_and_outliers(calibration, page)
     sizes = [view.rms_px for view in calibration.views]
-    covered = covered_cells(
+    covered = find_covered_cells(
         calibration.camera.size, [view.target_view for view in calibration.views]
     ).mean()
     pictures = [
         (
-            svg_element(draw_coverage(calibration)),
+            render_svg_element(draw_coverage(calibration)),
             f"Corners of all views: they lie in {100 * covered:.0f} % of the "
             f"{CELLS_PER_SIDE} x {CELLS_PER_SIDE} cells of the image. In the shaded ones the "
             "lens is extrapolated. Right: residuals of all corners.",
         ),
         (
-            svg_element(draw_bars(names, [("rms", sizes)], outliers, "rms, px")),
+            render_svg_element(draw_bars(names, [("rms", sizes)], outliers, "rms, px")),
             "Residual of each view; orange: beyond the limit for outliers.",
         ),
     ]
@@ -79,27 +79,29 @@ def camera_page(calibration: CameraCalibration, page: ReportContent) -> str:
         view.index: _Detections(view.target_view.pixels, view.residuals)
         for view in calibration.views
     }
-    return _page("Camera calibration", page, pictures, _photos(page, views, calibration.rejected))
+    return _render_page(
+        "Camera calibration", page, pictures, _render_photos(page, views, calibration.rejected)
+    )
 
 
-def laser_plane_page(
+def render_laser_plane_page(
     calibration: LaserPlaneCalibration, board_points: Points, page: ReportContent
 ) -> str:
     """Return the page of a laser-plane calibration.
 
     `board_points`, (n, 3), are the points of the board, board frame, in mm.
     """
-    names, outliers = _names_and_outliers(calibration, page)
-    line, corners = rms_of_views(calibration)
+    names, outliers = _find_names_and_outliers(calibration, page)
+    line, corners = compute_rms_of_views(calibration)
     bars = draw_bars(names, [("laser line", line), ("corners", corners)], outliers, "rms, px")
     pictures = [
         (
-            svg_element(draw_laser_plane(calibration, _outline(board_points))),
+            render_svg_element(draw_laser_plane(calibration, _find_outline(board_points))),
             "Camera (triangle), boards (grey) and laser plane (red): the plane is measured where "
             "boards are, and extrapolated elsewhere.",
         ),
         (
-            svg_element(bars),
+            render_svg_element(bars),
             "Residual of each view, laser line dark and corners light; orange: beyond the limit "
             "for outliers.",
         ),
@@ -107,16 +109,18 @@ def laser_plane_page(
     views = {
         view.index: _Detections(
             view.laser_view.pixels, view.corner_residuals, view.laser_view.line_pixels,
-            line_vectors(calibration, view),
+            compute_line_vectors(calibration, view),
         )
         for view in calibration.views
     }  # fmt: skip
-    return _page(
-        "Laser plane calibration", page, pictures, _photos(page, views, calibration.rejected)
+    return _render_page(
+        "Laser plane calibration", page, pictures, _render_photos(page, views, calibration.rejected)
     )
 
 
-def line_vectors(calibration: LaserPlaneCalibration, view: CalibratedLaserView) -> FloatArray:
+def compute_line_vectors(
+    calibration: LaserPlaneCalibration, view: CalibratedLaserView
+) -> FloatArray:
     """Return the residuals of a view's laser line as vectors along the line's normal, (m, 2).
 
     They point from the found to the predicted line, without lens distortion. Units: px.
@@ -132,7 +136,7 @@ def line_vectors(calibration: LaserPlaneCalibration, view: CalibratedLaserView) 
     return vectors
 
 
-def hand_eye_page(
+def render_hand_eye_page(
     calibration: HandEye,
     flanges: Sequence[Pose],
     page: ReportContent,
@@ -151,12 +155,12 @@ def hand_eye_page(
     ]
     pictures = [
         (
-            svg_element(draw_poses(calibration, flanges)),
+            render_svg_element(draw_poses(calibration, flanges)),
             "Positions of the target in the sensor's view, and poses of the sensor; numbers from "
             "0.",
         ),
         (
-            svg_element(draw_bars(page.names, series, rejected, "mm")),
+            render_svg_element(draw_bars(page.names, series, rejected, "mm")),
             "Residual of each pose (dark), and with respect to a fit without it (light); orange: "
             "rejected.",
         ),
@@ -164,12 +168,12 @@ def hand_eye_page(
     views = {
         index: _Detections(points, residuals) for index, (points, residuals) in enumerate(corners)
     }
-    photos = _photos(page, views, calibration.rejected)
+    photos = _render_photos(page, views, calibration.rejected)
     prediction = "predicted by the robot's pose and the result,"
-    return _page("Sensor to robot", page, pictures, photos, prediction)
+    return _render_page("Sensor to robot", page, pictures, photos, prediction)
 
 
-def _photos(
+def _render_photos(
     page: ReportContent,
     views: Mapping[int, _Detections],
     rejected: Sequence[RejectedView] | Sequence[RejectedPose],
@@ -187,16 +191,16 @@ def _photos(
     ]
     width = max(photo.image.shape[1] for photo in photos)
     factors = (
-        arrow_factor([photo.corner_residuals for photo in photos], width),
-        arrow_factor([photo.line_residuals for photo in photos], width),
+        compute_arrow_factor([photo.corner_residuals for photo in photos], width),
+        compute_arrow_factor([photo.line_residuals for photo in photos], width),
     )
     return [
-        (photo_svg(photo, factors), _caption(photo, factors, reasons.get(index)))
+        (render_photo_svg(photo, factors), _format_caption(photo, factors, reasons.get(index)))
         for index, photo in enumerate(photos)
     ]
 
 
-def _caption(photo: ViewPhoto, factors: tuple[float, float], reason: str | None) -> str:
+def _format_caption(photo: ViewPhoto, factors: tuple[float, float], reason: str | None) -> str:
     """Return the caption of a view: why it is left out, or rms residuals and scale of arrows."""
     if reason is not None:
         return f"{photo.name}: left out: {reason}"
@@ -211,7 +215,7 @@ def _caption(photo: ViewPhoto, factors: tuple[float, float], reason: str | None)
     return f"{photo.name}: {'; '.join(texts)}"
 
 
-def _page(
+def _render_page(
     title: str,
     page: ReportContent,
     pictures: Sequence[tuple[str, str]],
@@ -227,7 +231,7 @@ def _page(
     return template.render(**values, **vars(page))
 
 
-def _names_and_outliers(
+def _find_names_and_outliers(
     calibration: CameraCalibration | LaserPlaneCalibration, page: ReportContent
 ) -> tuple[list[str], list[int]]:
     """Return the name of each view that was used, and the positions of the outliers among them."""
@@ -237,7 +241,7 @@ def _names_and_outliers(
     return [page.names[index] for index in indices], positions
 
 
-def _outline(points: Points) -> Points:
+def _find_outline(points: Points) -> Points:
     """Return the (4, 3) corners of the rectangle around a board's points, board frame."""
     (left, top, _), (right, bottom, _) = points.min(axis=0), points.max(axis=0)
     return np.array([[left, top, 0], [right, top, 0], [right, bottom, 0], [left, bottom, 0]])

@@ -27,7 +27,7 @@ WHITE_PERCENTILE = 99.9
 """Percentile of an image deeper than 8 bit from which pixels are shown white."""
 
 
-def new_figure(
+def create_figure(
     size: tuple[float, float], *, dpi: float | None = None, layout: str = "none"
 ) -> "Figure":
     """Return an empty white figure of a size in inches, with its own canvas.
@@ -43,7 +43,7 @@ def new_figure(
     return figure
 
 
-def figure_bytes(figure: "Figure", picture_format: str) -> bytes:
+def render_figure(figure: "Figure", picture_format: str) -> bytes:
     """Return a figure as a PNG or SVG file; the same figure gives the same bytes.
 
     Raises
@@ -63,12 +63,12 @@ def figure_bytes(figure: "Figure", picture_format: str) -> bytes:
 
 def write_figure(path: Path, figure: "Figure") -> None:
     """Write a figure as PNG or SVG, by the suffix of the path, atomically."""
-    write_atomic(path, figure_bytes(figure, path.suffix[1:].lower()))
+    write_atomic(path, render_figure(figure, path.suffix[1:].lower()))
 
 
-def svg_element(figure: "Figure") -> str:
+def render_svg_element(figure: "Figure") -> str:
     """Return a figure as an ``<svg>`` element of an HTML page."""
-    text = figure_bytes(figure, "svg").decode("utf-8")
+    text = render_figure(figure, "svg").decode("utf-8")
     return text[text.index("<svg") :]
 
 

@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lsvision.draw.figures import draw_legend, label_once, make_printable, new_figure, svg_element
+from lsvision.draw.figures import (
+    create_figure,
+    draw_legend,
+    label_once,
+    make_printable,
+    render_svg_element,
+)
 from lsvision.draw.measurement import draw_on_axes
 from lsvision.geometry import Ellipse
 from lsvision.inspection.capability import NOT_CLAIMED, Capability
@@ -52,7 +58,7 @@ def draw_series(series: Series) -> Figure:
     """Return a figure of the trend of a quantity with intervals, its histogram, and its limits."""
     from matplotlib.ticker import MaxNLocator
 
-    figure = new_figure(SERIES_INCH, layout="constrained")
+    figure = create_figure(SERIES_INCH, layout="constrained")
     trend, histogram = figure.subplots(1, 2, sharey=True, width_ratios=(3, 1))
     _draw_trend(trend, series)
     count = len(series.values)
@@ -93,7 +99,7 @@ def draw_judged_profile(measurement: Measurement, verdict: Verdict) -> Figure | 
     """
     if measurement.profile is None:
         return None
-    figure = new_figure(PROFILE_INCH, layout="constrained")
+    figure = create_figure(PROFILE_INCH, layout="constrained")
     axes = figure.add_subplot()
     draw_on_axes(axes, measurement.profile, measurement)
     for item in verdict.parts:
@@ -139,7 +145,9 @@ class InspectionContext:
     not_judged: Sequence[str] = ()
 
 
-def inspection_page(measurements: Sequence[JudgedMeasurement], context: InspectionContext) -> str:
+def render_inspection_page(
+    measurements: Sequence[JudgedMeasurement], context: InspectionContext
+) -> str:
     """Return the HTML page of one measurement or many.
 
     It has no references to other files, and is laid out for screens, phones and A4 paper.
@@ -158,48 +166,48 @@ def inspection_page(measurements: Sequence[JudgedMeasurement], context: Inspecti
         counts=count_verdicts(measurements) if several else [],
         colours=DECISIONS,
         blocked=measurements[0].verdict.blocked,
-        series=[_series_values(one_series) for one_series in series],
-        parts=[_part_values(judged) for judged in shown],
+        series=[_describe_series(one_series) for one_series in series],
+        parts=[_describe_part(judged) for judged in shown],
         left_out=len(measurements) - len(shown),
         note=NOT_CLAIMED,
     )
 
 
-def _series_values(series: Series) -> dict[str, Any]:
+def _describe_series(series: Series) -> dict[str, Any]:
     """Return the values of a quantity over all measurements for the template of the page."""
     capability = series.capability
     return {
         "heading": f"{series.item}, {series.quantity.heading}",
         "count": len(series.values),
-        "picture": svg_element(draw_series(series)),
-        "rows": [] if capability is None else _capability_rows(capability),
+        "picture": render_svg_element(draw_series(series)),
+        "rows": [] if capability is None else _list_capability_rows(capability),
     }
 
 
-def _capability_rows(capability: Capability) -> list[tuple[str, str]]:
+def _list_capability_rows(capability: Capability) -> list[tuple[str, str]]:
     """Return the rows of a capability table: name and value; Cp only if there are two limits."""
     rows = [
         ("mean", f"{capability.mean:.5g}"),
         ("standard deviation", f"{capability.std:.3g}"),
-        ("Cpk", _index_with_interval(capability.cpk, capability.cpk_interval, capability.level)),
+        ("Cpk", _format_index(capability.cpk, capability.cpk_interval, capability.level)),
         (
             "measurement's fraction of the variance",
             f"{100 * capability.measurement_fraction:.0f} %",
         ),
     ]
     if not math.isnan(capability.cp):
-        index = _index_with_interval(capability.cp, capability.cp_interval, capability.level)
+        index = _format_index(capability.cp, capability.cp_interval, capability.level)
         rows.insert(2, ("Cp", index))
     return rows
 
 
-def _index_with_interval(index: float, interval: tuple[float, float], level: float) -> str:
+def _format_index(index: float, interval: tuple[float, float], level: float) -> str:
     """Return the cell of Cp or Cpk: value and interval with its level of confidence."""
     low, high = interval
     return f"{index:.2f} ({100 * level:g} % interval {low:.2f} .. {high:.2f})"
 
 
-def _part_values(judged: JudgedMeasurement) -> dict[str, Any]:
+def _describe_part(judged: JudgedMeasurement) -> dict[str, Any]:
     """Return the values of a judged measurement for the template of the page."""
     verdict, figure = judged.verdict, None
     if isinstance(judged.measurement, Measurement):
@@ -211,5 +219,5 @@ def _part_values(judged: JudgedMeasurement) -> dict[str, Any]:
         "cells": item_cells(verdict.items),
         "notes": explain_verdict(verdict),
         "remedies": [str(remedy) for remedy in judged.remedies],
-        "picture": "" if figure is None else svg_element(figure),
+        "picture": "" if figure is None else render_svg_element(figure),
     }

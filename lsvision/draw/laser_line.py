@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.draw.figures import (
+    create_figure,
     draw_legend,
     get_figure,
     make_printable,
-    new_figure,
     set_title,
     show_photo,
 )
@@ -64,7 +64,7 @@ def draw_laser_line(
     Returns
     -------
     matplotlib.figure.Figure
-        Figure of `ax`, else a new one. Save it with its ``savefig`` or `figure_bytes`. Its first
+        Figure of `ax`, else a new one. Save it with its ``savefig`` or `render_figure`. Its first
         axes hold the photo, the others the curves.
 
     Examples
@@ -79,16 +79,16 @@ def draw_laser_line(
         _draw_on_photo(ax, image, line)
         set_title(ax, title)
         return get_figure(ax)
-    size, photo_box, curve_boxes = _layout(np.shape(image), line.direction)
-    figure = new_figure(size, dpi=DPI)
-    photo = figure.add_axes(_figure_fractions(photo_box, size))
+    size, photo_box, curve_boxes = _lay_out_figure(np.shape(image), line.direction)
+    figure = create_figure(size, dpi=DPI)
+    photo = figure.add_axes(_convert_to_fractions(photo_box, size))
     _draw_on_photo(photo, image, line)
     left, top = LEFT_INCH / size[0], 1 - 0.2 / size[1]
-    heading = f"{make_printable(title)}\n{line_summary(line)}".lstrip()
+    heading = f"{make_printable(title)}\n{summarise_line(line)}".lstrip()
     figure.suptitle(heading, x=left, y=top, ha="left",
                     va="top", fontsize=11, parse_math=False)  # fmt: skip
-    for curve, box in zip(_curves(line), curve_boxes, strict=True):
-        _draw_curve(figure, photo, line, curve, _figure_fractions(box, size))
+    for curve, box in zip(_list_curves(line), curve_boxes, strict=True):
+        _draw_curve(figure, photo, line, curve, _convert_to_fractions(box, size))
     if line.direction == "columns":  # shared axis: tick labels below the last curve only
         for axes in figure.axes[1:-1]:
             axes.tick_params(labelbottom=False)
@@ -96,7 +96,7 @@ def draw_laser_line(
     return figure
 
 
-def line_summary(line: LaserLine) -> str:
+def summarise_line(line: LaserLine) -> str:
     """Return a line of text: points, lost points, std, width, saturation and second line.
 
     Std and width are medians of the points that are not lost, of which there is at least one; for
@@ -107,7 +107,7 @@ def line_summary(line: LaserLine) -> str:
     >>> rows = np.arange(64)[:, None]
     >>> image = (10 + 90 * np.exp(-0.5 * ((rows - 30.2) / 1.5) ** 2) * np.ones(99)).astype("uint8")
     >>> from lsvision.laser_line.extraction import extract_laser_line
-    >>> line_summary(extract_laser_line(image)).split(", std")[0]
+    >>> summarise_line(extract_laser_line(image)).split(", std")[0]
     '99 columns, 0 lost'
     """
     valid = ~np.isnan(line.std)  # points that are not lost
@@ -127,7 +127,7 @@ def _draw_on_photo(photo: Axes, image: npt.ArrayLike, line: LaserLine) -> None:
     draw_legend(photo, marker_scale=4)
 
 
-def _layout(
+def _lay_out_figure(
     shape: tuple[int, ...], direction: str
 ) -> tuple[tuple[float, float], Box, tuple[Box, Box, Box]]:
     """Return the size of the figure, and the boxes of the photo and the three curves. Units: inch.
@@ -157,7 +157,7 @@ def _layout(
     return size, (LEFT_INCH, bottom, photo_width, photo_height), (first, second, third)
 
 
-def _figure_fractions(box: Box, size: tuple[float, float]) -> Box:
+def _convert_to_fractions(box: Box, size: tuple[float, float]) -> Box:
     """Return a box in inches as fractions of the figure."""
     return box[0] / size[0], box[1] / size[1], box[2] / size[0], box[3] / size[1]
 
@@ -168,7 +168,7 @@ def _draw_points(axes: Axes, points: Points, saturated: BoolArray) -> None:
     axes.plot(*points[saturated].T, ".", color=SATURATED, ms=2, label="at full scale")
 
 
-def _curves(line: LaserLine) -> tuple[tuple[str, FloatArray], ...]:
+def _list_curves(line: LaserLine) -> tuple[tuple[str, FloatArray], ...]:
     """Return the curves along the line: name with unit, and a value for each point."""
     return (
         ("std / px", line.std),
@@ -180,7 +180,7 @@ def _curves(line: LaserLine) -> tuple[tuple[str, FloatArray], ...]:
 def _draw_curve(
     figure: Figure, photo: Axes, line: LaserLine, curve: tuple[str, FloatArray], box: Box
 ) -> None:
-    """Draw a quantity of the line's points, with the photo's axis along the line; see `_curves`."""
+    """Draw one of `_list_curves` over the line's points, with the photo's axis along the line."""
     name, values = curve
     limits = (0, 1.1 * float(np.nanpercentile(values, AXIS_PERCENTILE)))
     if line.direction == "columns":

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lsvision.draw.figures import (
+    create_figure,
     draw_legend,
     format_summary_title,
     get_figure,
     label_once,
-    new_figure,
     set_title,
 )
-from lsvision.draw.panel import RejectedArc, draw_panel, rejected_arcs
+from lsvision.draw.panel import RejectedArc, draw_panel, find_rejected_arcs
 from lsvision.ellipse.section import CylinderSection
 from lsvision.geometry import FloatArray, Points
 from lsvision.measure import Measurement
@@ -31,12 +31,12 @@ SIZE_INCH, DPI = (13.0, 7.0), 110
 """Width and height of the figure, and resolution of the PNG (1 / inch)."""
 AXES_BOX = (0.065, 0.085, 0.605, 0.785)
 """Left, bottom, width and height of the axes, left of the panel, as fractions of the figure."""
-MARGIN = 0.05
+MARGIN_FRACTION = 0.05
 """Margin of the drawing, as a fraction of its extent."""
-LABEL_GAP_PX = 22.0
+MIN_LABEL_GAP_PX = 22.0
 """Smallest distance between the letters of two rejected arcs, and from a letter to its arc.
 Units: px."""
-RASTERISE_POINTS = 20_000
+MAX_VECTOR_POINTS = 20_000
 """Number of points above which an SVG contains them as an image, so that the file stays small."""
 
 
@@ -61,7 +61,7 @@ def draw_measurement(
     -------
     matplotlib.figure.Figure
         Figure of `ax`, else a new one, which pyplot does not know. Save it with its ``savefig``
-        method, or convert it with `figure_bytes`.
+        method, or convert it with `render_figure`.
 
     Examples
     --------
@@ -73,10 +73,10 @@ def draw_measurement(
         draw_on_axes(ax, profile, measurement)
         set_title(ax, title)
         return get_figure(ax)
-    figure = new_figure(SIZE_INCH, dpi=DPI)
+    figure = create_figure(SIZE_INCH, dpi=DPI)
     axes = figure.add_axes(AXES_BOX)
     draw_on_axes(axes, profile, measurement)
-    rejected = rejected_arcs(profile.points, measurement)
+    rejected = find_rejected_arcs(profile.points, measurement)
     heading = format_summary_title(len(measurement.cylinders), len(rejected), title)
     figure.suptitle(heading, x=AXES_BOX[0], y=0.96, ha="left", fontsize=13,
                     parse_math=False)  # a file name may contain "$" # fmt: skip
@@ -87,15 +87,15 @@ def draw_measurement(
 def draw_on_axes(axes: Axes, profile: Profile, measurement: Measurement) -> None:
     """Draw a measurement into axes in mm: points, ellipses and rejected arcs, at one scale."""
     points = profile.points
-    rejected = rejected_arcs(points, measurement)
+    rejected = find_rejected_arcs(points, measurement)
     axes.plot(*points.T, ".", color=POINTS, ms=2.5, label="measured points",
-              rasterized=len(points) > RASTERISE_POINTS)  # fmt: skip
+              rasterized=len(points) > MAX_VECTOR_POINTS)  # fmt: skip
     for arc in rejected:
         axes.plot(*points[arc.indices].T, "x", color=arc.colour, ms=4, mew=0.9, zorder=3,
                   label=label_once(axes, "rejected arc"))  # fmt: skip
     for number, cylinder in enumerate(measurement.cylinders, 1):
         _draw_cylinder(axes, points, cylinder, number)
-    axes.margins(MARGIN)
+    axes.margins(MARGIN_FRACTION)
     axes.set_aspect("equal", adjustable="datalim")
     label_rejected(axes, points, rejected)
     axes.set_xlabel("X / mm (along the laser line)")
@@ -130,13 +130,13 @@ def label_rejected(axes: Axes, points: Points, rejected: Sequence[RejectedArc]) 
     axes.autoscale_view()
     axes.apply_aspect()
     from_pixels = axes.transData.inverted()
-    up, label_pixels = np.array([0.0, LABEL_GAP_PX]), list[FloatArray]()
+    up, label_pixels = np.array([0.0, MIN_LABEL_GAP_PX]), list[FloatArray]()
     for arc in rejected:
         anchor = points[arc.indices[len(arc.indices) // 2]]
         if not axes.viewLim.contains(*anchor):
             continue
         pixel = axes.transData.transform(anchor) + up
-        while any(math.hypot(*(pixel - other)) < LABEL_GAP_PX for other in label_pixels):
+        while any(math.hypot(*(pixel - other)) < MIN_LABEL_GAP_PX for other in label_pixels):
             pixel = pixel + up / 2
         label_pixels.append(pixel)
         position = from_pixels.transform(pixel)

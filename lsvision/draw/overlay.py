@@ -9,16 +9,16 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.draw.figures import (
+    create_figure,
     draw_legend,
     format_summary_title,
     get_figure,
     label_once,
-    new_figure,
     set_title,
     show_photo,
 )
 from lsvision.draw.measurement import draw_on_axes, label_rejected
-from lsvision.draw.panel import draw_panel, rejected_arcs
+from lsvision.draw.panel import draw_panel, find_rejected_arcs
 from lsvision.ellipse.section import CylinderSection
 from lsvision.geometry import Points
 from lsvision.measure import Measurement
@@ -67,7 +67,7 @@ def draw_overlay(
     Returns
     -------
     matplotlib.figure.Figure
-        Figure of `ax`, else a new one. Save it with its ``savefig`` or `figure_bytes`.
+        Figure of `ax`, else a new one. Save it with its ``savefig`` or `render_figure`.
         Its first axes hold the photo in px, its second the section in mm.
 
     Examples
@@ -86,13 +86,13 @@ def draw_overlay(
         draw_on_photo(ax, light_section, profile, measurement)
         set_title(ax, title)
         return get_figure(ax)
-    figure = new_figure(SIZE_INCH, dpi=DPI)
+    figure = create_figure(SIZE_INCH, dpi=DPI)
     upper, lower = figure.subfigures(2, 1, height_ratios=HEIGHT_RATIOS)
     photo = upper.add_axes((0.065, 0.06, 0.915, 0.84))
     show_photo(photo, image)
     photo.set_anchor("W")  # its left edge is aligned with that of the section
     draw_on_photo(photo, light_section, profile, measurement)
-    rejected = rejected_arcs(profile.points, measurement)
+    rejected = find_rejected_arcs(profile.points, measurement)
     figure.suptitle(format_summary_title(len(measurement.cylinders), len(rejected), title),
                     x=0.065, y=0.985, ha="left", fontsize=13, parse_math=False)  # fmt: skip
     section = lower.add_axes((0.065, 0.085, 0.605, 0.785))
@@ -108,7 +108,7 @@ def draw_on_photo(
     limits = axes.axis()
     pixels = light_section.project(profile.points)
     axes.plot(*pixels.T, ".", color=POINTS, ms=2.5, zorder=2, label="measured points")
-    rejected = rejected_arcs(profile.points, measurement)
+    rejected = find_rejected_arcs(profile.points, measurement)
     for arc in rejected:
         axes.plot(*pixels[arc.indices].T, "x", color=arc.colour, ms=3, mew=0.8, zorder=3,
                   label=label_once(axes, "rejected arc"))  # fmt: skip

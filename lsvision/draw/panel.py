@@ -45,7 +45,7 @@ class RejectedArc:
     colour: str
 
 
-def rejected_arcs(points: Points, measurement: Measurement) -> tuple[RejectedArc, ...]:
+def find_rejected_arcs(points: Points, measurement: Measurement) -> tuple[RejectedArc, ...]:
     """Return the rejected arcs in the order of the profile; of several with one span the first.
 
     `points` are all points of the profile, (n, 2) in mm. A rejection whose points all belong to
@@ -62,11 +62,11 @@ def rejected_arcs(points: Points, measurement: Measurement) -> tuple[RejectedArc
         indices = start + np.flatnonzero(unassigned[start:stop])
         if len(indices):
             colour = REJECTED[len(arcs) % len(REJECTED)]
-            arcs.append(RejectedArc(_letter(len(arcs)), indices, reason, colour))
+            arcs.append(RejectedArc(_format_letter(len(arcs)), indices, reason, colour))
     return tuple(arcs)
 
 
-def _letter(number: int) -> str:
+def _format_letter(number: int) -> str:
     """Return A to Z for 0 to 25, then A1 to Z1, A2 to Z2, ..."""
     suffix, letter = divmod(number, 26)
     return chr(ord("A") + letter) + (str(suffix) if suffix else "")
@@ -76,7 +76,7 @@ def draw_panel(
     figure: "Figure", cylinders: Sequence[CylinderSection], rejected: Sequence[RejectedArc]
 ) -> None:
     """Write the panel into the right third of a figure; cylinders are numbered from 1."""
-    lines = [*_cylinder_lines(cylinders), *_rejected_lines(rejected)]
+    lines = [*_format_cylinder_lines(cylinders), *_format_rejected_lines(rejected)]
     if len(lines) > MAX_LINES:
         left_out = len(lines) - MAX_LINES + 1
         lines = [
@@ -91,7 +91,7 @@ def draw_panel(
     figure.text(PANEL_LEFT, 0.085, SYMBOLS, color="0.3", fontsize=8, va="bottom", parse_math=False)
 
 
-def _cylinder_lines(cylinders: Sequence[CylinderSection]) -> list[tuple[str, str]]:
+def _format_cylinder_lines(cylinders: Sequence[CylinderSection]) -> list[tuple[str, str]]:
     """Return the panel's lines on the cylinders with their colours, and an empty line at the end.
 
     More than `MAX_FULL_CYLINDERS` have shorter lines, without empty ones between them.
@@ -102,7 +102,7 @@ def _cylinder_lines(cylinders: Sequence[CylinderSection]) -> list[tuple[str, str
     shortened = len(cylinders) > MAX_FULL_CYLINDERS
     lines = [("Cylinders", HEADING)]
     for number, cylinder in enumerate(cylinders, 1):
-        texts = _value_lines(cylinder)
+        texts = _format_value_lines(cylinder)
         if shortened:
             radius, theta, phi, _ = texts
             texts = [radius, f"{theta}, {phi}"]
@@ -115,7 +115,7 @@ def _cylinder_lines(cylinders: Sequence[CylinderSection]) -> list[tuple[str, str
     return [*lines, blank] if shortened else lines
 
 
-def _value_lines(cylinder: CylinderSection) -> list[str]:
+def _format_value_lines(cylinder: CylinderSection) -> list[str]:
     """Return the values of a cylinder as four lines: radius, theta, phi, centre and points."""
     radius, theta, phi, *_ = cylinder.estimates
     x, y = cylinder.centre
@@ -127,7 +127,7 @@ def _value_lines(cylinder: CylinderSection) -> list[str]:
     ]
 
 
-def _rejected_lines(rejected: Sequence[RejectedArc]) -> list[tuple[str, str]]:
+def _format_rejected_lines(rejected: Sequence[RejectedArc]) -> list[tuple[str, str]]:
     """Return the panel's lines on rejected arcs with their colours: letter and wrapped reason."""
     lines = [("Rejected arcs", HEADING)] if rejected else []
     for arc in rejected:

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from lsvision.draw.figures import (
+    create_figure,
     format_summary_title,
     get_figure,
     label_once,
-    new_figure,
     set_title,
 )
 from lsvision.draw.space import fit_into_area, scale_axes
@@ -36,7 +36,7 @@ FACETS = 40
 """Number of flat strips that approximate a drawn cylinder."""
 Vertical = Literal["y", "z"]
 """Axis of the base frame that is drawn upwards."""
-MIN_FACING = -0.3
+MIN_FACING_COSINE = -0.3
 """Smallest horizontal component of the mean outward normal of the measured sides towards the
 viewer; below it the cylinders would be seen from behind, and the view is turned."""
 PANEL_LEFT, PANEL_TOP, PANEL_LINE_HEIGHT = 0.715, 0.86, 0.024
@@ -98,7 +98,7 @@ def draw_scan(
         _draw_in_space(ax, scan, points, vertical)
         set_title(ax, title)
         return get_figure(ax)
-    figure = new_figure(SIZE_INCH, dpi=DPI)
+    figure = create_figure(SIZE_INCH, dpi=DPI)
     axes = figure.add_axes(DRAWING_AREA, projection="3d")
     _draw_in_space(axes, scan, points, vertical)
     fit_into_area(axes, DRAWING_AREA)
@@ -114,18 +114,20 @@ def _draw_in_space(
     axes: "Axes3D", scan: ScanMeasurement, points: Points, vertical: Vertical
 ) -> None:
     """Draw the points near the cylinders, and the cylinders, from the side that was measured."""
-    axes.view_init(ELEVATION_DEG, _azimuth_deg(scan.cylinders, vertical), vertical_axis=vertical)
-    _draw_points(axes, _points_near_cylinders(points, scan))
+    axes.view_init(
+        ELEVATION_DEG, _choose_azimuth_deg(scan.cylinders, vertical), vertical_axis=vertical
+    )
+    _draw_points(axes, _select_points_near_cylinders(points, scan))
     for number, tube in enumerate(scan.cylinders, 1):
         _draw_tube(axes, tube, number)
     scale_axes(axes)
 
 
-def _azimuth_deg(tubes: Sequence[ScannedCylinder], vertical: Vertical) -> float:
+def _choose_azimuth_deg(tubes: Sequence[ScannedCylinder], vertical: Vertical) -> float:
     """Return the azimuth of the view: the default, unless it shows the cylinders from behind."""
     if not tubes:
         return AZIMUTH_DEG
-    outward = [tube.points.mean(axis=0) - _axis_ends(tube, 0.0).mean(axis=0) for tube in tubes]
+    outward = [tube.points.mean(axis=0) - _find_axis_ends(tube, 0.0).mean(axis=0) for tube in tubes]
     measured_side = np.mean([vector / np.linalg.norm(vector) for vector in outward], axis=0)
     # Matplotlib counts the azimuth from the axis after the vertical one, in the cyclic order xyz.
     x, y, z = measured_side
@@ -135,12 +137,12 @@ def _azimuth_deg(tubes: Sequence[ScannedCylinder], vertical: Vertical) -> float:
         angle = math.radians(azimuth_deg)
         return float(first * math.cos(angle) + second * math.sin(angle))
 
-    if towards_viewer(AZIMUTH_DEG) >= MIN_FACING:
+    if towards_viewer(AZIMUTH_DEG) >= MIN_FACING_COSINE:
         return AZIMUTH_DEG
     return max((AZIMUTH_DEG + turn for turn in (90.0, 180.0, 270.0)), key=towards_viewer)
 
 
-def _points_near_cylinders(points: Points, scan: ScanMeasurement) -> Points:
+def _select_points_near_cylinders(points: Points, scan: ScanMeasurement) -> Points:
     """Return the points in the bounding box of all cylinders, extended by half its longest side.
 
     Without cylinders all points.
@@ -169,14 +171,14 @@ def _draw_tube(axes: "Axes3D", tube: ScannedCylinder, number: int) -> None:
     axes.plot_trisurf(
         *corners.T, triangles=triangles, color=colour, alpha=0.18, linewidth=0, zorder=2
     )
-    ends = _axis_ends(tube, 0.15)
+    ends = _find_axis_ends(tube, 0.15)
     axes.plot(*ends.T, "-.", color=colour, lw=1.5, zorder=4, label=label_once(axes, "fitted axis"))
     badge = {"boxstyle": "circle,pad=0.25", "fc": colour, "ec": "white"}
     axes.text(*ends[1], str(number), color="white", fontsize=10, weight="bold", ha="center",
               va="center", zorder=6, bbox=badge)  # fmt: skip
 
 
-def _axis_ends(tube: ScannedCylinder, extension: float) -> FloatArray:
+def _find_axis_ends(tube: ScannedCylinder, extension: float) -> FloatArray:
     """Return the (2, 3) ends of the measured part of the axis, each moved outwards by a fraction.
 
     Units: mm.
@@ -193,7 +195,7 @@ def _draw_panel(figure: "Figure", scan: ScanMeasurement) -> None:
         badge = {"boxstyle": "circle,pad=0.25", "fc": cylinder_colour(number), "ec": "none"}
         figure.text(PANEL_LEFT, y - 0.006, f"{number}", color="white", fontsize=10, weight="bold",
                     va="top", bbox=badge)  # fmt: skip
-        lines = _value_lines(tube) if full else _value_lines(tube)[:2]
+        lines = _format_value_lines(tube) if full else _format_value_lines(tube)[:2]
         figure.text(PANEL_LEFT + 0.025, y, with_minus_signs("\n".join(lines)), fontsize=9.5,
                     va="top", family="monospace", parse_math=False)  # fmt: skip
         y -= PANEL_LINE_HEIGHT * (len(lines) + 1.5)
@@ -202,7 +204,7 @@ def _draw_panel(figure: "Figure", scan: ScanMeasurement) -> None:
         figure.text(PANEL_LEFT, y, f"... {left_out} more: see the table", fontsize=9.5, va="top")
 
 
-def _value_lines(tube: ScannedCylinder) -> list[str]:
+def _format_value_lines(tube: ScannedCylinder) -> list[str]:
     """Return the values of a cylinder as lines of text, the most important first."""
     direction = ", ".join(f"{value:+z.4f}" for value in tube.direction)
     point = ", ".join(f"{value:z.2f}" for value in tube.point)

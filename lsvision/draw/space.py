@@ -47,7 +47,7 @@ def fit_into_area(axes: "Axes3D", area: tuple[float, float, float, float]) -> No
     to_fractions = figure.transFigure.inverted()
     for _ in range(FIT_ITERATIONS):
         figure.draw_without_rendering()
-        drawn = _drawn_box(axes).transformed(to_fractions)
+        drawn = _measure_drawn_box(axes).transformed(to_fractions)
         box = axes.get_position(original=True)
         factor = min(width / drawn.width, height / drawn.height)
         shift_x = left + width / 2 - (drawn.x0 + drawn.x1) / 2
@@ -57,7 +57,7 @@ def fit_into_area(axes: "Axes3D", area: tuple[float, float, float, float]) -> No
         axes.set_position((x - size[0] / 2, y - size[1] / 2, *size))
 
 
-def _drawn_box(axes: "Axes3D") -> "Bbox":
+def _measure_drawn_box(axes: "Axes3D") -> "Bbox":
     """Return the tight bounding box of the drawn cuboid, ticks and labels. Units: px."""
     from matplotlib.transforms import Bbox
     from mpl_toolkits.mplot3d.proj3d import proj_transform

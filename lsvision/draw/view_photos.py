@@ -15,7 +15,7 @@ from lsvision.laser_line.image_array import convert_to_grey
 from lsvision.laser_line.line_image import Bayer, interpolate_grey
 from lsvision.results.palette import CORNER, CORNER_RESIDUAL, LASER_PLANE
 
-PHOTO_WIDTH = 640
+MAX_PHOTO_WIDTH_PX = 640
 """Largest width at which a photo is stored in a page, and largest size in px at which it is shown.
 Units: px."""
 JPEG_QUALITY = 70
@@ -44,7 +44,7 @@ class ViewPhoto:
     line_residuals: FloatArray
 
 
-def arrow_factor(residuals: Sequence[FloatArray], width: int) -> float:
+def compute_arrow_factor(residuals: Sequence[FloatArray], width: int) -> float:
     """Return the magnification of the arrows that show residuals; 1 if the median is 0.
 
     `residuals` are those of each photo, (n, 2), `width` is that of the widest photo. Units: px.
@@ -74,18 +74,18 @@ def combine_photos(
     return brighter
 
 
-def photo_svg(photo: ViewPhoto, factors: tuple[float, float]) -> str:
+def render_photo_svg(photo: ViewPhoto, factors: tuple[float, float]) -> str:
     """Return an ``<svg>`` element: the photo, its points, and residuals as arrows.
 
     Its coordinates are pixels: (0, 0) is the centre of a pixel. `factors` are the magnifications of
-    the corners' arrows and of the laser line's, from `arrow_factor`.
+    the corners' arrows and of the laser line's, from `compute_arrow_factor`.
     """
     height, width = photo.image.shape[:2]
-    stroke = width / PHOTO_WIDTH  # one px of the page at the largest size
+    stroke = width / MAX_PHOTO_WIDTH_PX  # one px of the page at the largest size
     head = (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="-0.5 -0.5 {width} {height}" '
-        f'width="{min(width, PHOTO_WIDTH)}"><image x="-0.5" y="-0.5" width="{width}" '
-        f'height="{height}" href="data:image/jpeg;base64,{_jpeg(photo.image)}"/>'
+        f'width="{min(width, MAX_PHOTO_WIDTH_PX)}"><image x="-0.5" y="-0.5" width="{width}" '
+        f'height="{height}" href="data:image/jpeg;base64,{_encode_jpeg(photo.image)}"/>'
     )
     line_step = math.ceil(len(photo.line) / LINE_ARROWS) or 1
     corner_factor, line_factor = factors
@@ -94,40 +94,42 @@ def photo_svg(photo: ViewPhoto, factors: tuple[float, float]) -> str:
     return "".join(
         [
             head,
-            _arrows(photo.line[::line_step], line_arrows[::line_step], LASER_PLANE, 0.8 * stroke),
-            _dots(photo.line, 1.6 * stroke, LASER_PLANE),
-            _circles(photo.corners, 4 * stroke, CORNER, 1.5 * stroke),
-            _arrows(photo.corners, corner_arrows, CORNER_RESIDUAL, 1.5 * stroke),
+            _render_arrows(
+                photo.line[::line_step], line_arrows[::line_step], LASER_PLANE, 0.8 * stroke
+            ),
+            _render_dots(photo.line, 1.6 * stroke, LASER_PLANE),
+            _render_circles(photo.corners, 4 * stroke, CORNER, 1.5 * stroke),
+            _render_arrows(photo.corners, corner_arrows, CORNER_RESIDUAL, 1.5 * stroke),
             "</svg>",
         ]
     )
 
 
-def _jpeg(image: npt.NDArray[Any]) -> str:
-    """Return an image as JPEG in base64, at most `PHOTO_WIDTH` wide; grey if deeper than 8 bit."""
+def _encode_jpeg(image: npt.NDArray[Any]) -> str:
+    """Return an image as JPEG in base64, not too wide for a page; grey if deeper than 8 bit."""
     stored = image if image.dtype == np.uint8 else convert_to_grey(image)
-    scale = PHOTO_WIDTH / stored.shape[1]
+    scale = MAX_PHOTO_WIDTH_PX / stored.shape[1]
     if scale < 1:
-        size = (PHOTO_WIDTH, max(1, round(stored.shape[0] * scale)))
+        size = (MAX_PHOTO_WIDTH_PX, max(1, round(stored.shape[0] * scale)))
         stored = cv2.resize(stored, size, interpolation=cv2.INTER_AREA)
     _, content = cv2.imencode(".jpg", stored, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
     return base64.b64encode(content.tobytes()).decode("ascii")
 
 
-def _circles(points: Points, radius: float, colour: str, stroke: float) -> str:
+def _render_circles(points: Points, radius: float, colour: str, stroke: float) -> str:
     """Return an SVG group of circles around points (n, 2). Units: px."""
     circles = "".join(f'<circle cx="{u:.1f}" cy="{v:.1f}" r="{radius:.1f}"/>' for u, v in points)
     style = f'fill="none" stroke="{colour}" stroke-width="{stroke:.2f}"'
     return f'<g class="corners" {style}>{circles}</g>'
 
 
-def _dots(points: Points, radius: float, colour: str) -> str:
+def _render_dots(points: Points, radius: float, colour: str) -> str:
     """Return an SVG group of filled discs at points (n, 2). Units: px."""
     dots = "".join(f'<circle cx="{u:.1f}" cy="{v:.1f}" r="{radius:.1f}"/>' for u, v in points)
     return f'<g class="line" fill="{colour}">{dots}</g>'
 
 
-def _arrows(points: Points, vectors: FloatArray, colour: str, stroke: float) -> str:
+def _render_arrows(points: Points, vectors: FloatArray, colour: str, stroke: float) -> str:
     """Return arrows from points along vectors, both (n, 2) in px, as one SVG path."""
     paths = []
     for (u, v), (du, dv) in zip(points.tolist(), vectors.tolist(), strict=True):

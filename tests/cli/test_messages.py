@@ -3,7 +3,7 @@
 import pytest
 
 from lsvision.cli import messages as progress
-from lsvision.cli.messages import Progress, duration_text
+from lsvision.cli.messages import Progress, format_duration
 
 
 @pytest.fixture
@@ -34,4 +34,4 @@ def test_it_does_not_guess_at_the_start_nor_at_the_end(shown, seconds, done):
 
 @pytest.mark.parametrize(("seconds", "text"), [(4.6, "0 min 05 s"), (7500, "2 h 05 min")])
 def test_durations_are_in_words(seconds, text):
-    assert duration_text(seconds) == text
+    assert format_duration(seconds) == text

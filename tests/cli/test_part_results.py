@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lsvision import Profile, Rejection, measure_cylinders
-from lsvision.cli.part_results import measurement_lines
+from lsvision.cli.part_results import format_measurement_lines
 from lsvision.measure import Measurement
 from lsvision.profile import Arc
 
@@ -37,7 +37,7 @@ def test_a_bar_with_rounded_corners_is_recognised_by_them(seed) -> None:
     profile = Profile(np.column_stack([x, y + rng.normal(0, 0.02, len(x))]))
     measurement = measure_cylinders(profile)
     assert not measurement.cylinders
-    (line,) = measurement_lines(measurement, profile, verbose=False)
+    (line,) = format_measurement_lines(measurement, profile, verbose=False)
     assert "flat" not in line
     assert "arcs rejected: -v lists them" in line
 

@@ -8,8 +8,8 @@ import pytest
 
 from lsvision.calibration.hand_eye import calibrate_hand_eye_board
 from lsvision.calibration.observations import RejectedPose
-from lsvision.draw.calibration_figures import _plane_corners, draw_bars, draw_poses
-from lsvision.draw.calibration_report import ReportContent, hand_eye_page
+from lsvision.draw.calibration_figures import _find_plane_corners, draw_bars, draw_poses
+from lsvision.draw.calibration_report import ReportContent, render_hand_eye_page
 from lsvision.geometry import Plane, Pose
 from lsvision.results.palette import OUTLIER
 from lsvision.simulate.hand_eye import rotation_from_vector
@@ -50,7 +50,7 @@ def solved():
 def test_page_is_whole_and_well_formed(solved):
     names = [f"shot_{number}<&>.png" for number in range(8)]
     page = ReportContent([("x", "1.0 ± 0.1", "mm")], ["left out: <b>"], names, {"method": "a & b"})
-    text = hand_eye_page(*solved, page)
+    text = render_hand_eye_page(*solved, page)
     reader = Balance()
     reader.feed(text)
     assert reader.open == []
@@ -60,7 +60,7 @@ def test_page_is_whole_and_well_formed(solved):
 
 
 def test_page_without_warnings_says_so(solved):
-    text = hand_eye_page(*solved, ReportContent([], [], ["p"] * 8, {}))
+    text = render_hand_eye_page(*solved, ReportContent([], [], ["p"] * 8, {}))
     assert "No outliers, no warnings." in text
 
 
@@ -81,7 +81,7 @@ def test_names_of_many_bars_are_thinned(count, named):
 
 def test_a_laser_plane_perpendicular_to_x_has_corners():
     points = np.array([[3.0, 1.0, 5.0], [-2.0, 0.0, 9.0], [1.0, 4.0, 6.0]])
-    corners = _plane_corners(Plane((1.0, 0.0, 0.0), 50.0), points)
+    corners = _find_plane_corners(Plane((1.0, 0.0, 0.0), 50.0), points)
     np.testing.assert_allclose(corners[:, 0], 50.0)
     np.testing.assert_allclose(np.ptp(corners[:, 1:], axis=0), [4.0, 4.0])
 
@@ -102,6 +102,6 @@ def test_view_shows_the_board_where_the_camera_saw_it(solved):
 
 def test_text_is_escaped_everywhere(solved):
     page = ReportContent([("<n>", "<v>", "<u>")], ["<w>"], ["p"] * 8, {"<k>": "<s>"})
-    text = hand_eye_page(*solved, page)
+    text = render_hand_eye_page(*solved, page)
     assert not [raw for raw in ("<n>", "<v>", "<u>", "<w>", "<k>", "<s>") if raw in text]
     assert '<p class="warning">&lt;w&gt;</p>' in text

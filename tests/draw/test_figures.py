@@ -2,7 +2,7 @@
 
 import pytest
 
-from lsvision.draw.figures import figure_bytes, make_printable, new_figure
+from lsvision.draw.figures import create_figure, make_printable, render_figure
 
 
 @pytest.mark.parametrize("title", ["Rohr – links.csv", "„Ø 40 €“ ≥ 3 → A…", "φ µm ×", "труба.csv"])
@@ -19,8 +19,8 @@ def test_characters_without_a_glyph_are_question_marks(title):
 
 def test_all_characters_are_drawn_without_a_warning():
     """A warning of a missing glyph is an error here."""
-    figure = new_figure((4.0, 3.0))
+    figure = create_figure((4.0, 3.0))
     for first in range(0x20, 0x3000, 512):
         text = "".join(make_printable(chr(code)) for code in range(first, first + 512))
         figure.text(0.0, 0.5, text, parse_math=False)
-    assert figure_bytes(figure, "png").startswith(b"\x89PNG")
+    assert render_figure(figure, "png").startswith(b"\x89PNG")

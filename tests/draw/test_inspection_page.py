@@ -8,7 +8,7 @@ import pytest
 from matplotlib.colors import same_color
 
 from lsvision.draw.calibration_figures import draw_bars
-from lsvision.draw.figures import figure_bytes
+from lsvision.draw.figures import render_figure
 from lsvision.draw.inspection_page import draw_judged_profile, draw_series
 from lsvision.inspection.job import Job
 from lsvision.inspection.judge import judge
@@ -86,12 +86,12 @@ def test_without_limits_of_the_radius_the_legend_names_none():
 def test_a_part_with_any_name_is_drawn(name):
     """Without an error of mathematical notation, or a warning of a missing glyph."""
     figure = draw_judged_profile(*judged(LIMITED.replace('"left"', f'"{name}"')))
-    assert figure_bytes(figure, "png")
+    assert render_figure(figure, "png")
 
 
 @pytest.mark.parametrize("name", ["$\\frac$", "管"])
 def test_a_pose_with_any_name_is_drawn(name):
-    assert figure_bytes(draw_bars([name], [("residual", [1.0])], [], "mm"), "png")
+    assert render_figure(draw_bars([name], [("residual", [1.0])], [], "mm"), "png")
 
 
 @pytest.mark.parametrize(("limits", "count"), [("min = 14, max = 16", 2), ("max = 16", 1)])

@@ -10,9 +10,9 @@ import pytest
 from matplotlib.colors import same_color
 
 from lsvision.detection.arcs import Rejection
-from lsvision.draw import draw_measurement, figure_bytes
-from lsvision.draw.measurement import LABEL_GAP_PX
-from lsvision.draw.panel import MAX_LINES, rejected_arcs
+from lsvision.draw import draw_measurement, render_figure
+from lsvision.draw.measurement import MIN_LABEL_GAP_PX
+from lsvision.draw.panel import MAX_LINES, find_rejected_arcs
 from lsvision.measure import Measurement, measure_cylinders
 from lsvision.profile import Arc, Profile
 from tests.draw.borders import has_white_border
@@ -121,7 +121,7 @@ def test_rejected_arcs_have_letters_reasons_and_one_colour_each(figure):
 
 def test_rejected_arcs_go_left_to_right_without_repetition_or_points_of_cylinders(scene):
     profile, measurement = scene
-    arcs = rejected_arcs(profile.points, measurement)
+    arcs = find_rejected_arcs(profile.points, measurement)
     assert [arc.letter for arc in arcs] == ["A", "B"]
     assert [arc.reason[:4] for arc in arcs] == ["tilt", "flat"]
     taken = np.concatenate([cylinder.indices for cylinder in measurement.cylinders])
@@ -138,7 +138,7 @@ def test_letters_of_crowded_arcs_keep_clear_of_each_other():
     spots = axes.transData.transform([label.get_position() for label in labels])
     gaps = np.hypot(*(spots[:, None] - spots[None]).transpose(2, 0, 1))
     assert len(spots) == len(spans)
-    assert gaps[np.triu_indices(len(spots), 1)].min() >= LABEL_GAP_PX * (1 - PIXEL_PER_MM)
+    assert gaps[np.triu_indices(len(spots), 1)].min() >= MIN_LABEL_GAP_PX * (1 - PIXEL_PER_MM)
     panel = [text for text in figure.texts if text.get_family() == ["monospace"]]
     assert len(panel) == MAX_LINES
     assert "more lines: see lsvision measure -v" in panel[-1].get_text()
@@ -166,7 +166,7 @@ def test_lines_of_the_panel_stay_within_the_figure():
 @pytest.mark.parametrize("points", [np.full((5, 2), np.nan), np.empty((0, 2)), [[1.0, -400.0]]])
 def test_profile_without_points_can_be_drawn(points):
     figure = draw_measurement(Profile(points), Measurement((), ()), title="nothing")
-    assert figure_bytes(figure, "png").startswith(b"\x89PNG")
+    assert render_figure(figure, "png").startswith(b"\x89PNG")
     assert "No cylinder found" in words(figure)
 
 
@@ -175,12 +175,12 @@ def test_title_is_shown_as_it_is_or_with_question_marks():
     for title, shown in (("a$b$_^.csv", "a$b$_^.csv"), ("管.csv\n", "?.csv?"), ("\udcff", "?")):
         figure = draw_measurement(Profile([[0.0, 0.0]]), empty, title=title)
         assert figure.get_suptitle() == f"{shown}: no cylinder"
-        assert figure_bytes(figure, "svg")
+        assert render_figure(figure, "svg")
 
 
 def test_same_scene_gives_the_same_bytes_also_from_threads(scene):
     def pictures(_):
-        return [figure_bytes(draw_measurement(*scene), kind) for kind in ("png", "svg")]
+        return [render_figure(draw_measurement(*scene), kind) for kind in ("png", "svg")]
 
     alone = pictures(0)
     assert ET.fromstring(alone[1]).tag.endswith("svg")
@@ -190,15 +190,15 @@ def test_same_scene_gives_the_same_bytes_also_from_threads(scene):
 
 def test_other_formats_are_rejected(figure):
     with pytest.raises(ValueError, match="expected a format among png, svg, got 'pdf'"):
-        figure_bytes(figure, "pdf")
+        render_figure(figure, "pdf")
 
 
 def test_pyplot_is_never_imported():
     code = (
-        "import sys; from lsvision.draw import draw_measurement, figure_bytes\n"
+        "import sys; from lsvision.draw import draw_measurement, render_figure\n"
         "from lsvision.measure import Measurement; from lsvision.profile import Profile\n"
         "print('matplotlib' in sys.modules)\n"
-        "figure_bytes(draw_measurement(Profile([[0, 0]]), Measurement((), ())), 'svg')\n"
+        "render_figure(draw_measurement(Profile([[0, 0]]), Measurement((), ())), 'svg')\n"
         "print('matplotlib.pyplot' in sys.modules)"
     )
     assert output_of_python(code).split() == ["False", "False"]

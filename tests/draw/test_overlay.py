@@ -9,7 +9,7 @@ from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 
 from lsvision.detection.arcs import Rejection
-from lsvision.draw import draw_laser_line, draw_on_photo, draw_overlay, figure_bytes
+from lsvision.draw import draw_laser_line, draw_on_photo, draw_overlay, render_figure
 from lsvision.draw.figures import show_photo
 from lsvision.io.images import read_image
 from lsvision.laser_line.extraction import LineSettings, extract_laser_line
@@ -118,7 +118,7 @@ def test_an_image_without_a_cylinder_is_drawn_all_the_same(pair):
     image, rig, profile, _ = pair
     empty = draw_overlay(image, rig, profile, Measurement((), ()))
     assert empty.get_suptitle() == "no cylinder"
-    assert figure_bytes(empty, "png").startswith(b"\x89PNG")
+    assert render_figure(empty, "png").startswith(b"\x89PNG")
 
 
 def test_colours_and_deep_images_are_shown_as_they_are(pair):

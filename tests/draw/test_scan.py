@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from mpl_toolkits.mplot3d.proj3d import proj_transform
 
-from lsvision.draw.figures import figure_bytes
-from lsvision.draw.scan import MAX_POINTS, MIN_FACING, draw_scan
+from lsvision.draw.figures import render_figure
+from lsvision.draw.scan import MAX_POINTS, MIN_FACING_COSINE, draw_scan
 from lsvision.geometry import FloatArray, Points, Pose
 from lsvision.io.ply import UNASSIGNED_RGB, colour_points, colour_surfaces, cylinder_rgb
 from lsvision.scan import ScanMeasurement, measure_scan
@@ -37,7 +37,7 @@ def test_the_picture_names_every_cylinder(seen) -> None:
     words = "\n".join(text.get_text() for text in figure.texts)
     assert figure.get_suptitle() == "two tubes: 2 cylinders"
     assert words.count("radius") == 2
-    assert figure_bytes(figure, "png").startswith(b"\x89PNG")
+    assert render_figure(figure, "png").startswith(b"\x89PNG")
 
 
 @pytest.mark.parametrize("count", [MAX_POINTS - 1, MAX_POINTS + 1, 2 * MAX_POINTS - 1])
@@ -114,7 +114,7 @@ def test_the_measured_side_is_seen(turn_deg) -> None:
     axes = draw_scan(scan, tube.points, vertical="z").axes[0]
     turn = np.radians(axes.azim)
     towards_sensor = base.rotation[:, 1]
-    assert towards_sensor @ (np.cos(turn), np.sin(turn), 0.0) > MIN_FACING
+    assert towards_sensor @ (np.cos(turn), np.sin(turn), 0.0) > MIN_FACING_COSINE
 
 
 def test_a_scan_without_cylinders_is_drawn() -> None:

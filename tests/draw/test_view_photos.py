@@ -8,17 +8,22 @@ import cv2
 import numpy as np
 import pytest
 
-from lsvision.calibration.camera_warnings import covered_cells
+from lsvision.calibration.camera_warnings import find_covered_cells
 from lsvision.calibration.intrinsics import calibrate_camera
 from lsvision.calibration.laser_plane import LaserPlaneSettings, calibrate_laser_plane
 from lsvision.calibration.target import ChArUco, TargetView
 from lsvision.draw.calibration_report import (
     ReportContent,
-    camera_page,
-    laser_plane_page,
-    line_vectors,
+    compute_line_vectors,
+    render_camera_page,
+    render_laser_plane_page,
 )
-from lsvision.draw.view_photos import ViewPhoto, arrow_factor, combine_photos, photo_svg
+from lsvision.draw.view_photos import (
+    ViewPhoto,
+    combine_photos,
+    compute_arrow_factor,
+    render_photo_svg,
+)
 from lsvision.io.images import read_image
 
 EXAMPLE = Path(__file__).parents[2] / "calibration" / "example"
@@ -46,7 +51,7 @@ def page_of(images):
 
 def test_camera_page_shows_each_photo_with_its_corners_and_arrows(solved):
     found, _, boards, _ = solved
-    text = camera_page(found, page_of(boards))
+    text = render_camera_page(found, page_of(boards))
     photos = re.findall(r"<svg[^>]*viewBox=\"-0.5.*?</figure>", text, re.DOTALL)
     assert len(photos) == 7
     assert "view 3: left out: no ChArUco board" in photos[3]
@@ -73,7 +78,7 @@ def test_arrows_of_the_line_end_where_plane_and_board_meet(solved):
     _, found, _, _ = solved
     assert len(found.views) == 6
     for view in found.views:
-        predicted = view.laser_view.line_pixels + line_vectors(found, view)
+        predicted = view.laser_view.line_pixels + compute_line_vectors(found, view)
         heights, seen = (
             heights_on_board(found, view, pixels)
             for pixels in (predicted, view.laser_view.line_pixels)
@@ -84,7 +89,7 @@ def test_arrows_of_the_line_end_where_plane_and_board_meet(solved):
 def test_laser_page_shows_line_and_scale(solved):
     _, found, boards, lines = solved
     lit = [combine_photos(*pair) for pair in zip(boards, lines, strict=True)]
-    text = laser_plane_page(found, ChArUco().points, page_of(lit))
+    text = render_laser_plane_page(found, ChArUco().points, page_of(lit))
     assert text.count('class="line"') == 7
     caption = re.search(r"view 0: (.*?)</figcaption>", text)[1]
     assert re.fullmatch(
@@ -96,9 +101,9 @@ def test_laser_page_shows_line_and_scale(solved):
 
 def test_scale_is_a_round_number_that_does_not_overshoot():
     residuals = [np.full((5, 2), 0.1), np.full((4, 2), 0.1)]
-    assert arrow_factor(residuals, 1000) == 200.0  # 30 px wanted, 0.1414 px long: 212
-    assert arrow_factor([np.zeros((3, 2))], 640) == 1.0
-    assert arrow_factor([], 640) == 1.0
+    assert compute_arrow_factor(residuals, 1000) == 200.0  # 30 px wanted, 0.1414 px long: 212
+    assert compute_arrow_factor([np.zeros((3, 2))], 640) == 1.0
+    assert compute_arrow_factor([], 640) == 1.0
 
 
 def test_scale_just_below_a_power_of_ten():
@@ -108,7 +113,7 @@ def test_scale_just_below_a_power_of_ten():
         for length in 19.2 / below * (1 + np.arange(-9, 9) * 2.0**-53)
         if 0.03 * 640 / length == below
     )
-    assert arrow_factor([np.array([[length, 0.0]])], 640) == 100.0
+    assert compute_arrow_factor([np.array([[length, 0.0]])], 640) == 100.0
 
 
 @pytest.mark.parametrize("kind", [np.uint8, np.uint16])
@@ -117,7 +122,7 @@ def test_photo_is_stored_small_and_in_its_place(kind):
     image[:, 800:] = np.iinfo(kind).max
     photo = ViewPhoto(name="a", image=image, corners=NONE, corner_residuals=NONE, line=NONE,
                       line_residuals=NONE)  # fmt: skip
-    text = photo_svg(photo, (1.0, 1.0))
+    text = render_photo_svg(photo, (1.0, 1.0))
     assert 'viewBox="-0.5 -0.5 1600 900"' in text
     data = base64.b64decode(re.search(r"base64,([^\"]+)", text)[1])
     shown = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE)
@@ -137,5 +142,5 @@ def test_board_and_line_are_one_photo():
 
 def test_cells_of_corners_are_counted_where_they_lie():
     pixels = np.array([[0.0, 0.0], [99.0, 0.0], [50.0, 79.0]])
-    cells = covered_cells((100, 80), [TargetView(np.zeros((3, 3)), pixels, (100, 80))])
+    cells = find_covered_cells((100, 80), [TargetView(np.zeros((3, 3)), pixels, (100, 80))])
     assert np.argwhere(cells).tolist() == [[0, 0], [0, 4], [4, 2]]

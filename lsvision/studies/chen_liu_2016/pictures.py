@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lsvision.draw import draw_on_axes
-from lsvision.draw.figures import new_figure
+from lsvision.draw.figures import create_figure
 from lsvision.geometry import FloatArray, Points, orthogonal_residuals
 from lsvision.results.palette import CYLINDERS, REJECTED
 from lsvision.studies.chen_liu_2016.methods import METHODS, Method
@@ -54,7 +54,7 @@ MAX_RESIDUAL_MM = 3.0
 
 def draw_tables(rows: Sequence[TableRow]) -> str:
     """Return a picture of the rms error of each method by table, with printed errors and bound."""
-    figure = new_figure((WIDTH_INCH, 6.6), layout="constrained")
+    figure = create_figure((WIDTH_INCH, 6.6), layout="constrained")
     panels = figure.subplots(3, 1, sharex=True)
     tables = sorted({row.printed.table for row in rows})
     by_table = [[row for row in rows if row.printed.table == table] for table in tables]
@@ -106,7 +106,7 @@ def draw_scene(scene: SceneFigure, number: int) -> str:
 
     The number of the scene on the page makes the ids in the SVG unique.
     """
-    figure = new_figure((WIDTH_INCH, 3.8), layout="constrained")
+    figure = create_figure((WIDTH_INCH, 3.8), layout="constrained")
     axes = figure.subplots()
     draw_on_axes(axes, scene.section.profile, scene.measurement)
     axes.margins(y=0.15)  # space for the letters above the points
@@ -122,7 +122,7 @@ def _draw_legend_above(axes: "Axes") -> None:
 
 def draw_repeatability(repeatability: Repeatability) -> str:
     """Return Figure 16: repeated centres, their bounding box, the paper's box, and the bound."""
-    figure = new_figure((WIDTH_INCH, 4.6), layout="constrained")
+    figure = create_figure((WIDTH_INCH, 4.6), layout="constrained")
     axes = figure.subplots()
     centres = repeatability.ellipses[:, :2]
     axes.plot(*centres.T, ".", color=BLUE, ms=2.5, alpha=0.6, label="centres measured")
@@ -158,7 +158,7 @@ def _box(low: FloatArray, high: FloatArray) -> FloatArray:
 
 def draw_recognition(steps: StepExample) -> str:
     """Return Figures 5-7: the section, and below it the largest abs(r_j) of the paper's windows."""
-    figure = new_figure((WIDTH_INCH, 5.6), layout="constrained")
+    figure = create_figure((WIDTH_INCH, 5.6), layout="constrained")
     section_axes, residual_axes = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     draw_on_axes(section_axes, steps.section.profile, steps.measurement)
     section_axes.set_aspect("equal", adjustable="box")
@@ -188,7 +188,7 @@ def draw_recognition(steps: StepExample) -> str:
 
 def draw_screening(steps: StepExample) -> str:
     """Return Figures 8 and 9: residuals of one arc from the ellipse of its middle part."""
-    figure = new_figure((WIDTH_INCH, 3.0), layout="constrained")
+    figure = create_figure((WIDTH_INCH, 3.0), layout="constrained")
     axes = figure.subplots()
     profile, identified, screened = steps.profile, steps.identified, steps.screened
     points = profile.points[identified.indices]
@@ -220,7 +220,7 @@ def draw_screening(steps: StepExample) -> str:
 
 def draw_smoothing(steps: StepExample) -> str:
     """Return Figure 10: distance of measured and smoothed points from the true ellipse."""
-    figure = new_figure((WIDTH_INCH, 3.4), layout="constrained")
+    figure = create_figure((WIDTH_INCH, 3.4), layout="constrained")
     axes = figure.subplots()
     points = steps.profile.points[steps.screened.indices]
     inliers = steps.smoothed.inliers
