@@ -32,8 +32,6 @@ AnyCylinder = TypeVar("AnyCylinder", Cylinder, CylinderFit)
 MAX_CHI2_INCREASE = 9.0
 """Increase of chi^2, that of 3 standard deviations of one parameter, up to which another cylinder
 fits as well."""
-MAX_CANDIDATE_INCREASE = 100.0
-"""Increase of chi^2 of a cylinder with equal weights above which it fits worse with any weights."""
 MIN_ANGLE = math.radians(0.05)
 """Angle below which two cylinders are the same minimum. Units: rad."""
 PLANARITY_TOLERANCE = 1e-9

@@ -3,7 +3,6 @@
 import numpy as np
 
 from lsvision.cylinder.alternatives import (
-    MAX_CANDIDATE_INCREASE,
     CylinderComparison,
     refine_cylinder,
     select_distinct_cylinders,
@@ -72,8 +71,7 @@ def guess_cylinders(comparison: CylinderComparison) -> list[Cylinder]:
     Returns
     -------
     list of Cylinder
-        The best cylinder first, then the others of which chi^2 is less than
-        `MAX_CANDIDATE_INCREASE` larger.
+        The best cylinder first, then the other minima, however well they fit with equal weights.
 
     Raises
     ------
@@ -97,8 +95,7 @@ def guess_cylinders(comparison: CylinderComparison) -> list[Cylinder]:
     best = cylinders.pop(_find_best(cylinders, subset))
     if subset.covariances is None:
         _require_no_wider_arc(subset, best, cylinders)
-    others = select_distinct_cylinders([best, *cylinders])[1:]
-    return [best, *(c for c in others if subset.increase(c, best) < MAX_CANDIDATE_INCREASE)]
+    return select_distinct_cylinders([best, *cylinders])
 
 
 def _find_inliers(cylinder: Cylinder, comparison: CylinderComparison) -> IntArray:

@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lsvision.cylinder.alternatives import (
-    MAX_CANDIDATE_INCREASE,
     CylinderComparison,
     find_equivalent,
     keep_equivalent,
@@ -247,7 +246,6 @@ def fit_twins(
     comparison = _build_comparison(cloud, rows, known_radius, settings)
     best = sort_by_chi2(fits, comparison)[0].cylinder
     minima = find_other_minima(comparison.points, best, known_radius)
-    minima = [c for c in minima if comparison.increase(c, best) < MAX_CANDIDATE_INCREASE]
     fits += _fit_all(cloud, rows, minima, known_radius, settings)[0]
     best_fit, *others = keep_equivalent(fits, comparison)
     if not others or len(track) <= settings.trial_sections:
