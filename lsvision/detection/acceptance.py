@@ -46,11 +46,23 @@ class AcceptanceSettings:
     Parameters
     ----------
     min_points : int
-        Smallest number of inliers.
+        Smallest number of inliers. Of 480 simulated pipes with 8 to 25 points it finds 343; a limit
+        of 8 finds 398, of 17 235.
     min_coverage_deg : float
-        Smallest angle between the normals at both ends of the arc. Units: deg.
+        Smallest angle between the normals at both ends of the arc. Of 48 arcs of 45 to 60 deg, and
+        48 of 30 to 45 deg, with a known radius it finds 38 and 13; a limit of 27 finds 39 and 33,
+        of 53 10 and 1. With an unknown radius it hardly matters: such arcs determine none. Units:
+        deg.
     max_tilt_deg : float
-        Largest angle phi between the cylinder's axis and the laser plane's normal. Units: deg.
+        Largest angle phi between the cylinder's axis and the laser plane's normal. Of 800 pipes,
+        half of them tilted by up to 75 deg, the others by up to 40, it finds 721; a limit of 42
+        finds 627, of 84 776. Units: deg.
+
+    Notes
+    -----
+    None of these limits yields a false cylinder in 800 scenes with clutter, 320 of them without a
+    pipe, and the 95 % intervals of the radius contain it in 94 to 96 % with each: lower limits are
+    a choice for data without other shapes than those of `lsvision.simulate`.
     """
 
     min_points: int = 12

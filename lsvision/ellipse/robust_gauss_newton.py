@@ -35,7 +35,9 @@ FLATTENING_INFORMATION = np.diag([0, 0, 0, 1, 1, 0])[:PARAMETERS] / FLATTENING_P
 FLATTENING_DIAGONAL = FLATTENING_INFORMATION.sum(axis=1, keepdims=True)
 """Information of the prior on the flattening about each parameter, (5, 1), for m = 1 mm."""
 DAMPING_STEP_FRACTION = 0.1
-"""Step, as a fraction of m, whose damping costs as much as a residual of one sigma."""
+"""Step, as a fraction of m, whose damping costs as much as a residual of one sigma. Of 1920
+simulated arcs, many of them short or sparse, 1508 become cylinders; with 0.07 1504, with 0.14 1516,
+with 0.01 1472, and with 10, nearly without damping, 1470."""
 DAMPING_AND_PRIOR_INFORMATION = (
     IDENTITY / DAMPING_STEP_FRACTION**2 + FLATTENING_INFORMATION[:, :PARAMETERS]
 )

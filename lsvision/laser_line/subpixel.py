@@ -23,7 +23,9 @@ from lsvision.laser_line.stripe_windows import END_PIXELS, Stripes, Windows
 NEWTON_ITERATIONS = 4
 """Newton steps; the fourth moves less than 1e-6 px on any stripe within 1 px of its start."""
 MAX_SHIFT_SIGMAS = 1.2
-"""Largest distance of a zero crossing from its coarse row, in sigmas of the filter."""
+"""Largest distance of a zero crossing from its coarse row, in sigmas of the filter. In 10 cluttered
+images 121 columns are lost and 101 false; with 0.84 142 and 80, with 1.68 67 and 155, and edges of
+boxes are taken for a line."""
 MIN_SHIFT_LIMIT_PX = 1.0
 """Smallest value of that limit, for narrow filters: coarse rows are accurate to about half a pixel.
 Units: px."""

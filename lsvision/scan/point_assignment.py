@@ -34,23 +34,33 @@ class PointAssignmentSettings:
     Parameters
     ----------
     sigmas : float
-        Largest distance of an inlier from the surface, in standard deviations.
+        Largest distance of an inlier from the surface, in standard deviations. With 2.5 1.4 % of
+        the points are lost, with 4.9 the errors of the radius are 1.5 % larger (90 % quantile).
     max_outlier_run : int
-        Number of consecutive outliers that do not interrupt an arc.
+        Number of consecutive outliers that do not interrupt an arc. With 0 4 % of the points
+        are lost, with 2 and 4 a few.
     min_points : int
-        Smallest number of points of an arc.
+        Smallest number of points of an arc. With 6 2 of 60 bent pipes more are missed; with 11 0.06
+        % of the points are lost.
     min_inlier_fraction : float
-        Smallest fraction of inliers between the first and the last point of an arc.
+        Smallest fraction of inliers between the first and the last point of an arc. With 0.84 0.2 %
+        of the points are lost; 0 to 0.6 change nothing.
     min_incidence_cosine : float
-        Smallest component of the surface normal towards the sensor; negative because the rays
-        of the sensor diverge.
+        Smallest component of the surface normal towards the sensor; negative because the rays of
+        the sensor diverge. From -1 to -0.25 it changes one point, with 0 three are lost.
     end_sigmas : float
-        Points at the ends of the arcs are trimmed while their mean residual over all arcs
-        exceeds this many predicted standard deviations of the mean: a weld or a plate that
-        touches the tube leaves its surface gradually.
+        Points at the ends of the arcs are trimmed while their mean residual over all arcs exceeds
+        this many predicted standard deviations of the mean: a weld or a plate that touches the tube
+        leaves its surface gradually. With 1.75 the errors of the radius are 1.5 % larger (90 %
+        quantile), with 3.5 0.6 %.
     max_trimmed_points : int
         Largest number of points trimmed from either end of each arc; at most half of the shortest
-        arc.
+        arc. 4 and 7 change nothing.
+
+    Notes
+    -----
+    Measured on 400 simulated scans of 657 pipes, in clutter, welded, stacked, or bent; of limits 30
+    % smaller and 40 % larger, those that are not stated change nothing but a few points.
     """
 
     sigmas: float = 3.5

@@ -39,6 +39,18 @@ class TrackSettings:
         predicted direction is `DIRECTION_SIGMAS`.
     window : int
         Number of the most recent arcs used for the prediction.
+
+    Notes
+    -----
+    Measured on 400 simulated scans of 657 pipes. Of 60 bent ones (bend of 0.3 to 5 m over 150 mm)
+    54 yield a cylinder whose radius is right within 5 %, 5 of them in two parts. A larger gate or a
+    smaller window follows the bend, to a cylinder of a wrong radius: with a `gate` of 0.42 51 are
+    right, with a `window` of 7 50; with a `gate` of 0.21 56 are, 7 of them in two parts. With a
+    `max_gate` of 0.42 4 pipes in three or four sections 30 mm apart are lost; without it none more
+    is found. `sigmas` of 2.8 and 5.6 change one pipe. A `radius_gate` from 0.03 to none changes
+    nothing there; it divides pipes of one axis whose radius changes in a step: of both parts of 8
+    such pipes 13 of 16 are found at a step of 15 % and 8 at 10 %; with 0.084 16 and 10, with 0.168
+    8 and 8.
     """
 
     gate: float = 0.3
