@@ -3,7 +3,7 @@
 import json
 import os
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, TextIO
@@ -16,28 +16,32 @@ from lsvision.batch.measure_file import (
     FileTask,
     file_version,
 )
+from lsvision.batch.written_file import WrittenFile, describe_change
 from lsvision.errors import LsvisionError, UnreadableFile, UnwritableFile
 from lsvision.results.summaries import format_count
 
 MANIFEST = "manifest.jsonl"
 """Name of the manifest in the folder of the results."""
-SCHEMA = "lsvision.batch/1"
+SCHEMA = "lsvision.batch/2"
 """Name and version of the manifest's format."""
 
 
 @dataclass(frozen=True)
 class Status:
-    """State of a batch, with the settings of its job and their hash.
+    """State of a batch, with the settings of its job and their hash, and the version of lsvision.
 
     `files` is the number of files of the last run, `outcomes` the last outcome of each by its name
-    in the results; `set_aside` names the files whose measurement ended its process twice (out of
-    memory, a crash), which are not measured again.
+    in the results, `outputs` the file of its results, relative to the folder of the batch;
+    `set_aside` names the files whose measurement ended its process twice (out of memory, a crash),
+    which are not measured again until they change.
     """
 
     job_hash: str
     settings: dict[str, Any]
+    version: str
     files: int
     outcomes: dict[str, FileOutcome] = field(default_factory=dict)
+    outputs: dict[str, str] = field(default_factory=dict)
     set_aside: frozenset[str] = frozenset()
 
     @property
@@ -51,21 +55,36 @@ class Status:
         return [outcome for outcome in self.outcomes.values() if outcome.error]
 
     def is_done(self, task: FileTask) -> bool:
-        """Return whether a file need not be measured.
+        """Return whether a file need not be measured; see `reason_to_measure`."""
+        return self.reason_to_measure(task) is None
 
-        That is a file that was measured, has not changed since, and whose results are still there;
-        or one that is set aside.
+    def reason_to_measure(self, task: FileTask) -> str | None:
+        """Return why a file must be measured, again or for the first time; None if it need not.
+
+        It need not if it was measured, or is set aside, has not changed since, and its results are
+        as they were written. The reason is empty for a file that has no results yet.
         """
         outcome = self.outcomes.get(task.name)
-        if outcome is None:
-            return False
-        if outcome.error:
-            return task.name in self.set_aside
-        return (
-            task.output.exists()
-            and task.source.exists()
-            and outcome.version == file_version(task.source)
-        )
+        if outcome is None or (outcome.error and task.name not in self.set_aside):
+            return ""
+        if not task.source.exists():  # reported by measuring it
+            return ""
+        if outcome.version != file_version(task.source):
+            return "measured again: it has changed"
+        if outcome.written is None:  # set aside
+            return None
+        change = describe_change(task.output, outcome.written)
+        return change and f"measured again: its results were changed or deleted ({change})"
+
+
+def find_changed_results(folder: Path, status: Status) -> dict[str, str]:
+    """Return how results in the folder of a batch differ from what was written, by file names."""
+    changes = {
+        outcome.name: describe_change(folder / status.outputs[outcome.name], outcome.written)
+        for outcome in status.done
+        if outcome.written is not None
+    }
+    return {name: change for name, change in changes.items() if change is not None}
 
 
 def read_status(folder: Path) -> Status | None:
@@ -114,6 +133,7 @@ def _read_text(path: Path) -> str | None:
 def _status_from_records(head: dict[str, Any], records: Sequence[dict[str, Any]]) -> Status:
     """Return the state of a batch from the first and the other records of its manifest."""
     outcomes: dict[str, FileOutcome] = {}
+    outputs: dict[str, str] = {}
     set_aside: set[str] = set()
     files = 0
     for record in records:
@@ -121,14 +141,20 @@ def _status_from_records(head: dict[str, Any], records: Sequence[dict[str, Any]]
             files = int(record["files"])
             continue
         is_set_aside = bool(record.pop("set_aside", False))
+        output = str(record.pop("output"))
         tuples = {name: tuple(record[name]) for name in ("version", "notes")}  # lists in JSON
-        outcome = FileOutcome(**record | tuples)
-        outcomes[outcome.name] = outcome
+        state = record.pop("written")
+        written = None if state is None else WrittenFile(**state)
+        outcome = FileOutcome(**record | tuples, written=written)
+        outcomes[outcome.name], outputs[outcome.name] = outcome, output
         if is_set_aside:
             set_aside.add(outcome.name)
         else:
             set_aside.discard(outcome.name)
-    return Status(head["job_hash"], head["job"], files, outcomes, frozenset(set_aside))
+    return Status(
+        head["job_hash"], head["job"], head["version"], files, outcomes, outputs,
+        frozenset(set_aside),
+    )  # fmt: skip
 
 
 def _parse_record(line: str) -> dict[str, Any] | None:
@@ -156,8 +182,8 @@ class Manifest:
         Raises
         ------
         LsvisionError
-            If the folder holds results of another job, another run writes into it, or it
-            cannot be written.
+            If the folder holds results of another job or version, another run writes into it, or
+            it cannot be written.
         """
         path = self._folder / MANIFEST
         try:
@@ -189,15 +215,16 @@ class Manifest:
         now = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
         self._append({"files": files, "started": now, "version": __version__})
 
-    def add(self, outcome: FileOutcome, *, set_aside: bool = False) -> None:
-        """Record the outcome of a file.
+    def add(self, outcome: FileOutcome, output: Path, *, set_aside: bool = False) -> None:
+        """Record the outcome of a file, and the file of its results.
 
         Raises
         ------
         UnwritableFile
             If the disk is full.
         """
-        self._append(asdict(outcome) | ({"set_aside": True} if set_aside else {}))
+        record = asdict(outcome) | {"output": os.path.relpath(output, self._folder)}
+        self._append(record | ({"set_aside": True} if set_aside else {}))
 
     def _end_cut_line(self) -> None:
         """End a line that an interruption left incomplete, so that the next one is whole."""
@@ -207,10 +234,16 @@ class Manifest:
                 self._file.write("\n")
 
     def _check_job(self, status: Status | None) -> None:
-        """Write the job into a new manifest; raise an error if the manifest has another job."""
+        """Write the job into a new manifest; raise an error if it has another job or version."""
         if status is None:
             head = {"schema": SCHEMA, "job_hash": self._job.hash, "job": self._job.settings}
-            self._append(head)
+            self._append(head | {"version": __version__})
+        elif status.version != __version__:
+            raise LsvisionError(
+                f"{self._folder}: it holds results of lsvision {status.version}, this is "
+                f"{__version__}: name another folder, or continue with the version of the results "
+                f"(pip install lsvision=={status.version})"
+            )
         elif status.job_hash != self._job.hash:
             difference = _describe_difference(status, self._job)
             raise LsvisionError(
@@ -262,11 +295,12 @@ def _lock_file(file: TextIO, folder: Path) -> None:
         ) from None
 
 
-def format_summary(status: Status, names: Iterable[str] = ()) -> str:
+def format_summary(status: Status, names: Iterable[str] = (), changed: Collection[str] = ()) -> str:
     """Return the counts of a batch in one line.
 
     They are those of the files `names`, or else of all files of the batch: those of the last run,
-    and those that earlier runs have finished.
+    and those that earlier runs have finished. The files `changed`, whose results were changed or
+    deleted, are left to be measured.
     """
     counted_names = set(names)
     outcomes = [
@@ -274,14 +308,16 @@ def format_summary(status: Status, names: Iterable[str] = ()) -> str:
         for outcome in status.outcomes.values()
         if not counted_names or outcome.name in counted_names
     ]
-    done = [outcome for outcome in outcomes if not outcome.error]
+    done = [outcome for outcome in outcomes if not outcome.error and outcome.name not in changed]
+    failed = sum(bool(outcome.error) for outcome in outcomes)
     total = len(counted_names) or max(status.files, len(outcomes))
     profiles = sum(outcome.profiles for outcome in done)
     cylinders = sum(outcome.cylinders for outcome in done)
     aside = sum(outcome.name in status.set_aside for outcome in outcomes)
     set_aside = f" ({aside} set aside)" if aside else ""
+    again = f" ({len(changed)} of them again)" if changed else ""
     return (
-        f"{len(done)} of {total} files done, {len(outcomes) - len(done)} failed{set_aside}, "
-        f"{total - len(outcomes)} left: "
+        f"{len(done)} of {total} files done, {failed} failed{set_aside}, "
+        f"{total - len(done) - failed} left{again}: "
         f"{format_count(profiles, 'profile')}, {format_count(cylinders, 'cylinder')}"
     )

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import platform
 import secrets
 import time
 from collections.abc import Iterator
@@ -11,8 +12,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from lsvision import __version__
 from lsvision.batch.measure_group import measure_group, require_measurement
 from lsvision.batch.result_table import result_table
+from lsvision.batch.written_file import WrittenFile, read_state
 from lsvision.ellipse.section import precompute_intervals
 from lsvision.errors import LsvisionError, UnreadableFile, UnwritableFile
 from lsvision.files.limited_reading import MAX_FILE_BYTES, size_limit
@@ -88,7 +91,7 @@ class FileTask:
     """A file of profiles to be measured, and the Parquet file of its cylinders.
 
     `name` is that of the source in the results and the manifest; larger files than `max_size`, in
-    bytes, are not read.
+    bytes, are not read. `lsvision_version` is that of the command.
     """
 
     source: Path
@@ -96,6 +99,7 @@ class FileTask:
     name: str
     job: BatchJob
     max_size: int = MAX_FILE_BYTES
+    lsvision_version: str = __version__
 
 
 @dataclass(frozen=True)
@@ -104,7 +108,7 @@ class FileOutcome:
 
     `name` is that of the source in the results and the manifest, `seconds` the time that reading
     and measuring took, `version` that of `file_version`; `rejections` counts rejected arcs, `notes`
-    are assumptions and omissions in reading the file.
+    are assumptions and omissions in reading the file, `written` is the state of its results.
     """
 
     name: str
@@ -115,6 +119,7 @@ class FileOutcome:
     version: tuple[int, int] = (0, 0)
     notes: tuple[str, ...] = ()
     error: str = ""
+    written: WrittenFile | None = None
 
 
 def measure_file(task: FileTask) -> FileOutcome:
@@ -126,7 +131,10 @@ def measure_file(task: FileTask) -> FileOutcome:
     ------
     UnwritableFile
         If the results cannot be written: this concerns all files.
+    LsvisionError
+        If the process has another version of lsvision than the command.
     """
+    _require_version(task.lsvision_version)
     start = time.monotonic()
     try:
         version = file_version(task.source)
@@ -143,6 +151,15 @@ def measure_file(task: FileTask) -> FileOutcome:
         reason = " ".join(str(error).split()) or "no message"
         return FileOutcome(task.name, error=f"{task.source}: {type(error).__name__}: {reason}")
     return replace(outcome, seconds=time.monotonic() - start, version=version)
+
+
+def _require_version(wanted: str) -> None:
+    """Raise an error in a process, on another machine, with another version of lsvision."""
+    if wanted != __version__:
+        raise LsvisionError(
+            f"{platform.node()}: this worker has lsvision {__version__}, the command {wanted}: "
+            "install the same version on all machines, and start the workers again"
+        )
 
 
 def file_version(path: Path) -> tuple[int, int]:
@@ -181,10 +198,12 @@ def _write_results(task: FileTask) -> FileOutcome:
             rejections += sum(len(m.rejections) for m in measured if m is not None)
         if writer is None:
             raise UnreadableFile(f"{task.source}: it holds no profile: check its export")
-        _finish_output(writer, temporary, task.output)
+        written = _finish_output(writer, temporary, task.output)
     finally:
         temporary.unlink(missing_ok=True)
-    return FileOutcome(task.name, profiles, cylinders, rejections, notes=tuple(notes))
+    return FileOutcome(
+        task.name, profiles, cylinders, rejections, notes=tuple(notes), written=written
+    )
 
 
 def list_notes(file: ProfileFile) -> Iterator[str]:
@@ -225,15 +244,19 @@ def _write_table(writer: "pa.parquet.ParquetWriter", table: "pa.Table", output: 
         raise _unwritable_error(output, error) from None
 
 
-def _finish_output(writer: "pa.parquet.ParquetWriter", temporary: Path, output: Path) -> None:
-    """Close a temporary file, and rename it to the output once it is on the disk."""
+def _finish_output(
+    writer: "pa.parquet.ParquetWriter", temporary: Path, output: Path
+) -> WrittenFile:
+    """Close a temporary file, rename it to the output once it is on the disk; return its state."""
     try:
         writer.close()
         with temporary.open("rb+") as file:
             os.fsync(file.fileno())
+        written = read_state(temporary)
         temporary.replace(output)
     except OSError as error:
         raise _unwritable_error(output, error) from None
+    return written
 
 
 def _unwritable_error(path: Path, error: OSError) -> UnwritableFile:

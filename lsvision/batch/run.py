@@ -4,11 +4,18 @@ import hashlib
 import importlib.util
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from lsvision.batch.cluster import run_on_cluster
 from lsvision.batch.manifest import Manifest, Status, read_status
-from lsvision.batch.measure_file import BatchJob, FileOutcome, FileTask, measure_file
+from lsvision.batch.measure_file import (
+    BatchJob,
+    FileOutcome,
+    FileTask,
+    file_version,
+    measure_file,
+)
 from lsvision.batch.process_pool import EndedProcess, Finished, run_tasks
 from lsvision.errors import LsvisionError, UnwritableFile
 from lsvision.files.file_kinds import exists
@@ -88,15 +95,18 @@ def run_batch(
     """Measure the files that have no valid results yet, and record the outcome of each.
 
     Files that failed in an earlier run are measured again, except those that ended their process
-    twice, which are set aside. `jobs` is the number of processes on this machine, `scheduler` the
-    address of a Dask scheduler whose workers measure the files instead; `report` is called as soon
-    as the outcome of a file is in the manifest. Return the state after the run.
+    twice, which are set aside until they change. A file that has changed since it was measured, or
+    whose results were changed or deleted, is measured again, with a note. `jobs` is the number of
+    processes on this machine, `scheduler` the address of a Dask scheduler whose workers measure the
+    files instead; `report` is called as soon as the outcome of a file is in the manifest. Return
+    the state after the run.
 
     Raises
     ------
     LsvisionError
-        If the folder holds results of another job or cannot be written, or the connection to the
-        scheduler is lost; results of finished files are kept.
+        If the folder holds results of another job or of another version of lsvision, or cannot be
+        written, a worker has another version, or the connection to the scheduler is lost; results
+        of finished files are kept.
     ValueError
         If there are no tasks.
     """
@@ -105,8 +115,8 @@ def run_batch(
     if importlib.util.find_spec("pyarrow") is None:
         raise LsvisionError("a batch needs pyarrow: pip install 'lsvision[batch]'")
     with Manifest(folder, tasks[0].job) as manifest:
-        status = read_status(folder)
-        remaining_tasks = [task for task in tasks if status is None or not status.is_done(task)]
+        reasons = _find_reasons(tasks, read_status(folder))
+        remaining_tasks = [task for task in tasks if task.name in reasons]
         manifest.begin(len(tasks))
         for task in remaining_tasks:
             _make_folder(task.output.parent)
@@ -118,7 +128,9 @@ def run_batch(
             # deleted. Those of a file that was removed since are still right, and stay.
             if outcome.error and exists(task.source):
                 task.output.unlink(missing_ok=True)
-            manifest.add(outcome, set_aside=is_set_aside)
+            if reasons[task.name]:
+                outcome = replace(outcome, notes=(reasons[task.name], *outcome.notes))
+            manifest.add(outcome, task.output, set_aside=is_set_aside)
             left -= 1
             report(outcome, left)
     status = read_status(folder)
@@ -127,6 +139,14 @@ def run_batch(
             f"{folder}: the manifest was removed during the run: run the batch again"
         )
     return status
+
+
+def _find_reasons(tasks: Sequence[FileTask], status: Status | None) -> dict[str, str]:
+    """Return why files must be measured, by name, without those that need not be."""
+    reasons = {
+        task.name: "" if status is None else status.reason_to_measure(task) for task in tasks
+    }
+    return {name: reason for name, reason in reasons.items() if reason is not None}
 
 
 def _make_folder(folder: Path) -> None:
@@ -153,6 +173,7 @@ def _outcome_of_ended_process(task: FileTask) -> FileOutcome:
     """Return the outcome of a file whose measurement ended its process twice."""
     return FileOutcome(
         task.name,
+        version=file_version(task.source) if exists(task.source) else (0, 0),
         error=f"{task.source}: it ended its process twice (out of memory, or a crash): set aside, "
-        "and not tried again with this --out",
+        "and not tried again with this --out until it changes",
     )

@@ -33,7 +33,6 @@ from lsvision.files.file_kinds import STDIN, is_directory
 from lsvision.results.summaries import format_count
 
 if TYPE_CHECKING:
-    from lsvision.batch.manifest import Status
     from lsvision.batch.measure_file import BatchJob, FileOutcome
     from lsvision.io.profiles import ReadOptions
     from lsvision.measure import Measurement
@@ -106,6 +105,7 @@ def batch(
             "expected --jobs or --scheduler, got both: the workers of the scheduler decide how "
             "many processes they start"
         )
+    from lsvision.batch.manifest import format_summary
     from lsvision.batch.process_pool import default_jobs
     from lsvision.batch.run import plan_tasks, run_batch
 
@@ -130,7 +130,7 @@ def batch(
     report.clear()
     report.print_notes()
     names = [task.name for task in tasks]
-    _print_summary(result, names)
+    typer.echo(format_summary(result, names))
     if any_missing or any(result.outcomes[name].error for name in names):
         raise typer.Exit(FAILED)
 
@@ -211,21 +211,29 @@ def _folder_of(name: str) -> str:
 
 
 def _print_status(folder: Path) -> None:
-    """Print the summary of a batch, and the error of each file that failed."""
-    from lsvision.batch.manifest import MANIFEST, read_status
+    """Print the summary of a batch, its failed files, and the results that were changed."""
+    from lsvision.batch.manifest import (
+        MANIFEST,
+        find_changed_results,
+        format_summary,
+        read_status,
+    )
 
     status = read_status(folder)
     if status is None:
         raise LsvisionError(f"{folder / MANIFEST}: no such file: name the --out of a batch")
-    _print_summary(status)
-    print_lines(f"  {outcome.error}" for outcome in status.failed)
-
-
-def _print_summary(status: "Status", names: Sequence[str] = ()) -> None:
-    """Print the counts of the files `names`, or else of all files of a batch."""
-    from lsvision.batch.manifest import format_summary
-
-    typer.echo(format_summary(status, names))
+    changes = find_changed_results(folder, status)
+    print_lines(
+        [
+            format_summary(status, changed=changes),
+            *(f"  {outcome.error}" for outcome in status.failed),
+            *(
+                f"  {folder / status.outputs[name]}: changed or deleted after it was written "
+                f"({change}): the next run measures {name} again"
+                for name, change in changes.items()
+            ),
+        ]
+    )
 
 
 class _Report(StatusLine):

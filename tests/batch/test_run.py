@@ -1,6 +1,9 @@
 """Batches of files: results, resume, other jobs, failures."""
 
 import json
+import re
+import shutil
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -10,7 +13,13 @@ import pytest
 
 import lsvision as lsv
 from lsvision.batch import manifest
-from lsvision.batch.manifest import MANIFEST, SCHEMA, format_summary, read_status
+from lsvision.batch.manifest import (
+    MANIFEST,
+    SCHEMA,
+    find_changed_results,
+    format_summary,
+    read_status,
+)
 from lsvision.batch.measure_file import TEMPORARY_PREFIX, BatchJob, FileOutcome, measure_file
 from lsvision.batch.run import plan_tasks, run_batch
 from lsvision.errors import LsvisionError, UnreadableFile, UnwritableFile
@@ -84,6 +93,70 @@ def test_what_is_done_is_not_done_again_and_what_changed_is(folder):
     (folder / "out" / "a.csv.parquet").unlink()
     run_batch(tasks_of(folder), folder / "out", report=lambda outcome, _: seen.append(outcome))
     assert sorted(outcome.name for outcome in seen) == ["a.csv", "part-1.parquet"]
+    assert {outcome.notes[0] for outcome in seen} == {
+        "measured again: it has changed",
+        "measured again: its results were changed or deleted (no such file)",
+    }
+
+
+@pytest.mark.parametrize("content", [None, b"", b"PAR1", "overwritten", "cut off"])
+def test_results_that_were_changed_or_deleted_are_measured_again(folder, content):
+    before = run_batch(tasks_of(folder), folder / "out")
+    output = folder / "out" / "part-1.parquet"
+    whole = output.read_bytes()
+    if content is None:
+        output.unlink()
+    elif isinstance(content, bytes):
+        output.write_bytes(content)
+    else:
+        output.write_bytes(whole[:-1] + (b"?" if content == "overwritten" else b""))
+    (name,) = find_changed_results(folder / "out", before)
+    assert name == "part-1.parquet"
+    assert "2 of 3 files done, 0 failed, 1 left (1 of them again)" in format_summary(
+        before, changed=[name]
+    )
+    seen = []
+    run_batch(tasks_of(folder), folder / "out", report=lambda outcome, _: seen.append(outcome))
+    assert [outcome.name for outcome in seen] == ["part-1.parquet"]
+    assert seen[0].notes[0].startswith("measured again: its results were changed or deleted (")
+    assert output.read_bytes() == whole
+
+
+def test_a_copy_of_the_results_is_as_good_as_they_are(folder):
+    run_batch(tasks_of(folder), folder / "out")
+    (folder / "out").rename(folder / "first")
+    shutil.copytree(folder / "first", folder / "out", copy_function=shutil.copyfile)
+    status = read_status(folder / "out")
+    assert all(map(status.is_done, tasks_of(folder)))
+    assert find_changed_results(folder / "out", status) == {}
+
+
+def test_results_of_another_version_are_rejected(folder, monkeypatch):
+    monkeypatch.setattr(manifest, "__version__", "0.0.7")
+    run_batch(tasks_of(folder), folder / "out")
+    monkeypatch.undo()
+    with pytest.raises(
+        LsvisionError,
+        match=rf"results of lsvision 0\.0\.7, this is {re.escape(lsv.__version__)}: name another",
+    ):
+        run_batch(tasks_of(folder), folder / "out")
+
+
+def test_a_worker_of_another_version_measures_nothing(folder):
+    task = replace(tasks_of(folder)[0], lsvision_version="0.0.7")
+    with pytest.raises(LsvisionError, match=r"this worker has lsvision .*, the command 0\.0\.7"):
+        measure_file(task)
+    assert not task.output.exists()
+
+
+def test_a_file_that_was_set_aside_is_tried_again_once_it_changes(folder):
+    np.savetxt(folder / "in" / "a.csv", profiles(1)[0][100:223], delimiter=",")
+    (folder / "marks").mkdir()
+    job = BatchJob(partial(Killer(folder / "marks", 123, 99)))
+    assert run_batch(tasks_of(folder, job), folder / "out", jobs=2).set_aside == {"a.csv"}
+    np.savetxt(folder / "in" / "a.csv", profiles(1)[0][100:224], delimiter=",")
+    status = run_batch(tasks_of(folder, job), folder / "out", jobs=2)
+    assert (len(status.done), status.set_aside) == (3, set())
 
 
 def test_a_run_that_goes_on_tells_how_many_files_are_left(folder):
@@ -323,7 +396,7 @@ def test_without_pyarrow_the_extra_is_named(folder, monkeypatch):
 
 def test_another_file_is_no_manifest(tmp_path):
     (tmp_path / MANIFEST).write_text(json.dumps({"schema": "other"}))
-    with pytest.raises(UnreadableFile, match=r"expected a manifest of lsvision\.batch/1"):
+    with pytest.raises(UnreadableFile, match=r"expected a manifest of lsvision\.batch/2"):
         read_status(tmp_path)
     assert read_status(tmp_path / "none") is None
 

@@ -56,6 +56,22 @@ def test_a_broken_file_and_a_missing_one_are_reported_and_the_rest_is_done(run, 
     assert "in/b.csv: expected x and height" in run("batch", "--status", out).stdout
 
 
+def test_results_that_were_spoilt_are_in_the_status_and_are_measured_again(run, folder):
+    out = folder / "out"
+    words = ("batch", folder / "in", "--out", out, "--jobs", 1)
+    whole = run(*words).stdout
+    (out / "b.csv.parquet").write_bytes(b"")
+    status = run("batch", "--status", out)
+    assert status.stdout.startswith("1 of 2 files done, 0 failed, 1 left (1 of them again): ")
+    assert f"{out / 'b.csv.parquet'}: changed or deleted after it was written (0 bytes" in (
+        status.stdout
+    )
+    again = run(*words)
+    assert again.stdout == whole
+    assert "b.csv: note: measured again: its results were changed or deleted (0 b" in again.stderr
+    assert run("batch", "--status", out).stdout == whole
+
+
 def test_the_time_left_counts_the_files_that_are_left(capsys, monkeypatch):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     now = iter([0.0, 10.0])
