@@ -188,7 +188,7 @@ def _write_results(task: FileTask) -> FileOutcome:
     try:
         for part in iterate_profiles(task.source, **task.job.reading):
             require_plausible_units(part.file)
-            notes |= dict.fromkeys(list_notes(part.file))
+            notes |= dict.fromkeys(_list_notes_of_part(part))
             measured = _measure_part(task, part)
             table = result_table(task.name, part, measured, task.job.inspection)
             writer = writer or _open_writer(temporary, table.schema)
@@ -211,6 +211,13 @@ def list_notes(file: ProfileFile) -> Iterator[str]:
     if file.units_assumed:
         yield f"units taken as {file.units}: state them with --units"
     yield from file.notes
+
+
+def _list_notes_of_part(part: ProfilePart) -> Iterator[str]:
+    """Yield the notes on a part, also on columns that are not repeated in the results."""
+    yield from list_notes(part.file)
+    if part.point_columns:
+        yield f"{', '.join(part.point_columns)}: one value per point, not repeated in the results"
 
 
 def _measure_part(task: FileTask, part: ProfilePart) -> "list[Measurement | None]":

@@ -4,12 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 import lsvision as lsv
+from lsvision.batch.measure_file import BatchJob, FileTask, measure_file
 from lsvision.batch.result_table import result_table
 from lsvision.io.profiles.streaming import iterate_profiles
-from tests.batch.sources import profiles
+from tests.batch.sources import profiles, write_nested
 
 
 @pytest.fixture
@@ -53,3 +55,18 @@ def test_a_file_without_other_columns_adds_none(part):
     assert names[:3] == ["source", "profile", "cylinder"]
     assert names[-2:] == ["reason", "rejections"]
     assert len(set(names)) == len(names)
+
+
+def test_nested_columns_are_in_the_results_and_columns_of_points_are_noted(tmp_path):
+    names = write_nested(tmp_path / "a.parquet")
+    task = FileTask(tmp_path / "a.parquet", tmp_path / "out.parquet", "a.parquet", BatchJob())
+    outcome = measure_file(task)
+    assert outcome.error == ""
+    assert "intensity: one value per point, not repeated in the results" in outcome.notes
+    found = pq.read_table(tmp_path / "out.parquet")
+    given = pq.read_table(tmp_path / "a.parquet").select(names)
+    taken = given.take(found["profile"])
+    assert found.select(names).to_pylist() == taken.to_pylist()
+    assert [found.schema.field(name).type for name in names] == [
+        given.schema.field(name).type for name in names
+    ]

@@ -8,7 +8,7 @@ import pytest
 from lsvision.errors import UnreadableFile
 from lsvision.io.profiles import inspect_profiles
 from lsvision.io.profiles.streaming import iterate_profiles
-from tests.batch.sources import profiles, write_parquet
+from tests.batch.sources import profiles, write_nested, write_parquet
 
 
 def joined(parts):
@@ -121,6 +121,18 @@ def test_a_file_without_profiles_is_reported_as_when_read_whole(tmp_path):
         with pytest.raises(UnreadableFile) as in_parts:
             list(iterate_profiles(tmp_path / name))
         assert str(in_parts.value) == str(whole.value)
+        if name == "a.parquet":
+            assert "a.parquet: the table has no row, so no profile: export it" in str(whole.value)
+
+
+def test_two_columns_of_one_name_are_rejected(tmp_path):
+    lists, numbers = pa.array([[1.0, 2.0]]), pa.array([7])
+    names = ["x", "z", "id", "id"]
+    pq.write_table(
+        pa.Table.from_arrays([lists, lists, numbers, numbers], names), tmp_path / "a.parquet"
+    )
+    with pytest.raises(UnreadableFile, match="got several 'id': rename them"):
+        list(iterate_profiles(tmp_path / "a.parquet"))
 
 
 def test_a_part_of_no_profile_is_a_slip_of_the_caller(tmp_path):
@@ -137,3 +149,27 @@ def test_attributes_of_parts_are_those_of_the_whole_array(tmp_path):
     parts = iterate_profiles(tmp_path / "a.npy", at_once=2)
     assert [row for part in parts for row in part.file.attributes] == list(whole)
     assert list(whole) == [{"y": float(y)} for y in range(5)]
+
+
+@pytest.mark.parametrize("at_once", [1, 2, 100])
+def test_columns_of_any_type_come_along_and_those_of_points_are_named(tmp_path, at_once):
+    names = write_nested(tmp_path / "a.parquet")
+    parts = list(iterate_profiles(tmp_path / "a.parquet", at_once=at_once))
+    columns = pa.concat_tables([part.columns for part in parts])
+    assert columns.to_pylist() == pq.read_table(tmp_path / "a.parquet", columns=names).to_pylist()
+    assert {part.point_columns for part in parts} == {("intensity",)}
+
+
+def test_a_column_of_points_in_the_first_part_remains_one(tmp_path):
+    points = np.column_stack([np.arange(9.0), -400 - np.arange(9.0)])
+    table = pa.table(
+        {
+            "x": [points[:, 0]] * 3,
+            "z": [points[:, 1]] * 3,
+            "a": [list(range(9)), [1], None],
+            "b": pa.array([None, list(range(9)), [1]]),
+        }
+    )
+    pq.write_table(table, tmp_path / "a.parquet")
+    parts = list(iterate_profiles(tmp_path / "a.parquet", at_once=1))
+    assert {(part.point_columns, *part.columns.column_names) for part in parts} == {(("a",), "b")}

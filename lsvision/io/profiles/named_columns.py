@@ -165,6 +165,7 @@ def _from_rows(
         x_in_mm=x is None,
         attributes=attributes,
         ignored=tuple(label for label in (*columns, *texts) if label not in used),
+        row_coordinates=(height,) if x is None else (x, height),
     )
 
 

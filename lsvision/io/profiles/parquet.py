@@ -1,7 +1,7 @@
 """Profiles in Parquet: one point per row (x, z) or one profile per row (lists x and z)."""
 
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -66,6 +66,18 @@ def profiles_from_table(table: "pa.Table", settings: ReadSettings) -> RawProfile
     return profiles_from_named(numbers_by_name, settings, tuple(stated), texts_by_name)
 
 
+def holds_lists(column: "pa.ChunkedArray", lengths: Sequence[int]) -> bool:
+    """Return whether a column holds lists of numbers of these lengths, or null, not only null."""
+    from pyarrow import compute
+
+    if not (_is_list(column.type) and _is_number(column.type.value_type)):
+        return False
+    found = compute.list_value_length(column).to_pylist()
+    return any(count is not None for count in found) and all(
+        count in (None, length) for count, length in zip(found, lengths, strict=True)
+    )
+
+
 def _pyarrow() -> Any:
     """Return the imported pyarrow; an error names the extra that installs it."""
     try:
@@ -86,19 +98,33 @@ def _unreadable(error: Exception) -> UnreadableFile:
 def _iterate_tables(file: BinaryIO, rows: int | None) -> "Iterator[pa.Table]":
     """Yield the batches of a file; all in one table if a row is a point or `rows` is None.
 
-    A file without rows is one table, too.
+    A file without rows is an error.
     """
     pyarrow = _pyarrow()
     try:
         with pyarrow.parquet.ParquetFile(file) as source:
             schema = source.schema_arrow
-            if rows is None or not (source.metadata.num_rows and any(map(_is_list, schema.types))):
+            _check_table(source)
+            if rows is None or not any(map(_is_list, schema.types)):
                 yield _limited_table(source)
                 return
             for batch in source.iter_batches(batch_size=rows):
                 yield pyarrow.Table.from_batches([batch], schema=schema)
     except (pyarrow.ArrowException, OSError, ValueError, TypeError, KeyError) as error:
         raise _unreadable(error) from None
+
+
+def _check_table(file: Any) -> None:
+    """Raise UnreadableFile if a table has no row, or two columns of one name."""
+    if not file.metadata.num_rows:
+        raise UnreadableFile("the table has no row, so no profile: export it again")
+    names = file.schema_arrow.names
+    repeated = [name for name in dict.fromkeys(names) if names.count(name) > 1]
+    if repeated:
+        raise UnreadableFile(
+            f"expected different names of the columns, got several {', '.join(map(repr, repeated))}"
+            ": rename them"
+        )
 
 
 def _texts(column: Any) -> list[str] | None:

@@ -197,6 +197,8 @@ class RawProfiles:
         Data of the file on each profile other than its points; empty if there are none.
     ignored : tuple of str
         Columns that were not used.
+    row_coordinates : tuple of str
+        Columns of x, if there is one, and height, if each row of a table is a profile; else empty.
     """
 
     sections: Sequence[FloatArray]
@@ -210,6 +212,7 @@ class RawProfiles:
     limits: tuple[float, ...] = ()
     attributes: tuple[Mapping[str, float | str], ...] = ()
     ignored: tuple[str, ...] = ()
+    row_coordinates: tuple[str, ...] = ()
 
 
 def _check_choice(name: str, value: str | None, choices: tuple[str, ...]) -> None:

@@ -4,7 +4,7 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from lsvision.files.file_kinds import STDIN, is_regular
 from lsvision.files.limited_reading import check_readable
 from lsvision.io.profiles.matrix import are_heights
 from lsvision.io.profiles.numpy_arrays import NPY_MAGIC, open_npy, profiles_from_array
-from lsvision.io.profiles.parquet import PARQUET_MAGIC, iterate_tables
+from lsvision.io.profiles.parquet import PARQUET_MAGIC, holds_lists, iterate_tables
 from lsvision.io.profiles.parquet import profiles_from_table as profiles_from_parquet
 from lsvision.io.profiles.reading import (
     ProfileFile,
@@ -38,12 +38,14 @@ class ProfilePart:
     """Consecutive profiles of a file; `first` is the index of its first one in the file, from 0.
 
     `columns` are those of a Parquet file other than the points, with their types, one row per
-    profile.
+    profile; `point_columns` are the names of those left out because they hold a value for each
+    point, such as its intensity.
     """
 
     first: int
     file: ProfileFile
     columns: "pa.Table | None" = None
+    point_columns: tuple[str, ...] = ()
 
 
 def iterate_profiles(
@@ -98,13 +100,13 @@ def iterate_profiles(
     read_parts = _parquet_parts if file_format == "parquet" else _npy_parts
     first, valid_points, marker_values = 0, 0, tuple[float, ...]()
     try:
-        for raw, columns in read_parts(file, settings, at_once):
+        for raw, columns, point_columns in read_parts(file, settings, at_once):
             raw_part = replace(raw, lost=(*raw.lost, *marker_values))
             part = convert_to_section_frame(file, file_format, raw_part, settings)
             if first == 0 and len(part.profiles) < at_once:  # this part is the whole file
                 require_points(part.profiles)
             valid_points += sum(map(len, part.profiles)) - part.lost
-            yield ProfilePart(first, part, columns)
+            yield ProfilePart(first, part, columns, point_columns)
             first += len(part.profiles)
             if settings.lost is None:  # markers of a pair of coordinates, "0, 0", are found again
                 part_values = [
@@ -136,20 +138,41 @@ def _streamed_format(file: Path, settings: ReadSettings) -> str | None:
 
 def _parquet_parts(
     file: Path, settings: ReadSettings, at_once: int
-) -> Iterator[tuple[RawProfiles, Any]]:
-    """Yield the profiles of each part of a table, and its attributes if a profile is one row."""
+) -> "Iterator[tuple[RawProfiles, pa.Table | None, tuple[str, ...]]]":
+    """Yield the profiles of each part of a table, and if a profile is one row, its other columns.
+
+    The last value has the names of the columns with a value for each point, which the first part
+    decides.
+    """
+    point_columns: tuple[str, ...] | None = None
     for table in iterate_tables(file, at_once):
         raw = profiles_from_parquet(table, settings)
-        attribute_names = [
-            name for name in table.column_names if raw.attributes and name in raw.attributes[0]
+        if not raw.row_coordinates:
+            yield raw, None, ()
+            continue
+        if point_columns is None:
+            point_columns = _list_point_columns(table, raw)
+        other_columns = [
+            name
+            for name in table.column_names
+            if name not in raw.row_coordinates and name not in point_columns
         ]
-        is_row_per_profile = len(raw.sections) == table.num_rows
-        yield raw, table.select(attribute_names) if is_row_per_profile else None
+        yield raw, table.select(other_columns), point_columns
+
+
+def _list_point_columns(table: "pa.Table", raw: RawProfiles) -> tuple[str, ...]:
+    """Return the names of columns, other than the coordinates, of one number for each point."""
+    counts = [len(section) for section in raw.sections]
+    return tuple(
+        name
+        for name in table.column_names
+        if name not in raw.row_coordinates and holds_lists(table[name], counts)
+    )
 
 
 def _npy_parts(
     file: Path, settings: ReadSettings, at_once: int
-) -> Iterator[tuple[RawProfiles, None]]:
+) -> Iterator[tuple[RawProfiles, None, tuple[str, ...]]]:
     """Yield the profiles of each part of an array; the array as one part if it is one profile."""
     array = open_npy(file)
     is_stack = array.ndim == 3 or (
@@ -161,4 +184,4 @@ def _npy_parts(
     )
     for start in range(0, len(array), at_once) if is_stack and len(array) else (0,):
         part = array[start : start + at_once] if is_stack else array
-        yield profiles_from_array(np.array(part), settings), None  # read from the file here
+        yield profiles_from_array(np.array(part), settings), None, ()  # read from the file here
