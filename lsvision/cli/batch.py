@@ -27,7 +27,7 @@ from lsvision.cli.profile_options import (
     ReadingOptions,
     SensorOptions,
 )
-from lsvision.cli.sources import find_sources, suffixes_of_profiles
+from lsvision.cli.sources import find_sources, list_left_out, suffixes_of_profiles
 from lsvision.errors import LsvisionError
 from lsvision.files.file_kinds import STDIN, is_directory
 from lsvision.results.summaries import format_count
@@ -80,11 +80,12 @@ def batch(
     """Measure many files: one Parquet file of cylinders out for each file of profiles in.
 
     A cylinder is a row: source, profile, cylinder, the columns of ``lsvision measure --csv``, the
-    other columns of the input (ids, times), reason and rejections; a profile without cylinders is
-    a row with its reason. Parquet (lists x and z, one profile per row) and NPY are read in parts,
-    so that the memory does not grow with the file. manifest.jsonl in the folder of the results
-    lists the finished files: the same command continues where the last one was interrupted, and
-    measures files that are new, changed or failed.
+    other columns of the input (ids, times), reason and rejections; a profile without cylinders is a
+    row with its reason. Of a folder the files directly in it are read, 'DIR/**/*.csv' names those
+    in subfolders, too. Parquet (lists x and z, one profile per row) and NPY are read in parts, so
+    that the memory does not grow with the file. manifest.jsonl in the folder of the results lists
+    the finished files: the same command continues where the last one was interrupted, and measures
+    files that are new, changed or failed, or whose results were changed.
 
     \b
     A folder of Parquet files, on all cores (with --job also judged: a column decision):
@@ -114,7 +115,9 @@ def batch(
     )
     options = reading.parse()
     job = _batch_job(measure_function, options, job_file)
-    sources, any_missing = _find_sources(files, suffixes_of_profiles(reading.dx))
+    suffixes = suffixes_of_profiles(reading.dx)
+    sources, any_missing = _find_sources(files, suffixes)
+    print_lines(list_left_out(files, suffixes, out), err=True)
     tasks = plan_tasks(sources, _root(files), out, job)
     report = _Report(len(tasks))
     try:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 from lsvision.cli.messages import print_notes
 from lsvision.errors import LsvisionError, UnreadableFile
 from lsvision.files.file_kinds import STDIN, is_directory
-from lsvision.io.file_names import PROFILE_SUFFIXES, find_files
+from lsvision.io.file_names import PROFILE_SUFFIXES, find_files, find_left_out
+from lsvision.results.summaries import format_count
 
 if TYPE_CHECKING:
     from lsvision.io.profiles import ProfileFile, ReadOptions
@@ -27,6 +28,10 @@ MEASURED_SUFFIXES = PROFILE_SUFFIXES | IMAGE_SUFFIXES | VIDEO_SUFFIXES
 
 HEIGHT_MAP_SUFFIXES = frozenset((".tif", ".tiff", ".png"))
 """Suffixes of height maps in a folder, which are read if the spacing of columns is given."""
+
+
+MAX_NAMES = 3
+"""Largest number of names in a note."""
 
 
 def suffixes_of_profiles(dx: float | None) -> frozenset[str]:
@@ -64,6 +69,36 @@ def find_sources(
         for file in files:
             files_by_path.setdefault(true_path(file), file)
     return list(files_by_path.values()), failures
+
+
+def list_left_out(names: Sequence[str], suffixes: frozenset[str], results: Path) -> Iterator[str]:
+    """Yield a note for each folder or pattern with subfolders or files that are not read.
+
+    The folder `results` is none of them.
+    """
+    for name in filter(None, names):
+        try:
+            folders, files = find_left_out(name, find_files(name, suffixes))
+        except UnreadableFile:  # reported by `find_sources`
+            continue
+        folders = [folder for folder in folders if true_path(folder) != true_path(results)]
+        if folders:
+            yield (
+                f"{name}: note: {_list_names(folders, 'folder')} in it not searched: "
+                f"'{Path(name) / '**' / '*.csv'}' names the files in subfolders, too"
+                if is_directory(name)
+                else f"{name}: note: {_list_names(folders, 'folder')} not searched: a pattern with "
+                "** also names the files in folders"
+            )
+        if files:
+            yield f"{name}: note: {_list_names(files, 'file')} left out: name each to measure it"
+
+
+def _list_names(paths: Sequence[Path], kind: str) -> str:
+    """Return the number of paths, and the names of the first ones."""
+    shown = [path.name for path in paths[:MAX_NAMES]]
+    more = ["..."] if len(paths) > MAX_NAMES else []
+    return f"{format_count(len(paths), kind)} ({', '.join([*shown, *more])})"
 
 
 def true_path(path: Path) -> str:

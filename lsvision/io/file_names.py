@@ -1,6 +1,7 @@
 """Files that a name denotes: one file, the files of a folder, or those that match a pattern."""
 
 import glob
+from collections.abc import Collection
 from pathlib import Path
 
 from lsvision.errors import UnreadableFile
@@ -45,6 +46,35 @@ def find_files(name: str, suffixes: frozenset[str] = PROFILE_SUFFIXES) -> list[P
     else:
         files = [Path(match) for match in glob.glob(name, recursive=True)]  # noqa: PTH207 - Path.glob takes no absolute pattern
     return sorted(filter(is_regular, files), key=natural_order)
+
+
+def find_left_out(name: str, found: Collection[Path]) -> tuple[list[Path], list[Path]]:
+    """Return what a folder or pattern contains besides the files that were found in it.
+
+    Parameters
+    ----------
+    name : str
+        Folder or pattern; any other name leaves nothing out.
+    found : collection of Path
+        Files that `find_files` returned for the name.
+
+    Returns
+    -------
+    folders, files : list of Path
+        Subfolders, and files of other suffixes and broken links, in natural order, without hidden
+        ones. Of a pattern with ``**``, folders are not left out: it also matches what is in them.
+    """
+    path = Path(name)
+    if is_directory(path):
+        visible = [entry for entry in _list_folder(path) if not entry.name.startswith(".")]
+    elif exists(path) or not glob.has_magic(name):
+        return [], []
+    else:
+        visible = [Path(match) for match in glob.glob(name, recursive=True)]  # noqa: PTH207 - see `find_files`
+    left_out = sorted({*visible}.difference(found), key=natural_order)
+    folders = [entry for entry in left_out if is_directory(entry)]
+    files = [entry for entry in left_out if not is_directory(entry)]
+    return [] if "**" in name else folders, files
 
 
 def _list_folder(path: Path) -> list[Path]:

@@ -156,6 +156,38 @@ def test_results_of_a_folder_above_lie_in_the_folder_of_results(run, folder, mon
     ]
 
 
+def test_what_a_folder_or_a_pattern_leaves_out_is_named(run, folder, written, pipe):
+    source, out = folder / "in", folder / "in" / "out"
+    for name in ("monday", "tuesday"):
+        written(pipe, f"in/{name}/a.csv")
+    (source / "notes.md").touch()
+    (source / ".hidden").touch()
+    (source / "gone.csv").symlink_to("none.csv")
+    words = ("--out", out, "--jobs", 1)
+    for _ in range(2):  # in the second run the folder of the results is there
+        done = run("batch", source, *words)
+        assert done.exit_code == 0, done.stderr
+        assert (
+            f"{source}: note: 2 folders (monday, tuesday) in it not searched: '{source}/**/*.csv'"
+        ) in done.stderr
+        assert f"{source}: note: 2 files (gone.csv, notes.md) left out: name each" in done.stderr
+    done = run("batch", source / "*", "--out", folder / "out", "--jobs", 1)
+    assert f"{source}/*: note: 3 folders (monday, out, tuesday) not searched:" in done.stderr
+    done = run("batch", source / "*day" / "**" / "*", "--out", folder / "days", "--jobs", 1)
+    assert (done.exit_code, "left out" in done.stderr) == (0, False)
+    assert done.stdout.startswith("2 of 2 files done")
+
+
+def test_a_folder_of_folders_alone_says_so(run, folder, written, pipe):
+    written(pipe, "days/monday/a.csv")
+    done = run("batch", folder / "days", "--out", folder / "out", "--jobs", 1)
+    assert done.exit_code == 1
+    assert f"no profile in this folder: name another folder, its subfolders by '{folder}" in (
+        done.stderr
+    )
+    assert not (folder / "out").exists()
+
+
 def test_a_folder_without_a_batch_has_no_status(run, tmp_path):
     result = run("batch", "--status", tmp_path)
     assert result.exit_code == 1
