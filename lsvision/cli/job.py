@@ -12,7 +12,7 @@ from lsvision.cli.messages import FAILED, print_error, print_lines
 from lsvision.cli.option_groups import build_command_group, expand_option_groups
 from lsvision.cli.outputs import check_outputs, write_output
 from lsvision.cli.profile_options import Radius, ReadingOptions
-from lsvision.files.file_kinds import STDOUT
+from lsvision.files.file_kinds import STDOUT, is_regular
 
 job = build_command_group(
     "job", "Make and check a job file: the parts to measure and their limits."
@@ -36,20 +36,22 @@ def new_job(
             min=1e-6, metavar="MM", help="Tolerance of each radius, to either side, and of gaps."
         ),
     ] = 0.1,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing --out.")] = False,
     radius: Radius = None,
     reading: ReadingOptions,
 ) -> None:
     """Write a commented job from a measured profile: these pipes with a tolerance.
 
     Of a file with several profiles the first is measured. Options for reading are not part of the
-    job: inspect takes the same ones.
+    job: inspect takes the same ones. An existing file, whose limits may have been edited, is only
+    replaced with --force.
 
     \b
       lsvision job new fixtures/welded_pair.csv --radius 10:60 --tolerance 0.3 -o pair.toml
     """  # noqa: D301 - the backspace makes click keep the line breaks
     from lsvision.cli.measure_options import parse_search_range
     from lsvision.cli.sources import read_sources
-    from lsvision.errors import LsvisionError
+    from lsvision.errors import LsvisionError, UnwritableFile
     from lsvision.inspection.job import Job
     from lsvision.inspection.job_template import build_job_text, find_needed_tolerance
     from lsvision.measure import measure_cylinders
@@ -59,6 +61,8 @@ def new_job(
     options = reading.parse()
     search = parse_search_range(radius)
     check_outputs((), [profile], streams=(out,))
+    if is_regular(out) and not force:
+        raise UnwritableFile(f"{out}: it exists: name another file, or replace it with --force")
     (file,) = read_sources([profile], options)
     measurement = measure_cylinders(file.profiles[0], radius=search)
     if not measurement.cylinders:

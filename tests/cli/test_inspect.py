@@ -252,6 +252,18 @@ def test_job_new_writes_a_job_that_its_profile_passes(run, profile, tmp_path):
     assert run("inspect", path, profile).exit_code == 0
 
 
+def test_job_new_replaces_an_existing_file_only_if_asked(run, profile, tmp_path):
+    path = tmp_path / "new.toml"
+    path.write_text("edited")
+    words = ("job", "new", profile, "--radius", "10:30", "--tolerance", "2", "-o", path)
+    done = run(*words)
+    assert done.exit_code == 1
+    assert f"{path}: it exists: name another file, or replace it with --force" in done.stderr
+    assert path.read_text() == "edited"
+    assert run(*words, "--force").exit_code == 0
+    assert Job.load(path).name == "part_0"
+
+
 def test_job_new_needs_a_cylinder(run, written):
     flat = written(np.column_stack([np.linspace(-50, 50, 200), np.full(200, -400.0)]))
     done = run("job", "new", flat)
@@ -308,7 +320,7 @@ def test_job_new_reports_a_tolerance_that_leaves_its_own_profile_undecided(run, 
     (note,) = [line for line in done.stderr.splitlines() if "undecided" in line]
     needed = float(note.partition("--tolerance ")[2].split()[0])
     assert run("inspect", path, profile).exit_code == 4
-    assert "undecided" not in run(*words, "--tolerance", needed).stderr
+    assert "undecided" not in run(*words, "--tolerance", needed, "--force").stderr
     assert run("inspect", path, profile).exit_code == 0
 
 
