@@ -42,7 +42,8 @@ def measure_many(
         As `measure_cylinders`, and if `jobs` is below 1.
     LsvisionError
         If a process ended twice (out of memory) while it measured the same group of up to
-        `PROFILES_AT_ONCE` profiles; the message has their indices.
+        `PROFILES_AT_ONCE` profiles; the message has their indices. Or if processes end while they
+        start.
     Exception
         What reading `profiles` raises, after the measurements of those before.
 
@@ -75,9 +76,8 @@ def _measure_many(
         if isinstance(measurements, EndedProcess):
             last = measured + len(task) - 1
             raise LsvisionError(
-                f"profiles {measured} to {last} ended their process twice (out of memory, or "
-                "a script that calls this outside of if __name__ == '__main__'): measure them with "
-                "jobs=1"
+                f"profiles {measured} to {last} ended their process twice (out of memory): measure "
+                "them with jobs=1"
             )
         yield from measurements
         measured += len(task)

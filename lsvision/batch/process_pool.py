@@ -24,6 +24,7 @@ from multiprocessing.reduction import ForkingPickler
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from lsvision.batch.thread_limits import THREAD_VARIABLES
+from lsvision.errors import LsvisionError
 
 Task = TypeVar("Task")
 Value = TypeVar("Value")
@@ -35,6 +36,8 @@ TASKS_PER_PROCESS = 2
 process."""
 MAX_CRASHES = 2
 """Number of processes that a task may end before its result is `EndedProcess`."""
+MAX_FAILED_STARTS = 3
+"""Number of processes that may end before they are ready for one and the same task."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +52,10 @@ class Finished(NamedTuple, Generic[Task, Value]):
     value: Value | EndedProcess
 
 
+class _Ready(NamedTuple):
+    """First message of a process: it has started, and now runs tasks."""
+
+
 class _TaskFailure(NamedTuple):
     """Exception that a task has raised in its process."""
 
@@ -57,20 +64,22 @@ class _TaskFailure(NamedTuple):
 
 @dataclass(eq=False)
 class _NumberedTask(Generic[Task]):
-    """Task with its number, and the number of processes that it has ended."""
+    """Task with its number, and how many processes it has ended, or waited for in vain."""
 
     number: int
     task: Task
     crashes: int = 0
+    failed_starts: int = 0
 
 
 @dataclass(eq=False)
 class _Worker(Generic[Task]):
-    """Process that runs tasks one after the other, and the tasks assigned to it."""
+    """Process that runs tasks one after the other once it is ready, and its assigned tasks."""
 
     process: BaseProcess
     connection: "Connection[Any, Any]"
     assigned: deque[_NumberedTask[Task]] = field(default_factory=deque)
+    ready: bool = False
 
 
 def default_jobs() -> int:
@@ -106,9 +115,16 @@ def start_fork_server(preloaded: str) -> None:
 
 
 def run_tasks(
-    function: Callable[[Task], Value], tasks: Iterable[Task], jobs: int, *, ordered: bool
+    function: Callable[[Task], Value],
+    tasks: Iterable[Task],
+    jobs: int,
+    *,
+    ordered: bool,
+    isolated: bool = False,
 ) -> Iterator[Finished[Task, Value]]:
-    """Run tasks in several processes, or with 1 job in the calling process, and yield the results.
+    """Run tasks in several processes, and yield the results.
+
+    With 1 job they run in the calling process, or if `isolated` in another one, which may end.
 
     Tasks are read lazily, at most `IN_FLIGHT_PER_JOB` per process ahead of the results, which are
     in the order of the tasks if `ordered`, else as they finish. If a process ends (terminated, out
@@ -118,11 +134,13 @@ def run_tasks(
 
     Raises
     ------
+    LsvisionError
+        If processes end while they start.
     Exception
         Exception that `tasks` or `function` raises; if `ordered`, after the results of the tasks
         before.
     """
-    if jobs == 1:
+    if jobs == 1 and not isolated:
         yield from (Finished(task, function(task)) for task in tasks)
         return
     failures: list[Exception] = []
@@ -196,7 +214,7 @@ def _assign_tasks(
 def _collect_results(
     workers: list[_Worker[Task]], waiting: deque[_NumberedTask[Task]]
 ) -> Iterator[tuple[_NumberedTask[Task], Any]]:
-    """Wait until a process finishes a task or ends; yield finished tasks with their values.
+    """Wait until a process is ready, ends or finishes a task; yield finished tasks, with values.
 
     The tasks of a process that has ended return to `waiting`.
     """
@@ -208,12 +226,35 @@ def _collect_results(
         except (EOFError, OSError):
             workers.remove(worker)
             _terminate(worker)
-            worker.assigned[0].crashes += 1
-            if worker.assigned[0].crashes == MAX_CRASHES:
+            if _count_ended_process(worker):
                 yield worker.assigned.popleft(), EndedProcess()
             waiting.extendleft(reversed(worker.assigned))
             continue
-        yield worker.assigned.popleft(), value
+        if isinstance(value, _Ready):
+            worker.ready = True
+        else:
+            yield worker.assigned.popleft(), value
+
+
+def _count_ended_process(worker: _Worker[Task]) -> bool:
+    """Count a process that has ended for its first task; return whether the task is given up.
+
+    Raises
+    ------
+    LsvisionError
+        If processes end before they run the task, which is not the task's fault.
+    """
+    task = worker.assigned[0]
+    if worker.ready:
+        task.crashes += 1
+        return task.crashes == MAX_CRASHES
+    task.failed_starts += 1
+    if task.failed_starts == MAX_FAILED_STARTS:
+        raise LsvisionError(
+            f"{MAX_FAILED_STARTS} processes ended while they started (out of memory, or a script "
+            "that starts them outside of if __name__ == '__main__'): use fewer jobs"
+        )
+    return False
 
 
 @contextmanager
@@ -288,6 +329,7 @@ def _run_worker(function: Callable[[Any], Any], connection: "Connection[Any, Any
     import cv2
 
     cv2.setNumThreads(1)
+    connection.send_bytes(_pickle_result(_Ready()))
     while True:
         task = tasks.get()
         try:

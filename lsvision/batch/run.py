@@ -3,7 +3,7 @@
 import hashlib
 import importlib.util
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from lsvision.batch.measure_file import (
     file_version,
     measure_file,
 )
-from lsvision.batch.process_pool import EndedProcess, Finished, run_tasks
+from lsvision.batch.process_pool import EndedProcess, run_tasks
 from lsvision.errors import LsvisionError, UnwritableFile
 from lsvision.files.file_kinds import exists
 from lsvision.files.limited_reading import current_size_limit
@@ -89,6 +89,7 @@ def run_batch(
     folder: Path,
     *,
     jobs: int = 1,
+    isolated: bool = False,
     scheduler: str | None = None,
     report: Report = lambda *_: None,
 ) -> Status:
@@ -97,9 +98,10 @@ def run_batch(
     Files that failed in an earlier run are measured again, except those that ended their process
     twice, which are set aside until they change. A file that has changed since it was measured, or
     whose results were changed or deleted, is measured again, with a note. `jobs` is the number of
-    processes on this machine, `scheduler` the address of a Dask scheduler whose workers measure the
-    files instead; `report` is called as soon as the outcome of a file is in the manifest. Return
-    the state after the run.
+    processes on this machine: one is the calling process, which a file may end, or if `isolated`
+    another one. `scheduler` is the address of a Dask scheduler whose workers measure the files
+    instead; `report` is called as soon as the outcome of a file is in the manifest. Return the
+    state after the run.
 
     Raises
     ------
@@ -121,7 +123,13 @@ def run_batch(
         for task in remaining_tasks:
             _make_folder(task.output.parent)
         left = len(remaining_tasks)
-        for task, value in _run_tasks(remaining_tasks, jobs, scheduler):
+        if scheduler is None:
+            finished = run_tasks(
+                measure_file, remaining_tasks, jobs, ordered=False, isolated=isolated
+            )
+        else:
+            finished = run_on_cluster(measure_file, remaining_tasks, scheduler)
+        for task, value in finished:
             is_set_aside = isinstance(value, EndedProcess)
             outcome = value if isinstance(value, FileOutcome) else _outcome_of_ended_process(task)
             # The results, if there are any, are those of an earlier version of the file: they are
@@ -160,20 +168,11 @@ def _make_folder(folder: Path) -> None:
         ) from None
 
 
-def _run_tasks(
-    tasks: Iterable[FileTask], jobs: int, scheduler: str | None
-) -> Iterator[Finished[FileTask, FileOutcome]]:
-    """Return an iterator over the tasks and their outcomes (or `EndedProcess`) as they finish."""
-    if scheduler is not None:
-        return run_on_cluster(measure_file, tasks, scheduler)
-    return run_tasks(measure_file, tasks, jobs, ordered=False)
-
-
 def _outcome_of_ended_process(task: FileTask) -> FileOutcome:
     """Return the outcome of a file whose measurement ended its process twice."""
     return FileOutcome(
         task.name,
         version=file_version(task.source) if exists(task.source) else (0, 0),
         error=f"{task.source}: it ended its process twice (out of memory, or a crash): set aside, "
-        "and not tried again with this --out until it changes",
+        "and not tried again until it changes; with another --out it is",
     )

@@ -33,7 +33,8 @@ from lsvision.files.file_kinds import STDIN, is_directory
 from lsvision.results.summaries import format_count
 
 if TYPE_CHECKING:
-    from lsvision.batch.measure_file import BatchJob, FileOutcome
+    from lsvision.batch.manifest import Status
+    from lsvision.batch.measure_file import BatchJob, FileOutcome, FileTask
     from lsvision.io.profiles import ReadOptions
     from lsvision.measure import Measurement
 
@@ -108,7 +109,7 @@ def batch(
         )
     from lsvision.batch.manifest import format_summary
     from lsvision.batch.process_pool import default_jobs
-    from lsvision.batch.run import plan_tasks, run_batch
+    from lsvision.batch.run import plan_tasks
 
     measure_function = build_measure_function(
         radius, known_radius, known_phi_deg, sensor.parse(), paper=False
@@ -119,11 +120,20 @@ def batch(
     sources, any_missing = _find_sources(files, suffixes)
     print_lines(list_left_out(files, suffixes, out), err=True)
     tasks = plan_tasks(sources, _root(files), out, job)
+    result = _run(tasks, out, jobs or default_jobs(), scheduler)
+    names = [task.name for task in tasks]
+    typer.echo(format_summary(result, names))
+    if any_missing or any(result.outcomes[name].error for name in names):
+        raise typer.Exit(FAILED)
+
+
+def _run(tasks: "list[FileTask]", out: Path, jobs: int, scheduler: str | None) -> "Status":
+    """Measure the files, and print the progress, errors and notes on stderr; return the state."""
+    from lsvision.batch.run import run_batch
+
     report = _Report(len(tasks))
     try:
-        result = run_batch(
-            tasks, out, jobs=jobs or default_jobs(), scheduler=scheduler, report=report
-        )
+        status = run_batch(tasks, out, jobs=jobs, isolated=True, scheduler=scheduler, report=report)
     except KeyboardInterrupt:
         report.clear()
         print_error(
@@ -132,10 +142,7 @@ def batch(
         raise
     report.clear()
     report.print_notes()
-    names = [task.name for task in tasks]
-    typer.echo(format_summary(result, names))
-    if any_missing or any(result.outcomes[name].error for name in names):
-        raise typer.Exit(FAILED)
+    return status
 
 
 def _given_options(ctx: typer.Context) -> list[str]:

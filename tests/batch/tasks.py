@@ -63,6 +63,27 @@ class FailsOnArrival:
         return fails, (0,)
 
 
+class EndsOnArrival:
+    """A function that ends so many of the processes that receive it, or all without a folder."""
+
+    def __init__(self, folder=None, times=0):
+        self.folder, self.times = folder, times
+
+    def __reduce__(self):
+        return arrive, (self.folder, self.times)
+
+    def __call__(self, number):
+        return number
+
+
+def arrive(folder, times):
+    if folder is None or len(list(folder.iterdir())) < times:
+        if folder is not None:
+            (folder / str(os.getpid())).touch()
+        os._exit(9)
+    return EndsOnArrival(folder, times)
+
+
 def fails(number):
     raise ValueError(f"task {number}")
 

@@ -77,6 +77,6 @@ def test_a_script_without_a_guard_is_told_so(tmp_path):
     )
     assert done.returncode == 1
     last = done.stderr.splitlines()[-1]
-    assert last.startswith("lsvision.errors.LsvisionError: profiles 0 to 0 ended their process")
+    assert last.startswith("lsvision.errors.LsvisionError: 3 processes ended while they started")
     assert "outside of if __name__ == '__main__')" in last
     assert "expected several processes to be started below if __name__" in done.stderr

@@ -17,7 +17,9 @@ from lsvision.batch.process_pool import (
     default_jobs,
     run_tasks,
 )
+from lsvision.errors import LsvisionError
 from tests.batch.tasks import (
+    EndsOnArrival,
     FailsOnArrival,
     ends_its_process,
     fails,
@@ -104,6 +106,26 @@ def test_a_task_that_ends_its_process_twice_is_given_up_alone(tmp_path):
     found = dict(run_tasks(ends_its_process, tasks, 2, ordered=False))
     assert found.pop(tasks[4]) == EndedProcess()
     assert sorted(found.values()) == [k for k in range(12) if k != 4]
+
+
+@pytest.mark.usefixtures("start_method")
+def test_one_job_may_have_a_process_of_its_own_that_a_task_ends(tmp_path):
+    tasks = [(k, str(tmp_path), "always" if k == 1 else "never") for k in range(4)]
+    found = dict(run_tasks(ends_its_process, tasks, 1, ordered=True, isolated=True))
+    assert found.pop(tasks[1]) == EndedProcess()
+    assert list(found.values()) == [0, 2, 3]
+
+
+@pytest.mark.usefixtures("start_method")
+def test_processes_that_end_while_they_start_are_no_fault_of_the_tasks():
+    with pytest.raises(LsvisionError, match="3 processes ended while they started"):
+        list(run_tasks(EndsOnArrival(), range(9), 2, ordered=False))
+
+
+@pytest.mark.usefixtures("start_method")
+def test_a_task_survives_two_processes_that_end_while_they_start(tmp_path):
+    found = list(run_tasks(EndsOnArrival(tmp_path, 2), range(9), 1, ordered=True, isolated=True))
+    assert [value for _, value in found] == list(range(9))
 
 
 @pytest.mark.parametrize("jobs", [1, 2])

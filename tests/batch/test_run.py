@@ -248,15 +248,16 @@ def test_a_file_that_no_longer_can_be_measured_keeps_no_earlier_results(folder):
     assert sorted(files(folder / "out")) == ["a.csv.parquet", "sub/part-2.parquet"]
 
 
+@pytest.mark.parametrize("jobs", [1, 2])
 @pytest.mark.parametrize(("times", "aside"), [(1, False), (99, True)])
 def test_a_process_that_ends_costs_nothing_and_a_file_that_ends_it_twice_is_set_aside(
-    folder, times, aside
+    folder, times, aside, jobs
 ):
     np.savetxt(folder / "in" / "a.csv", profiles(1)[0][100:223], delimiter=",")
     marks = folder / "marks"
     marks.mkdir()
     job = BatchJob(partial(Killer(marks, 123, times)))
-    status = run_batch(tasks_of(folder, job), folder / "out", jobs=2)
+    status = run_batch(tasks_of(folder, job), folder / "out", jobs=jobs, isolated=True)
     assert len(status.done) == (2 if aside else 3)
     assert status.set_aside == ({"a.csv"} if aside else set())
     if aside:
