@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from lsvision import __version__
 from lsvision.batch.measure_group import measure_group, require_measurement
 from lsvision.batch.result_table import result_table
-from lsvision.batch.written_file import WrittenFile, read_state
+from lsvision.batch.written_file import WrittenFile, mark_schema, read_state
 from lsvision.ellipse.section import precompute_intervals
 from lsvision.errors import LsvisionError, UnreadableFile, UnwritableFile
 from lsvision.files.limited_reading import MAX_FILE_BYTES, size_limit
@@ -191,7 +191,9 @@ def _write_results(task: FileTask) -> FileOutcome:
             notes |= dict.fromkeys(_list_notes_of_part(part))
             measured = _measure_part(task, part)
             table = result_table(task.name, part, measured, task.job.inspection)
-            writer = writer or _open_writer(temporary, table.schema)
+            if writer is None:
+                schema = mark_schema(table.schema, task.lsvision_version, task.job.hash)
+                writer = _open_writer(temporary, schema)
             _write_table(writer, table, task.output)
             profiles += len(measured)
             cylinders += sum(len(m.cylinders) for m in measured if m is not None)

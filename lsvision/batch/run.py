@@ -17,6 +17,7 @@ from lsvision.batch.measure_file import (
     measure_file,
 )
 from lsvision.batch.process_pool import EndedProcess, run_tasks
+from lsvision.batch.written_file import has_mark
 from lsvision.errors import LsvisionError, UnwritableFile
 from lsvision.files.file_kinds import exists
 from lsvision.files.limited_reading import current_size_limit
@@ -106,9 +107,9 @@ def run_batch(
     Raises
     ------
     LsvisionError
-        If the folder holds results of another job or of another version of lsvision, or cannot be
-        written, a worker has another version, or the connection to the scheduler is lost; results
-        of finished files are kept.
+        If the folder holds results of another job or of another version of lsvision, or in the
+        place of results a file that is none; if it cannot be written, a worker has another version,
+        or the connection to the scheduler is lost. Results of finished files are kept.
     ValueError
         If there are no tasks.
     """
@@ -117,8 +118,10 @@ def run_batch(
     if importlib.util.find_spec("pyarrow") is None:
         raise LsvisionError("a batch needs pyarrow: pip install 'lsvision[batch]'")
     with Manifest(folder, tasks[0].job) as manifest:
-        reasons = _find_reasons(tasks, read_status(folder))
+        status = read_status(folder)
+        reasons = _find_reasons(tasks, status)
         remaining_tasks = [task for task in tasks if task.name in reasons]
+        _check_outputs(remaining_tasks, status)
         manifest.begin(len(tasks))
         for task in remaining_tasks:
             _make_folder(task.output.parent)
@@ -155,6 +158,21 @@ def _find_reasons(tasks: Sequence[FileTask], status: Status | None) -> dict[str,
         task.name: "" if status is None else status.reason_to_measure(task) for task in tasks
     }
     return {name: reason for name, reason in reasons.items() if reason is not None}
+
+
+def _check_outputs(tasks: Sequence[FileTask], status: Status | None) -> None:
+    """Raise `UnwritableFile` if an output exists that is not a result of a batch.
+
+    Results that are not in the manifest are those of a run that was interrupted before it recorded
+    them.
+    """
+    for task in tasks:
+        is_recorded = status is not None and task.name in status.outputs
+        if not is_recorded and exists(task.output) and not has_mark(task.output):
+            raise UnwritableFile(
+                f"{task.output}: it exists, and is no result of a batch: name another folder as "
+                "--out, or move the file"
+            )
 
 
 def _make_folder(folder: Path) -> None:

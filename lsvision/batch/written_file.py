@@ -1,8 +1,15 @@
-"""State of a file of results, by which a later change of it is recognised."""
+"""Files of results: their mark, and their state, by which a later change is recognised."""
 
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+VERSION_KEY = b"lsvision.version"
+"""Key of the metadata of a Parquet file by which results of a batch are recognised."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +53,22 @@ def describe_change(path: Path, written: WrittenFile) -> str | None:
     except OSError as error:
         return str(error.strerror)
     return None
+
+
+def mark_schema(schema: "pa.Schema", version: str, job_hash: str) -> "pa.Schema":
+    """Return the schema of results with the version of lsvision and the hash of the job in it."""
+    return schema.with_metadata({VERSION_KEY: version, b"lsvision.job_hash": job_hash})
+
+
+def has_mark(path: Path) -> bool:
+    """Return whether a file holds results of a batch, by the mark in its schema."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    try:
+        return VERSION_KEY in (parquet.read_schema(path).metadata or {})
+    except (pa.ArrowException, OSError):
+        return False
 
 
 def _hash_file(path: Path) -> str:

@@ -323,6 +323,31 @@ def test_results_never_overwrite_a_source_or_each_other(folder):
         plan_tasks(same, source, folder / "out", BatchJob())
 
 
+@pytest.mark.parametrize("content", [b"", b"notes", "parquet"])
+def test_a_file_in_the_folder_of_results_that_is_no_result_is_kept(folder, content):
+    other = folder / "out" / "part-1.parquet"
+    other.parent.mkdir()
+    if content == "parquet":
+        write_parquet(other)
+    else:
+        other.write_bytes(content)
+    before = other.read_bytes()
+    with pytest.raises(UnwritableFile, match=r"part-1\.parquet: it exists, and is no result of a"):
+        run_batch(tasks_of(folder), folder / "out")
+    assert other.read_bytes() == before
+    other.unlink()
+    assert len(run_batch(tasks_of(folder), folder / "out").done) == 3
+
+
+def test_results_state_the_version_and_the_job(folder):
+    (task, *_) = tasks_of(folder)
+    run_batch([task], folder / "out")
+    assert pq.read_schema(task.output).metadata == {
+        b"lsvision.version": lsv.__version__.encode(),
+        b"lsvision.job_hash": task.job.hash.encode(),
+    }
+
+
 def test_the_results_of_a_file_with_a_long_name_have_a_shorter_one(folder):
     names = [letter * 251 + ".csv" for letter in "ab"] + ["ö" * 125 + ".csv"]
     for name in names:
