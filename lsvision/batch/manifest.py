@@ -73,8 +73,9 @@ class Status:
             return "measured again: it has changed"
         if outcome.written is None:  # set aside
             return None
-        change = describe_change(task.output, outcome.written)
-        return change and f"measured again: its results were changed or deleted ({change})"
+        if describe_change(task.output, outcome.written) is not None:
+            return "measured again: its results were changed or deleted"
+        return None
 
 
 def find_changed_results(folder: Path, status: Status) -> dict[str, str]:

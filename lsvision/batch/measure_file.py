@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from lsvision import __version__
 from lsvision.batch.measure_group import measure_group, require_measurement
-from lsvision.batch.result_table import result_table
+from lsvision.batch.result_table import name_file_columns, result_table
 from lsvision.batch.written_file import WrittenFile, mark_schema, read_state
 from lsvision.ellipse.section import precompute_intervals
 from lsvision.errors import LsvisionError, UnreadableFile, UnwritableFile
@@ -188,7 +188,7 @@ def _write_results(task: FileTask) -> FileOutcome:
     try:
         for part in iterate_profiles(task.source, **task.job.reading):
             require_plausible_units(part.file)
-            notes |= dict.fromkeys(_list_notes_of_part(part))
+            notes |= dict.fromkeys(_list_notes_of_part(task, part))
             measured = _measure_part(task, part)
             table = result_table(task.name, part, measured, task.job.inspection)
             if writer is None:
@@ -215,11 +215,15 @@ def list_notes(file: ProfileFile) -> Iterator[str]:
     yield from file.notes
 
 
-def _list_notes_of_part(part: ProfilePart) -> Iterator[str]:
-    """Yield the notes on a part, also on columns that are not repeated in the results."""
+def _list_notes_of_part(task: FileTask, part: ProfilePart) -> Iterator[str]:
+    """Yield the notes on a part, also on columns with another name in the results, or not there."""
     yield from list_notes(part.file)
     if part.point_columns:
         yield f"{', '.join(part.point_columns)}: one value per point, not repeated in the results"
+    names = name_file_columns(part, judged=task.job.inspection is not None)
+    for name, new_name in names.items():
+        if new_name != name:
+            yield f"{name} is a column of the results: that of the file is {new_name} there"
 
 
 def _measure_part(task: FileTask, part: ProfilePart) -> "list[Measurement | None]":

@@ -42,12 +42,13 @@ def result_table(
         for row in _list_rows(measurement):
             rows.append(row | {"source": source, "profile": part.first + index})
             indices.append(index)
-    names = (*LOCATION_COLUMNS, *SECTION_COLUMNS)
-    decided = () if inspection is None else ("decision",)
     columns = {
-        name: pa.array([row.get(name) for row in rows], type=_type_of(name)) for name in names
+        name: pa.array([row.get(name) for row in rows], type=_type_of(name))
+        for name in (*LOCATION_COLUMNS, *SECTION_COLUMNS)
     }
-    columns |= _repeat_file_columns(part, indices, taken=(*names, *decided, "reason", "rejections"))
+    repeated = _file_table(part).take(pa.array(indices, type=pa.int64()))
+    names = name_file_columns(part, judged=inspection is not None)
+    columns |= {names[name]: repeated[name] for name in repeated.column_names}
     if inspection is not None:
         decisions = [_decide(measurement, inspection) for measurement in measurements]
         columns["decision"] = pa.array([decisions[index] for index in indices], type=pa.string())
@@ -77,25 +78,26 @@ def _list_rows(measurement: "Measurement | None") -> Iterator[dict[str, Any]]:
         yield row | {"cylinder": number, "reason": None, "rejections": [] if number else rejections}
 
 
-def _repeat_file_columns(
-    part: ProfilePart, indices: list[int], taken: tuple[str, ...]
-) -> dict[str, "pa.ChunkedArray | pa.Array"]:
-    """Return the other columns of the file, its rows repeated for each cylinder of a profile.
+def name_file_columns(part: ProfilePart, *, judged: bool) -> dict[str, str]:
+    """Return the names in the results of the other columns of a file, by their names in the file.
 
-    `indices` are those of the profiles in the part, one for each row of the result. A name in
-    `taken` gets the suffix ``_in_file``, twice if the file has a column of that name, too.
+    That of a column of the results gets the suffix ``_in_file``, twice if the file has a column of
+    that name, too. `judged` is whether the results have the column of decisions.
     """
-    import pyarrow as pa
-
-    table = _attribute_table(part.file.attributes) if part.columns is None else part.columns
-    repeated = table.take(pa.array(indices, type=pa.int64()))
-    columns: dict[str, pa.ChunkedArray | pa.Array] = {}
-    for name in repeated.column_names:
+    taken = {*LOCATION_COLUMNS, *SECTION_COLUMNS, "reason", "rejections"}
+    taken |= {"decision"} if judged else set()
+    names = dict.fromkeys(_file_table(part).column_names, "")
+    for name in names:
         new_name = name
-        while new_name in taken or (new_name != name and new_name in repeated.column_names):
+        while new_name in taken or (new_name != name and new_name in names):
             new_name += "_in_file"
-        columns[new_name] = repeated[name]
-    return columns
+        names[name] = new_name
+    return names
+
+
+def _file_table(part: ProfilePart) -> "pa.Table":
+    """Return the other columns of a file, one row per profile."""
+    return _attribute_table(part.file.attributes) if part.columns is None else part.columns
 
 
 def _attribute_table(attributes: Sequence[Mapping[str, Any]]) -> "pa.Table":

@@ -11,7 +11,7 @@ import lsvision as lsv
 from lsvision.batch.measure_file import BatchJob, FileTask, measure_file
 from lsvision.batch.result_table import result_table
 from lsvision.io.profiles.streaming import iterate_profiles
-from tests.batch.sources import profiles, write_nested
+from tests.batch.sources import profiles, write_nested, write_parquet
 
 
 @pytest.fixture
@@ -70,3 +70,17 @@ def test_nested_columns_are_in_the_results_and_columns_of_points_are_noted(tmp_p
     assert [found.schema.field(name).type for name in names] == [
         given.schema.field(name).type for name in names
     ]
+
+
+def test_a_column_with_another_name_in_the_results_is_noted(tmp_path):
+    write_parquet(tmp_path / "a.parquet")
+    table = pq.read_table(tmp_path / "a.parquet")
+    table = table.rename_columns(["radius_mm", "x", "z", "radius_mm_in_file", "taken"])
+    pq.write_table(table, tmp_path / "a.parquet")
+    task = FileTask(tmp_path / "a.parquet", tmp_path / "out.parquet", "a.parquet", BatchJob())
+    new_name = "radius_mm_in_file_in_file"
+    assert (
+        f"radius_mm is a column of the results: that of the file is {new_name} there"
+    ) in measure_file(task).notes
+    found = pq.read_table(task.output)
+    assert found[new_name].to_pylist() == table["radius_mm"].take(found["profile"]).to_pylist()

@@ -68,7 +68,7 @@ def test_results_that_were_spoilt_are_in_the_status_and_are_measured_again(run, 
     )
     again = run(*words)
     assert again.stdout == whole
-    assert "b.csv: note: measured again: its results were changed or deleted (0 b" in again.stderr
+    assert "b.csv: note: measured again: its results were changed or deleted\n" in again.stderr
     assert run("batch", "--status", out).stdout == whole
 
 
