@@ -9,7 +9,12 @@ from typing import TYPE_CHECKING
 from lsvision.cli.messages import print_notes
 from lsvision.errors import LsvisionError, UnreadableFile
 from lsvision.files.file_kinds import STDIN, is_directory
-from lsvision.io.file_names import PROFILE_SUFFIXES, find_files, find_left_out
+from lsvision.io.file_names import (
+    PROFILE_SUFFIXES,
+    find_files,
+    find_left_out,
+    find_unlistable_folders,
+)
 from lsvision.results.summaries import format_count
 
 if TYPE_CHECKING:
@@ -63,6 +68,10 @@ def find_sources(
             files = find_files(name, suffixes)
             if not files:
                 failures.append(_no_file_error(name, suffixes))
+            failures += [
+                UnreadableFile(f"{folder}: cannot be listed: check its owner and mode")
+                for folder in find_unlistable_folders(name)
+            ]
         except UnreadableFile as error:  # a folder that may not be listed
             failures.append(error)
             continue

@@ -1,6 +1,7 @@
 """Files that a name denotes: one file, the files of a folder, or those that match a pattern."""
 
 import glob
+import os
 from collections.abc import Collection
 from pathlib import Path
 
@@ -75,6 +76,22 @@ def find_left_out(name: str, found: Collection[Path]) -> tuple[list[Path], list[
     folders = [entry for entry in left_out if is_directory(entry)]
     files = [entry for entry in left_out if not is_directory(entry)]
     return [] if "**" in name else folders, files
+
+
+def find_unlistable_folders(name: str) -> list[Path]:
+    """Return the folders below a pattern with ``**`` that cannot be listed, without hidden ones.
+
+    `find_files` leaves them out.
+    """
+    if "**" not in name or exists(name):
+        return []
+    root = Path(name)
+    while glob.has_magic(str(root)):
+        root = root.parent
+    errors: list[OSError] = []
+    for _, folders, _ in os.walk(root, onerror=errors.append):
+        folders[:] = [folder for folder in folders if not folder.startswith(".")]
+    return sorted((Path(error.filename) for error in errors), key=natural_order)
 
 
 def _list_folder(path: Path) -> list[Path]:

@@ -1,5 +1,8 @@
 """Which files the words of a command line name."""
 
+import os
+from pathlib import Path
+
 from lsvision.cli.sources import find_sources
 
 
@@ -24,6 +27,22 @@ def test_folder_gives_its_profiles_in_natural_order(tmp_path):
 def test_pattern_reaches_into_folders(tmp_path):
     touch(tmp_path, "a/2.csv", "a/10.csv", "b/1.csv", "b/1.txt")
     assert names([tmp_path / "**" / "*.csv"]) == (["2.csv", "10.csv", "1.csv"], [])
+
+
+def test_a_folder_below_a_pattern_that_cannot_be_listed_is_reported(tmp_path, monkeypatch):
+    touch(tmp_path, "a/1.csv", "b/2.csv", "b/.hidden/3.csv")
+    scandir = os.scandir
+
+    def deny(path):
+        if Path(path).name in ("b", ".hidden"):
+            raise PermissionError(13, "Permission denied", str(path))
+        return scandir(path)
+
+    monkeypatch.setattr(os, "scandir", deny)
+    assert names([tmp_path / "**" / "*.csv"]) == (
+        ["1.csv"],
+        [f"{tmp_path / 'b'}: cannot be listed: check its owner and mode"],
+    )
 
 
 def test_order_of_the_words_is_kept_and_a_file_comes_once(tmp_path):
