@@ -283,16 +283,27 @@ def _describe_difference(status: Status, job: BatchJob) -> str:
 
 
 def _lock_file(file: TextIO, folder: Path) -> None:
-    """Lock a manifest until it is closed, except on Windows; raise an error if it is locked."""
+    """Lock a manifest until it is closed, except on Windows.
+
+    Raises
+    ------
+    LsvisionError
+        If it is locked, or its file system has no locks.
+    """
     try:
         import fcntl
     except ModuleNotFoundError:  # Windows
         return
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
+    except BlockingIOError:
         raise LsvisionError(
             f"{folder}: another run writes into it: wait for it, or name another folder"
+        ) from None
+    except OSError as error:
+        raise LsvisionError(
+            f"{folder}: no file in it can be locked ({error.strerror}), so two runs could write "
+            "into it: name a folder of another file system, or mount this one with locks (flock)"
         ) from None
 
 

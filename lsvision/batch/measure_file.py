@@ -19,6 +19,7 @@ from lsvision.batch.written_file import WrittenFile, mark_schema, read_state
 from lsvision.ellipse.section import precompute_intervals
 from lsvision.errors import LsvisionError, UnreadableFile, UnwritableFile
 from lsvision.files.limited_reading import MAX_FILE_BYTES, size_limit
+from lsvision.io.profiles.plausibility import count_empty_profiles, note_empty_profiles
 from lsvision.io.profiles.reading import ProfileFile, require_plausible_units
 from lsvision.io.profiles.settings import ReadOptions, ReadSettings
 from lsvision.io.profiles.streaming import ProfilePart, iterate_profiles
@@ -181,7 +182,7 @@ def file_version(path: Path) -> tuple[int, int]:
 
 def _write_results(task: FileTask) -> FileOutcome:
     """Measure a file part by part, write its output, and return the counts and notes."""
-    profiles = cylinders = rejections = 0
+    profiles = empty = cylinders = rejections = 0
     notes: dict[str, None] = {}  # in place of a set, which has no order
     temporary = task.output.with_name(f"{TEMPORARY_PREFIX}{secrets.token_hex(8)}.part")
     writer = None
@@ -196,6 +197,7 @@ def _write_results(task: FileTask) -> FileOutcome:
                 writer = _open_writer(temporary, schema)
             _write_table(writer, table, task.output)
             profiles += len(measured)
+            empty += measured.count(None)
             cylinders += sum(len(m.cylinders) for m in measured if m is not None)
             rejections += sum(len(m.rejections) for m in measured if m is not None)
         if writer is None:
@@ -203,9 +205,8 @@ def _write_results(task: FileTask) -> FileOutcome:
         written = _finish_output(writer, temporary, task.output)
     finally:
         temporary.unlink(missing_ok=True)
-    return FileOutcome(
-        task.name, profiles, cylinders, rejections, notes=tuple(notes), written=written
-    )
+    all_notes = (*notes, *note_empty_profiles(empty, profiles))
+    return FileOutcome(task.name, profiles, cylinders, rejections, notes=all_notes, written=written)
 
 
 def list_notes(file: ProfileFile) -> Iterator[str]:
@@ -216,8 +217,13 @@ def list_notes(file: ProfileFile) -> Iterator[str]:
 
 
 def _list_notes_of_part(task: FileTask, part: ProfilePart) -> Iterator[str]:
-    """Yield the notes on a part, also on columns with another name in the results, or not there."""
-    yield from list_notes(part.file)
+    """Yield the notes on a part, also on columns with another name in the results, or not there.
+
+    Its empty profiles are left out, because those of the file are noted.
+    """
+    profiles = part.file.profiles
+    counted = note_empty_profiles(count_empty_profiles(profiles), len(profiles))
+    yield from (note for note in list_notes(part.file) if note not in counted)
     if part.point_columns:
         yield f"{', '.join(part.point_columns)}: one value per point, not repeated in the results"
     names = name_file_columns(part, judged=task.job.inspection is not None)

@@ -19,9 +19,11 @@ def profiles(count, kind="single"):
     return sections
 
 
-def write_parquet(path, count=5, first_id=10**15):
+def write_parquet(path, count=5, first_id=10**15, empty=()):
     """One profile per row, with an id that no float holds, a text and a time beside it."""
     points = profiles(count)
+    for index in empty:
+        points[index][:] = np.nan
     table = pa.table(
         {
             "part_id": pa.array([first_id + k for k in range(count)], pa.int64()),

@@ -1,5 +1,6 @@
 """Batches of files: results, resume, other jobs, failures."""
 
+import errno
 import json
 import re
 import shutil
@@ -300,6 +301,26 @@ def test_a_second_run_into_the_same_folder_is_rejected(folder):
         run_batch(tasks_of(folder), folder / "out", report=again)
     status = run_batch(tasks_of(folder), folder / "out")
     assert len(status.done) == 3
+
+
+def test_a_folder_without_locks_is_not_taken_for_one_of_another_run(folder, monkeypatch):
+    fcntl = pytest.importorskip("fcntl")
+
+    def no_lock(*_):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(fcntl, "flock", no_lock)
+    with pytest.raises(LsvisionError, match=r"can be locked \(No locks available\), so two runs"):
+        run_batch(tasks_of(folder), folder / "out")
+
+
+def test_the_profiles_without_a_point_are_noted_once_for_all_parts_of_a_file(folder, monkeypatch):
+    monkeypatch.setattr("lsvision.io.profiles.streaming.PROFILES_PER_PART", 2)
+    write_parquet(folder / "in" / "part-1.parquet", 5, empty=(2, 4))
+    (task,) = [task for task in tasks_of(folder) if task.name == "part-1.parquet"]
+    task.output.parent.mkdir()
+    empty = [note for note in measure_file(task).notes if "no point" in note]
+    assert empty == ["2 of 5 profiles hold no point"]
 
 
 def test_a_run_that_began_and_ended_just_before_the_lock_is_known(folder, monkeypatch):

@@ -141,10 +141,17 @@ def find_other_problems(
             "x is a whole number that rises by 1: if it numbers the points, write their x, or "
             "state it with --x0 and --dx"
         )
-    empty = sum(profile.lost == len(profile) for profile in profiles)
-    if empty:
-        notes.append(f"{empty} of {len(profiles)} profiles hold no point")
-    return tuple(notes)
+    return (*notes, *note_empty_profiles(count_empty_profiles(profiles), len(profiles)))
+
+
+def count_empty_profiles(profiles: tuple[Profile, ...]) -> int:
+    """Return the number of profiles without a valid point."""
+    return sum(profile.lost == len(profile) for profile in profiles)
+
+
+def note_empty_profiles(empty: int, count: int) -> tuple[str, ...]:
+    """Return a note on the empty ones of `count` profiles, if there are any."""
+    return (f"{empty} of {count} profiles hold no point",) if empty else ()
 
 
 def _seems_exchanged(profile: Profile) -> bool:
