@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from lsvision.ellipse.section_table import SECTION_COLUMNS, section_row
+from lsvision.io.profiles.column_roles import identifies_profiles
 from lsvision.io.profiles.streaming import ProfilePart
 
 if TYPE_CHECKING:
@@ -101,17 +102,29 @@ def _file_table(part: ProfilePart) -> "pa.Table":
 
 
 def _attribute_table(attributes: Sequence[Mapping[str, Any]]) -> "pa.Table":
-    """Return the attributes of profiles as a table; values of different types become text."""
+    """Return the attributes of profiles as a table; values of different types become text.
+
+    Whole numbers that identify profiles or parts, read as floats, are integers again.
+    """
     import pyarrow as pa
 
     columns = {}
     for name in dict.fromkeys(name for profile in attributes for name in profile):
         values = [profile.get(name) for profile in attributes]
+        if identifies_profiles(name) and all(map(_is_whole, values)):
+            values = [None if value is None else int(value) for value in values]
         try:
             columns[name] = pa.array(values)
         except (pa.ArrowInvalid, pa.ArrowTypeError, OverflowError):  # also integers above 64 bit
             columns[name] = pa.array([None if value is None else str(value) for value in values])
     return pa.table(columns)
+
+
+def _is_whole(value: Any) -> bool:
+    """Return whether a value is a whole number, or missing."""
+    return (
+        value is None or isinstance(value, int) or (isinstance(value, float) and value.is_integer())
+    )
 
 
 def _type_of(name: str) -> "pa.DataType":

@@ -6,6 +6,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from pyarrow import csv
 
 import lsvision as lsv
 from lsvision.batch.measure_file import BatchJob, FileTask, measure_file
@@ -84,3 +85,50 @@ def test_a_column_with_another_name_in_the_results_is_noted(tmp_path):
     ) in measure_file(task).notes
     found = pq.read_table(task.output)
     assert found[new_name].to_pylist() == table["radius_mm"].take(found["profile"]).to_pylist()
+
+
+def results_of(path, content):
+    """The outcome of a file of two pipes, of which `content` makes one, and its rows."""
+    content(path)
+    task = FileTask(path, path.with_name("out.parquet"), path.name, BatchJob())
+    outcome = measure_file(task)
+    return outcome, pq.read_table(task.output) if not outcome.error else None
+
+
+def points_with_ids(ids, name="part_id"):
+    points = profiles(2)
+    rows = np.repeat(np.arange(2), [len(p) for p in points])
+    x, z = np.concatenate(points).T
+    return pa.table({name: pa.array([ids[row] for row in rows]), "x": x, "z": z})
+
+
+def write_csv(table):
+    return lambda path: csv.write_csv(table, path)
+
+
+@pytest.mark.parametrize("ids", [[7, 8], [2**53 - 2, 2**53 - 1]])
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_whole_numbers_of_parts_are_integers(tmp_path, ids, suffix):
+    table = points_with_ids(ids)
+    write = write_csv(table) if suffix == ".csv" else lambda path: pq.write_table(table, path)
+    outcome, found = results_of(tmp_path / f"a{suffix}", write)
+    assert outcome.error == ""
+    assert found["part_id"].to_pylist() == [ids[k] for k in found["profile"].to_pylist()]
+    assert found["part_id"].type == pa.int64()
+
+
+def test_ids_that_a_float_would_round_remain_exact_in_parquet(tmp_path):
+    ids = [10**18 + 123, 10**18 + 124]
+    table = points_with_ids(ids)
+    outcome, found = results_of(tmp_path / "a.parquet", lambda path: pq.write_table(table, path))
+    assert (outcome.error, outcome.profiles) == ("", 2)
+    assert set(found["part_id"].to_pylist()) == set(map(str, ids))
+
+
+def test_ids_that_a_float_would_round_are_rejected_in_text(tmp_path):
+    table = points_with_ids([10**18 + 123, 10**18 + 124])
+    outcome, _ = results_of(tmp_path / "a.csv", write_csv(table))
+    assert "part_id: numbers above 2^53 would be rounded, and different ones bec" in outcome.error
+    table = points_with_ids([10**18 + 123] * 2, "token")
+    outcome, _ = results_of(tmp_path / "a.csv", write_csv(table))
+    assert "token: numbers above 2^53 are rounded" in outcome.notes

@@ -113,3 +113,8 @@ def is_part_name(name: str) -> bool:
     return (
         bool(words) and words[0] in _PART_WORDS and all(word in _SCAN_ENDINGS for word in words[1:])
     )
+
+
+def identifies_profiles(name: str) -> bool:
+    """Return whether a lower-case name is that of a number of profiles, parts, sensors or runs."""
+    return column_role(name) == "scan" or is_part_name(name)

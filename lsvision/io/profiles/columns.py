@@ -23,7 +23,9 @@ from lsvision.io.profiles.profile_keys import (
     find_profile_attributes,
     find_scan_key,
     is_profile_key,
+    note_rounded_attributes,
     numbers_points,
+    reject_rounded_keys,
     require_x,
     separate_profiles,
 )
@@ -71,6 +73,7 @@ def profiles_from_table(table: NumberTable, settings: ReadSettings) -> RawProfil
         If the columns of x and height are ambiguous, requested ones are missing, or a unit is not
         understood.
     """
+    reject_rounded_keys(table)
     choice = _choose_columns(table, settings)
     _check_numbers(table, choice)
     points = table.values
@@ -98,7 +101,11 @@ def profiles_from_table(table: NumberTable, settings: ReadSettings) -> RawProfil
         away=choice.away or (settings.flip is None and states_away(table.mentions)),
         positions=positions,
         position_unit=position_unit,
-        notes=table.notes + choice.notes + validity_notes + note_order(sections),
+        notes=table.notes
+        + choice.notes
+        + validity_notes
+        + note_order(sections)
+        + note_rounded_attributes(attributes),
         lost=table.lost,
         limits=table.limits,
         attributes=attributes,

@@ -11,9 +11,10 @@ import numpy as np
 from lsvision.errors import UnreadableFile
 from lsvision.files.limited_reading import current_size_limit
 from lsvision.geometry import FloatArray
-from lsvision.io.profiles.column_roles import column_role
+from lsvision.io.profiles.column_roles import column_role, is_coordinate
 from lsvision.io.profiles.named_columns import profiles_from_named
 from lsvision.io.profiles.number_table import floats_from
+from lsvision.io.profiles.profile_keys import MAX_EXACT_NUMBER
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.unit_statements import UnitStatement, find_unit_statements
 from lsvision.io.profiles.units import split_label
@@ -56,7 +57,10 @@ def profiles_from_table(table: "pa.Table", settings: ReadSettings) -> RawProfile
     """Return the profiles of an Arrow table; see `read_parquet`."""
     pyarrow = _pyarrow()
     try:
-        columns = {name: _values(table[name]) for name in table.column_names}
+        columns = {
+            name: None if _is_large_number(table, name) else _values(table[name])
+            for name in table.column_names
+        }
         texts = {name: _texts(table[name]) for name in table.column_names if columns[name] is None}
         stated = [*_unit_statements(table.schema.metadata), *_field_statements(table.schema)]
     except (pyarrow.ArrowException, OSError, ValueError, TypeError, KeyError) as error:
@@ -64,6 +68,20 @@ def profiles_from_table(table: "pa.Table", settings: ReadSettings) -> RawProfile
     numbers_by_name = {name: values for name, values in columns.items() if values is not None}
     texts_by_name = {name: cells for name, cells in texts.items() if cells is not None}
     return profiles_from_named(numbers_by_name, settings, tuple(stated), texts_by_name)
+
+
+def _is_large_number(table: "pa.Table", name: str) -> bool:
+    """Return whether a column, of no coordinate, has whole numbers that floats would round.
+
+    It is read as text.
+    """
+    from pyarrow import compute, types
+
+    column = table[name]
+    if not types.is_integer(column.type) or is_coordinate(split_label(name)[0]):
+        return False
+    limits = compute.min_max(column).as_py()
+    return any(abs(limit) >= MAX_EXACT_NUMBER for limit in limits.values() if limit is not None)
 
 
 def holds_lists(column: "pa.ChunkedArray", lengths: Sequence[int]) -> bool:

@@ -11,6 +11,7 @@ from lsvision.io.profiles.column_roles import (
     column_role,
     columns_by_role,
     has_known_role,
+    identifies_profiles,
     is_part_name,
 )
 from lsvision.io.profiles.number_table import NumberTable
@@ -19,6 +20,36 @@ _TIME_NAMES = frozenset(["t", "time", "timestamp", "zeit", "temps", "tiempo", "t
 """Names of columns of times, which are no x."""
 MIN_POINTS_PER_PROFILE = 5
 """Smallest mean number of points of the profiles of a key: fewer do not determine an ellipse."""
+
+MAX_EXACT_NUMBER = 2.0**53
+"""Number from which on whole numbers are rounded in double precision."""
+
+
+def reject_rounded_keys(table: NumberTable) -> None:
+    """Raise UnreadableFile if numbers of profiles or parts are so large that they are rounded.
+
+    Different profiles could then have the same number.
+    """
+    for column, name in enumerate(table.names):
+        is_key = identifies_profiles(name) and column not in table.texts
+        if is_key and np.any(np.abs(table.values[:, column]) >= MAX_EXACT_NUMBER):
+            raise UnreadableFile(
+                f"{name}: numbers above 2^53 would be rounded, and different ones become equal: "
+                "write them as text, with a letter in front"
+            )
+
+
+def note_rounded_attributes(
+    attributes: Sequence[Mapping[str, float | str]],
+) -> tuple[str, ...]:
+    """Return a note for each attribute with numbers so large that they are rounded."""
+    rounded = dict.fromkeys(
+        label
+        for profile in attributes
+        for label, value in profile.items()
+        if isinstance(value, float) and abs(value) >= MAX_EXACT_NUMBER
+    )
+    return tuple(f"{label}: numbers above 2^53 are rounded" for label in rounded)
 
 
 def separate_profiles(
