@@ -20,8 +20,9 @@ from lsvision.batch.written_file import WrittenFile, describe_change
 from lsvision.errors import LsvisionError, UnreadableFile, UnwritableFile
 from lsvision.results.summaries import format_count
 
-MANIFEST = "manifest.jsonl"
-"""Name of the manifest in the folder of the results."""
+MANIFEST = "_manifest.jsonl"
+"""Name of the manifest in the folder of the results. Programs that read a folder of Parquet files
+as one table skip names that begin like this."""
 SCHEMA = "lsvision.batch/2"
 """Name and version of the manifest's format."""
 

@@ -84,9 +84,10 @@ def batch(
     other columns of the input (ids, times), reason and rejections; a profile without cylinders is a
     row with its reason. Of a folder the files directly in it are read, 'DIR/**/*.csv' names those
     in subfolders, too. Parquet (lists x and z, one profile per row) and NPY are read in parts, so
-    that the memory does not grow with the file. manifest.jsonl in the folder of the results lists
-    the finished files: the same command continues where the last one was interrupted, and measures
-    files that are new, changed or failed, or whose results were changed.
+    that the memory does not grow with the file. _manifest.jsonl in the folder of the results, which
+    can be read as one table, lists the finished files: the same command continues where the last
+    one was interrupted, and measures files that are new, changed or failed, or whose results were
+    changed.
 
     \b
     A folder of Parquet files, on all cores (with --job also judged: a column decision):

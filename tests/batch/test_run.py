@@ -360,6 +360,17 @@ def test_a_file_in_the_folder_of_results_that_is_no_result_is_kept(folder, conte
     assert len(run_batch(tasks_of(folder), folder / "out").done) == 3
 
 
+def test_the_folder_of_results_is_one_table_that_joins_the_input_by_id(folder):
+    (folder / "in" / "a.csv").unlink()
+    run_batch(tasks_of(folder), folder / "out")
+    given, found = pq.read_table(folder / "in"), pq.read_table(folder / "out")
+    joined = found.select(["part_id", "profile", "taken"]).join(
+        given.select(["part_id", "taken"]), "part_id", right_suffix="_given"
+    )
+    assert len(joined) == len(found) == 8
+    assert joined["taken"].to_pylist() == joined["taken_given"].to_pylist()
+
+
 def test_results_state_the_version_and_the_job(folder):
     (task, *_) = tasks_of(folder)
     run_batch([task], folder / "out")

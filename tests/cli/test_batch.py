@@ -191,7 +191,7 @@ def test_a_folder_of_folders_alone_says_so(run, folder, written, pipe):
 def test_a_folder_without_a_batch_has_no_status(run, tmp_path):
     result = run("batch", "--status", tmp_path)
     assert result.exit_code == 1
-    assert "manifest.jsonl: no such file: name the --out of a batch" in result.stderr
+    assert "_manifest.jsonl: no such file: name the --out of a batch" in result.stderr
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
