@@ -180,6 +180,8 @@ def main() -> None:
             signal.signal(getattr(signal, name), _interrupt)
     try:
         app(prog_name="lsvision")
+    except KeyboardInterrupt:  # before a command runs
+        sys.exit(INTERRUPTED)
     except Exception as error:  # noqa: BLE001 - a bug is reported in one line, too
         print_error(describe_internal_error(error), debug="--debug" in sys.argv)
         sys.exit(FAILED)

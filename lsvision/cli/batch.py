@@ -137,6 +137,7 @@ def _run(tasks: "list[FileTask]", out: Path, jobs: int, scheduler: str | None) -
         status = run_batch(tasks, out, jobs=jobs, isolated=True, scheduler=scheduler, report=report)
     except KeyboardInterrupt:
         report.clear()
+        report.print_notes()
         print_error(
             f"interrupted: {out} contains the finished files; the same command continues from there"
         )

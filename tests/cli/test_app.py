@@ -259,6 +259,19 @@ def test_debug_shows_the_traceback_wherever_it_stands(run):
         assert result.stderr.splitlines()[-1].startswith("lsvision: /nowhere")
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_a_signal_before_a_command_runs_ends_like_one_during_it():
+    code = (
+        "import os, signal, lsvision.cli.app\n"
+        "class Interrupted:\n"
+        "    def __call__(self, **_): os.kill(os.getpid(), signal.SIGTERM)\n"
+        "lsvision.cli.app.app = Interrupted()\n"
+        "from lsvision.cli import main; main()"
+    )
+    result = shell(code=code)
+    assert (result.returncode, result.stderr) == (130, "")
+
+
 def test_bug_is_one_line_too():
     code = (
         "import sys; sys.argv = ['lsvision', 'plan', '--radius', '19']\n"

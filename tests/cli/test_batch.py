@@ -212,6 +212,7 @@ def test_an_interrupted_batch_goes_on_from_there(run, folder, pipe, written):
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 130
     assert b"the same command continues from there" in errors
+    assert b"note: units taken as mm" in errors
     before = {path.name: path.stat().st_mtime_ns for path in out.glob("*.parquet")}
     assert 0 < len(before) < 32
     recorded = [f"{outcome.name}.parquet" for outcome in read_status(out).done]
