@@ -160,7 +160,7 @@ def test_what_a_folder_or_a_pattern_leaves_out_is_named(run, folder, written, pi
     source, out = folder / "in", folder / "in" / "out"
     for name in ("monday", "tuesday"):
         written(pipe, f"in/{name}/a.csv")
-    (source / "notes.md").touch()
+    (source / "notes.ods").touch()
     (source / ".hidden").touch()
     (source / "gone.csv").symlink_to("none.csv")
     words = ("--out", out, "--jobs", 1)
@@ -170,7 +170,7 @@ def test_what_a_folder_or_a_pattern_leaves_out_is_named(run, folder, written, pi
         assert (
             f"{source}: note: 2 folders (monday, tuesday) in it not searched: '{source}/**/*.csv'"
         ) in done.stderr
-        assert f"{source}: note: 2 files (gone.csv, notes.md) left out: name each" in done.stderr
+        assert f"{source}: note: 2 files (gone.csv, notes.ods) left out: name each" in done.stderr
     done = run("batch", source / "*", "--out", folder / "out", "--jobs", 1)
     assert f"{source}/*: note: 3 folders (monday, out, tuesday) not searched:" in done.stderr
     done = run("batch", source / "*day" / "**" / "*", "--out", folder / "days", "--jobs", 1)
