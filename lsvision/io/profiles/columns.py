@@ -14,7 +14,6 @@ from lsvision.io.profiles.column_roles import (
     columns_by_role,
     is_encoder,
 )
-from lsvision.io.profiles.direction_statements import states_away
 from lsvision.io.profiles.number_table import NumberTable, holds_number
 from lsvision.io.profiles.point_order import note_order
 from lsvision.io.profiles.pose_tables import reject_pose_names, reject_poses
@@ -30,6 +29,7 @@ from lsvision.io.profiles.profile_keys import (
     separate_profiles,
 )
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
+from lsvision.io.profiles.stated_heights import resolve_direction
 from lsvision.io.profiles.stated_units import common_unit, resolve_units, statements_about_axis
 from lsvision.io.profiles.units import split_label
 from lsvision.io.profiles.validity import lose_invalid_points
@@ -95,15 +95,17 @@ def profiles_from_table(table: NumberTable, settings: ReadSettings) -> RawProfil
     attributes, ignored = find_profile_attributes(
         table, rows, points=choice.coordinates, key=choice.key, excluded=choice.considered
     )
+    away, height_notes = resolve_direction(table.mentions, settings, is_range=choice.away)
     return RawProfiles(
         sections=sections,
         units=_resolve_all_units(table, choice, settings),
-        away=choice.away or (settings.flip is None and states_away(table.mentions)),
+        away=away,
         positions=positions,
         position_unit=position_unit,
         notes=table.notes
         + choice.notes
         + validity_notes
+        + height_notes
         + note_order(sections)
         + note_rounded_attributes(attributes),
         lost=table.lost,

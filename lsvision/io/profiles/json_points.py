@@ -38,6 +38,7 @@ from lsvision.io.profiles.opencv_storage import (
 )
 from lsvision.io.profiles.pose_documents import reject_pose_document
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
+from lsvision.io.profiles.stated_heights import add_direction
 from lsvision.io.profiles.stated_units import add_units, require_known_unit
 from lsvision.io.profiles.text_encoding import decode_text
 from lsvision.io.profiles.unit_statements import (
@@ -87,8 +88,9 @@ def profiles_from_document(document: Any, settings: ReadSettings, kind: str) -> 
         raise UnreadableFile(
             f"{kind} without a list of points ({_describe_contents(document)}): {_EXPECTED_KEYS}"
         )
-    if isinstance(document, Mapping):
-        require_known_unit(profiles.units, lines_on_units(document), settings)
+    items = document if isinstance(document, list) else [document]
+    lines = chain.from_iterable(lines_on_units(i) for i in items if isinstance(i, Mapping))
+    require_known_unit(profiles.units, lines, settings)
     return profiles
 
 
@@ -125,6 +127,7 @@ def _find_profiles(document: Any, settings: ReadSettings) -> RawProfiles | None:
         if profiles is None:
             return None
         lost = find_lost_values(lines_of_scalars(document))
+        profiles = add_direction(profiles, lines_on_units(document), settings)
         return _add_attributes(replace(profiles, lost=profiles.lost + lost), document)
     if isinstance(document, list) and document:
         return _from_list(document, settings)

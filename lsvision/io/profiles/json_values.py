@@ -10,6 +10,9 @@ from lsvision.geometry import FloatArray
 from lsvision.io.profiles.number_table import POINT_NUMBER, is_missing
 from lsvision.io.profiles.unit_statements import find_lost_values, states_unit
 
+_MAX_AXES = 3
+"""Largest number of items of a list that states something on each axis."""
+
 
 def as_list_of_numbers(value: Any) -> Any:
     """Return the value if it is a list of numbers, or of lists of numbers; else None.
@@ -77,24 +80,43 @@ def is_point(value: Any) -> bool:
 
 
 def lines_on_units(document: Mapping[str, Any]) -> Iterator[str]:
-    """Yield lines ``key: value`` that may state a unit, from the entries and their sub-entries."""
+    """Yield lines ``key: value`` that may state a unit, a scale, a direction or an offset.
+
+    They are from the entries, also the items of short lists, and from those of objects below: texts
+    and lists with their own key, numbers and what is below a key of units with all keys on the way.
+    """
     for key, value in document.items():
-        if isinstance(value, str):
-            yield f"{key}: {value}"
-        elif isinstance(value, Mapping) and "unit" in key.lower():
-            yield from (f"unit_{axis}: {unit}" for axis, unit in value.items())
-        elif isinstance(value, Mapping):
-            yield from (f"{name}: {text}" for name, text in value.items() if isinstance(text, str))
-            yield from (
-                line
-                for name, inner in value.items()
-                if isinstance(inner, Mapping) and "unit" in name.lower()
-                for line in lines_on_units({name: inner})
-            )
-        elif isinstance(value, int | float) and not isinstance(value, bool):
-            yield f"{key}: {value}"
+        if isinstance(value, Mapping):
+            if not as_list_of_numbers(value):
+                yield from _lines_below(key, value)
         elif isinstance(value, list) and "unit" in key.lower():
             yield f"{key}: {', '.join(map(str, value))}"
+        elif isinstance(value, list):
+            yield from (f"{key}: {item}" for item in value if _states_on_axes(key, value))
+        elif _is_statement(value):
+            yield f"{key}: {value}"
+
+
+def _lines_below(key: str, document: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the lines of an object under a key; see `lines_on_units`."""
+    for name, value in document.items():
+        is_named = isinstance(value, str | list) and "unit" not in key.lower()
+        path = name if is_named else f"{key} {name}"
+        yield from lines_on_units({path: value})
+
+
+def _states_on_axes(key: str, values: list[Any]) -> bool:
+    """Return whether a list may state a number on each axis: an offset, or a scale with decimals.
+
+    Whole numbers rather count or select.
+    """
+    return len(values) <= _MAX_AXES and all(
+        isinstance(v, int | float) and ("offset" in key.lower() or v != round(v)) for v in values
+    )
+
+
+def _is_statement(value: Any) -> bool:
+    return isinstance(value, str | int | float) and not isinstance(value, bool)
 
 
 def lines_of_scalars(document: Mapping[str, Any]) -> Iterator[str]:

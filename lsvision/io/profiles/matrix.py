@@ -12,9 +12,9 @@ from lsvision.geometry import FloatArray
 from lsvision.io.images import TooManyPixels, decode_image
 from lsvision.io.profiles.column_roles import HEIGHT_ROLES, column_role
 from lsvision.io.profiles.columns import profiles_from_table
-from lsvision.io.profiles.direction_statements import states_away
 from lsvision.io.profiles.number_table import NumberTable, floats_from, holds_number
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
+from lsvision.io.profiles.stated_heights import resolve_direction
 from lsvision.io.profiles.stated_units import common_unit, statements_about_axis
 from lsvision.io.profiles.text_encoding import decode_text
 from lsvision.io.profiles.text_table import parse_table
@@ -152,7 +152,7 @@ def profiles_from_matrix(table: NumberTable, settings: ReadSettings) -> RawProfi
     """
     columns = _height_columns(table)
     _reject_numbers_in_text(table, columns)
-    away = _are_ranges(table, columns, settings)
+    away, height_notes = _resolve_direction(table, columns, settings)
     left_out = [table.label(c) for c in range(table.values.shape[1]) if c not in columns]
     if left_out and not settings.transpose:
         note = f"no heights in column {', '.join(left_out)}: left out"
@@ -185,7 +185,7 @@ def profiles_from_matrix(table: NumberTable, settings: ReadSettings) -> RawProfi
         if x_in_mm
         else _units_of_rows(table, settings),
         away=away,
-        notes=(*table.notes, *notes, *filter(None, [hint])),
+        notes=(*table.notes, *notes, *filter(None, [hint]), *height_notes),
         lost=table.lost,
         limits=table.limits,
         x_in_mm=x_in_mm,
@@ -214,11 +214,13 @@ def _height_columns(table: NumberTable) -> list[int]:
     return [c for c in columns if not re.search("[0-9]", "".join(table.texts.get(c, ())))]
 
 
-def _are_ranges(table: NumberTable, columns: Sequence[int], settings: ReadSettings) -> bool:
-    """Return whether numbers grow away from the sensor: by all columns' names, or by a line."""
+def _resolve_direction(
+    table: NumberTable, columns: Sequence[int], settings: ReadSettings
+) -> tuple[bool, tuple[str, ...]]:
+    """Return the result of `resolve_direction`; heights are ranges if all columns are so named."""
     stems = [_stem(table.names[c]).rstrip(" _-[(") for c in columns if table.names]
-    all_named = bool(stems) and all(column_role(stem) == "range" for stem in stems)
-    return all_named or (settings.flip is None and states_away(table.mentions))
+    are_ranges = bool(stems) and all(column_role(stem) == "range" for stem in stems)
+    return resolve_direction(table.mentions, settings, is_range=are_ranges)
 
 
 def _reject_numbers_in_text(table: NumberTable, columns: Sequence[int]) -> None:

@@ -12,6 +12,7 @@ from lsvision.files.json_text import parse_json
 from lsvision.io.profiles.json_points import profiles_from_document
 from lsvision.io.profiles.pose_documents import reject_pose_text
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
+from lsvision.io.profiles.stated_heights import add_direction
 from lsvision.io.profiles.stated_units import add_units, require_known_unit
 from lsvision.io.profiles.text_encoding import decode_text
 from lsvision.io.profiles.unit_statements import find_unit_statements
@@ -46,7 +47,7 @@ def read_yaml(content: bytes, settings: ReadSettings) -> RawProfiles:
     comments = [line for part in parts for line in part.splitlines() if line.lstrip()[:1] == "#"]
     profiles = add_units(profiles, find_unit_statements(comments), settings)
     require_known_unit(profiles.units, comments, settings)
-    return profiles
+    return add_direction(profiles, comments, settings)
 
 
 def _parse_plain_yaml(text: str) -> dict[str, Any] | list[Any]:

@@ -1,0 +1,73 @@
+"""Direction and offsets of heights that the text of a file states beside its numbers."""
+
+import re
+from collections.abc import Iterable
+from dataclasses import replace
+from itertools import islice
+
+from lsvision.io.profiles.direction_statements import note_unclear_direction, states_away
+from lsvision.io.profiles.settings import RawProfiles, ReadSettings
+from lsvision.io.profiles.unit_statements import MAX_LINE_LENGTH, MAX_MENTION_LINES
+
+_NUMBER = r"[-+]?(?:[0-9]+(?:[.,][0-9]*)?|[.,][0-9]+)"
+_AXIS = r"(?:[xz]|heights?|höhen?|lateral|values?)"
+_OFFSET = r"(?:offsets?|versatz|nullpunkt|zero\s*point)"
+_OTHER_OFFSET = (
+    "(?:trigger|encoder|time|gain|phase|temperature|angles?|frames?|index|intensity|dark|black"
+    "|exposure|delay|byte|memory)"
+)
+"""Word of an offset of another quantity."""
+# "z offset = -10 mm", "Offset Z [mm]; -10", "add 10 to z" or "z values relative to 10 mm".
+_STATED_OFFSET = re.compile(
+    rf"^(?!.*\b{_OTHER_OFFSET}\b)[^:=;]*?\b(?:{_AXIS}[ _.-]?{_OFFSET}|{_OFFSET}(?:[ _.-]?{_AXIS})?)"
+    rf"\s*(?:[\[(][^\])]{{0,20}}[\])]\s*)?(?:is\b|[:=,;\t]|\s)\s*({_NUMBER})\s*"
+    r"(?:[^\W\d_]{1,12})?\W*$"
+    rf"|\b(?:add|subtract)\s+({_NUMBER}).*\b(?:to|from)\s+{_AXIS}\b"
+    rf"|\b{_AXIS}\b.*\brelative\s+to\s+({_NUMBER})"
+)
+_CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])|_")
+
+
+def resolve_direction(
+    lines: Iterable[str], settings: ReadSettings, *, is_range: bool
+) -> tuple[bool, tuple[str, ...]]:
+    """Return whether heights grow away from the sensor, and notes on lines that are not used.
+
+    They do if their name is that of a range, or a line states it. The notes are on a direction in
+    words that are not understood, and on an offset, which the numbers may contain or not.
+
+    Raises
+    ------
+    UnreadableFile
+        If lines contradict each other.
+
+    Examples
+    --------
+    >>> resolve_direction(["# z offset: -120 mm"], ReadSettings(), is_range=False)[1]
+    ("the line '# z offset: -120 mm' states an offset, which is not added to the points",)
+    """
+    known = tuple(islice(lines, MAX_MENTION_LINES))
+    offsets = tuple(
+        f"the line {line.strip()[:80]!r} states an offset, which is not added to the points"
+        for line in islice(filter(_states_offset, known), 1)
+    )
+    if is_range or settings.flip is not None:
+        return is_range, offsets
+    return states_away(known), (*note_unclear_direction(known), *offsets)
+
+
+def add_direction(
+    profiles: RawProfiles, lines: Iterable[str], settings: ReadSettings
+) -> RawProfiles:
+    """Return the profiles with the direction that lines beside them state; see above."""
+    away, notes = resolve_direction(lines, settings, is_range=profiles.away)
+    return replace(profiles, away=away, notes=tuple(dict.fromkeys((*profiles.notes, *notes))))
+
+
+def _states_offset(line: str) -> bool:
+    """Return whether a line states an offset of the points other than 0."""
+    if len(line) > MAX_LINE_LENGTH:
+        return False
+    match = _STATED_OFFSET.search(_CAMEL.sub(" ", line).lower())
+    number = next(filter(None, match.groups()), "0") if match else "0"
+    return float(number.replace(",", ".")) != 0

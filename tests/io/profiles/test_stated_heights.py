@@ -1,0 +1,141 @@
+"""A direction or an offset in the text of a file is used or noted: never dropped in silence."""
+
+import json
+
+import numpy as np
+import pytest
+
+from lsvision.errors import UnreadableFile
+from lsvision.io.profiles import inspect_profiles
+
+TURN = np.linspace(2.7, 0.45, 60)
+PIPE = 20 * np.column_stack([np.cos(TURN), np.sin(TURN)]) + [1.0, 170.0]
+ROWS = "".join(f"{x:.4f},{z:.4f}\n" for x, z in PIPE)
+
+
+def read(write, line, name="a.csv", **options):
+    return inspect_profiles(write(f"{line}\nx,z\n{ROWS}", name), **options)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "# Z increases with distance",
+        "# z grows with the distance to the sensor",
+        "# z nimmt mit dem Abstand zu",
+        "# z decreases towards the sensor",
+        "# larger z = further away",
+        "# Z axis: downwards",
+        "# z_direction = down",
+        "# +z = away",
+        "# z points from the sensor to the object",
+        "# z is positive in the direction of the laser beam",
+        "# z = distance from sensor",
+        "# heights are ranges measured from the sensor",
+        "# z: depth",
+        "Z direction;away from sensor",
+    ],
+)
+def test_a_direction_in_other_words_turns_the_heights(write, line):
+    file = read(write, line)
+    assert file.flipped
+    assert not file.notes
+    np.testing.assert_allclose(file.profiles[0].points[:, 1], -PIPE[:, 1], atol=1e-4)
+    assert not read(write, line, flip=False).flipped
+
+
+@pytest.mark.parametrize("label", ["z (distance from sensor)", "z [mm] (distance)", "z(range)"])
+def test_a_remark_behind_the_name_turns_the_heights(write, label):
+    assert inspect_profiles(write(f"x,{label}\n{ROWS}")).flipped
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "# z decreases with distance",
+        "# larger z = closer",
+        "# z up",
+        "# z is negative away from the sensor",
+        "# z range: 60 to 200 mm",
+        "# height data from the sensor LJ-V7080",
+        "# measured away from the sensor mount",
+        "# z values are the distance above table",
+        "# height: distance between belt and part",
+        "# z axis noise increases with distance",
+        "# sensor mounted upside down",
+    ],
+)
+def test_other_statements_do_not(write, line):
+    file = read(write, line)
+    assert not file.flipped
+    assert not file.notes
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "# z axis is inverted",
+        "# z measured from the sensor",
+        "# distance to sensor decreases with z",
+    ],
+)
+def test_a_direction_that_is_not_understood_is_noted(write, line):
+    (note,) = read(write, line).notes
+    assert (
+        note == f"the line {line!r} may state the direction of heights: state --flip or --no-flip"
+    )
+    assert not read(write, line, flip=True).notes
+
+
+def test_opposite_directions_are_rejected(write):
+    with pytest.raises(UnreadableFile, match="use --flip or --no-flip"):
+        read(write, "# z increases with distance\n# z increases towards the sensor")
+
+
+@pytest.mark.parametrize(
+    "entries",
+    [
+        {"z_direction": "away from sensor"},
+        {"note": "z axis points away from the sensor"},
+        {"meta": {"zDirection": "down"}},
+    ],
+)
+def test_json_and_yaml_state_directions(write, entries):
+    x, z = PIPE.round(4).T.tolist()
+    document = json.dumps({**entries, "x": x, "z": z})
+    assert inspect_profiles(write(document, "a.json")).flipped
+    assert not inspect_profiles(write(document, "a.json"), flip=False).flipped
+    assert inspect_profiles(write(json.dumps([json.loads(document)] * 2), "a.json")).flipped
+    comment = f"# z increases with distance\nx: {x}\nz: {z}\n"
+    assert inspect_profiles(write(comment, "a.yaml")).flipped
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "# z_offset = -120 mm",
+        "# Z-Offset [mm]: -120",
+        "OffsetZ;-120.0",
+        "# offset z -120",
+        "# Nullpunkt z: -120 mm",
+        "# add -120 to z",
+        "# z values relative to -120 mm",
+    ],
+)
+def test_an_offset_is_noted(write, line):
+    (note,) = read(write, line).notes
+    assert note == f"the line {line!r} states an offset, which is not added to the points"
+
+
+@pytest.mark.parametrize(
+    "line", ["# z_offset = 0", "# trigger offset 5", "# working distance: 120 mm", "# z offset"]
+)
+def test_other_lines_are_no_offset(write, line):
+    assert not read(write, line).notes
+
+
+@pytest.mark.parametrize("entries", [{"z_offset": -120}, {"meta": {"offset": [0, -120]}}])
+def test_an_offset_in_json_is_noted(write, entries):
+    x, z = PIPE.round(4).T.tolist()
+    file = inspect_profiles(write(json.dumps({**entries, "x": x, "z": z}), "a.json"))
+    assert "offset: -120" in "".join(file.notes)
