@@ -185,23 +185,26 @@ def _from_columns(
     known = {key: values for key, values in columns.items() if is_coordinate(split_label(key)[0])}
     lengths = set(map(len, known.values()))
     arrays = {k: to_arrays(v) for k, v in columns.items() if k in known or len(v) in lengths}
-    # Flags, such as of valid points: they are no numbers of `columns`.
-    arrays |= {k: to_floats(v) for k, v in document.items() if _is_list_of(bool, v, lengths)}
-    texts = {
-        key: value
-        for key, value in document.items()
-        if key not in columns and _is_list_of(str, value, lengths)
-    }
+    # Flags, such as of valid points, and texts: they are no numbers of `columns`.
+    others = {k: v for k, v in document.items() if k not in columns and _is_column(v, lengths)}
+    flags = {k: v for k, v in others.items() if all(isinstance(item, bool) for item in v)}
+    arrays |= {key: to_floats(value) for key, value in flags.items()}
+    texts = {key: list(map(_cell, others[key])) for key in others if key not in flags}
     return profiles_from_named(arrays, settings, statements, texts)
 
 
-def _is_list_of(kind: type, value: Any, lengths: Container[int]) -> bool:
-    """Return whether a value is a list of texts, or of booleans, with one of the lengths."""
+def _is_column(value: Any, lengths: Container[int]) -> bool:
+    """Return whether a value is a list of texts, numbers, flags and null, of a length."""
     return (
         isinstance(value, list)
         and len(value) in lengths
-        and all(isinstance(item, kind) for item in value)
+        and all(item is None or isinstance(item, str | int | float) for item in value)
     )
+
+
+def _cell(value: Any) -> str:
+    """Return the text of a value in a column of text; it is empty for null."""
+    return "" if value is None else str(value)
 
 
 def _from_named_list(
@@ -284,7 +287,7 @@ def _table_from_objects(document: Sequence[Mapping[str, Any]], keys: Sequence[st
     for column, key in enumerate(keys):
         cells = [item.get(key) for item in document]
         if not all(map(is_scalar, cells)):
-            texts[column] = ["" if cell is None else str(cell) for cell in cells]
+            texts[column] = list(map(_cell, cells))
         else:
             values[:, column] = to_floats(cells)
     return NumberTable(
@@ -351,12 +354,12 @@ def _named_rows(
     for key, labels in document.items():
         if key.lower() not in _NAME_KEYS or not isinstance(labels, list) or len(labels) < 2:
             continue
-        parsed = [split_label(str(label)) for label in labels]
         for value in document.values():
-            rows = None if value is labels else as_list_of_numbers(value)
-            if rows and isinstance(rows[0], list) and all(len(r) == len(labels) for r in rows):
-                names, units = zip(*parsed, strict=True)
-                return NumberTable(to_floats(rows), names, units, statements)
+            rows = value if isinstance(value, list) and value is not labels else []
+            if rows and all(isinstance(r, list) and len(r) == len(labels) for r in rows):
+                names = list(map(str, labels))
+                objects = [dict(zip(names, row, strict=True)) for row in rows]
+                return replace(_table_from_objects(objects, names), statements=statements)
     return None
 
 

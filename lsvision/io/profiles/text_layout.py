@@ -127,7 +127,7 @@ def find_layout(lines: Sequence[str]) -> Layout:
         If there is no table of numbers.
     """
     start = _find_first_number_row(lines)
-    if start is not None:
+    if start is not None and not _begins_above(lines, *start):
         index, separator = start
         width = len(split_cells(lines[index], separator))
         numeric = tuple(range(width))
@@ -194,6 +194,24 @@ def _find_first_number_row(lines: Sequence[str]) -> tuple[int, str | None] | Non
         if preamble >= MAX_PREAMBLE_LINES:  # rows of lost points do not count
             return None
     return None
+
+
+def _begins_above(lines: Sequence[str], index: int, separator: str | None) -> bool:
+    """Return whether the row above a row of numbers is one of the table, with text in a cell.
+
+    That of the row of numbers is then a word for lost points, such as "invalid" below "valid".
+    """
+    if index == 0:
+        return False
+    row, above = (split_cells(lines[k].strip(" \r\n"), separator) for k in (index, index - 1))
+    pairs = list(zip(row, above, strict=False))
+    beside_numbers = [text.strip() for cell, text in pairs if not is_missing(cell)]
+    return (
+        len(row) == len(above)
+        and any(is_missing(cell) and not is_number_or_lost(text) for cell, text in pairs)
+        and len(beside_numbers) > 1
+        and all(map(_ANY_NUMBER.fullmatch, beside_numbers))
+    )
 
 
 def _is_above_table(lines: Sequence[str], index: int, row: Sequence[str]) -> bool:

@@ -1,61 +1,129 @@
 """Columns that say of each point whether it is valid, and columns that may say so."""
 
+import re
 from collections.abc import Sequence
 
 import numpy as np
 
-from lsvision.geometry import BoolArray, FloatArray
+from lsvision.geometry import BoolArray, FloatArray, IntArray
 from lsvision.io.profiles.column_words import fold_accents
 from lsvision.io.profiles.number_table import NumberTable
 
-_VALID_NAMES = frozenset(
-    "valid validity isvalid validflag pointvalid valido gultig gueltig giltig".split()  # noqa: SIM905
+_VALID_WORDS = frozenset(
+    "valid validity isvalid validflag pointvalid validpoint valido gultig gueltig giltig ok isok "  # noqa: SIM905
+    "good pass passed".split()
 )
-"""Names, without blanks and accents, of columns of 1 (valid) and 0."""
-_FLAG_NAMES = frozenset(
-    "quality status state error flag flags mask invalid confidence qualitat qualitaet "  # noqa: SIM905
-    "zustand fehler".split()
+"""Words, without accents, of the name of a column that is true where a point is valid."""
+_LOST_WORDS = frozenset(
+    "invalid isinvalid lost islost missing dropout nodata bad ungultig ungueltig".split()  # noqa: SIM905
 )
-"""Names of columns that may mark lost points, in a code that differs between sensors."""
-_TRUE, _FALSE = frozenset(["true", "yes", "1", "ok"]), frozenset(["false", "no", "0"])
-"""Words and digits of a flag that is true, and of one that is false."""
+"""Words of the name of a column that is true where a point is lost."""
+_VERDICT_WORDS = frozenset(["ok", "isok", "good", "bad", "pass", "passed"])
+"""Those of both that may be on a part, if the column has one value in each profile."""
+_FLAG_WORDS = frozenset(
+    "quality status state error errors err flag flags mask masked confidence qualitat qualitaet "  # noqa: SIM905
+    "zustand fehler outlier outliers saturated saturation used".split()
+)
+"""Words of the name of a column that may mark lost points, in a code that differs between
+sensors."""
+_BESIDE = frozenset(
+    "is point points pt pts pixel px data sample value measurement profile code x y z bit".split()  # noqa: SIM905
+)
+"""Words beside these."""
+_TRUE = frozenset(["true", "t", "yes", "y", "ja", "j", "oui", "si", "wahr", "vrai", "1"])
+_FALSE = frozenset(["false", "f", "no", "n", "nein", "non", "falsch", "faux", "0"])
+"""Words of a flag that is true, and of one that is false."""
+_GOOD = frozenset(["ok", "okay", "valid", "good", "pass", "passed", "gut", "gultig", "io"])
+_BAD = frozenset(
+    "nok notok ng invalid bad fail failed error err lost missing dropout nodata schlecht "  # noqa: SIM905
+    "ungultig nio".split()
+)
+"""Words that a point is valid, and that it is not, whatever the name of their column is."""
 
 
 def lose_invalid_points(
-    table: NumberTable, points: FloatArray
+    table: NumberTable, points: FloatArray, rows: Sequence[IntArray]
 ) -> tuple[FloatArray, tuple[str, ...]]:
     """Return the points, (n, k), NaN where a column of the table says that they are not valid.
 
     And notes: on that, or on a column of flags whose meaning is not known, so that it is not used.
+    `rows` are those of each profile: a status with one value in each is no statement on points.
     """
     notes: list[str] = []
     for column, name in enumerate(table.names):
-        word = fold_accents(name).translate(str.maketrans("", "", " _-."))
-        if word in _VALID_NAMES:
-            valid = _validity(table, column)
-            if valid is not None and not valid.all():
-                points = np.where(valid[:, np.newaxis], points, np.nan)
-                count = np.count_nonzero(~valid)
-                notes.append(f"{name} is 0 in {count} points: read as lost points")
-        elif word in _FLAG_NAMES and _varies(table, column):
-            notes.append(
-                f"{name} varies and is not used: if it marks lost points, write nan as their height"
-            )
+        kind, may_be_verdict = _kind(name)
+        if not kind or (may_be_verdict and not _varies(table, column, rows)):
+            continue
+        valid = _validity(table, column, kind)
+        if valid is None:
+            if kind == "flag" or _may_be_code(table, column):
+                notes.append(
+                    f"{name} varies and is not used: if it marks lost points, write nan as their "
+                    "height"
+                )
+        elif not valid.all():
+            points = np.where(valid[:, np.newaxis], points, np.nan)
+            shown = _describe_cells(table, column, ~valid)
+            count = np.count_nonzero(~valid)
+            notes.append(f"{name} is {shown} in {count} points: read as lost points")
     return points, tuple(notes)
 
 
-def _validity(table: NumberTable, column: int) -> BoolArray | None:
-    """Return whether each point is valid; None if the cells are not those of such a column."""
+def _kind(name: str) -> tuple[str, bool]:
+    """Return what a column of this name says, and whether it may say it of a part.
+
+    It is ``"valid"``, ``"lost"``, ``"flag"``, or empty for other columns.
+
+    Examples
+    --------
+    >>> _kind("Is_Valid"), _kind("point status"), _kind("ok"), _kind("date of validation")
+    (('valid', False), ('flag', True), ('valid', True), ('', False))
+    """
+    words = {word for word in re.split(r"[\W_]+", fold_accents(name.lower())) if word} - _BESIDE
+    if len(words) == 1 and words <= _VALID_WORDS | _LOST_WORDS:
+        return "valid" if words <= _VALID_WORDS else "lost", words <= _VERDICT_WORDS
+    is_flag = bool(words) and words <= _VALID_WORDS | _LOST_WORDS | _FLAG_WORDS
+    return "flag" if is_flag else "", is_flag
+
+
+def _validity(table: NumberTable, column: int, kind: str) -> BoolArray | None:
+    """Return whether each point is valid; None if the cells do not say so.
+
+    Words such as ok and nok do in any column; true and false, and 0 and one other number, where the
+    name of the column says what is true.
+    """
     cells: Sequence[str] | None = table.texts.get(column)
-    if cells is not None:
-        words = [cell.lower() for cell in cells]
-        return np.isin(words, list(_TRUE)) if set(words) <= _TRUE | _FALSE else None
-    values = table.values[:, column]
-    return values == 1 if np.isin(values, (0, 1)).all() else None
+    if cells is None:
+        values = table.values[:, column]
+        others = set(np.unique(values[values != 0]).tolist())
+        is_flag = kind != "flag" and len(others) <= 1 and all(value > 0 for value in others)
+        return np.equal(values != 0, kind != "lost") if is_flag else None
+    words = [re.sub(r"[\W_]+", "", fold_accents(cell.lower())) for cell in cells]
+    if set(words) <= _GOOD | _BAD:
+        return np.array([word in _GOOD for word in words])
+    if kind != "flag" and set(words) <= _TRUE | _FALSE:
+        return np.array([(word in _TRUE) != (kind == "lost") for word in words])
+    return None
 
 
-def _varies(table: NumberTable, column: int) -> bool:
+def _describe_cells(table: NumberTable, column: int, rows: BoolArray) -> str:
+    """Return the texts, or the number, of the cells of some rows."""
+    if column in table.texts:
+        return " or ".join(dict.fromkeys(np.array(table.texts[column])[rows].tolist()))
+    return f"{table.values[rows, column][0]:g}"
+
+
+def _may_be_code(table: NumberTable, column: int) -> bool:
+    """Return whether the cells of a column differ, and are not as many numbers as points."""
     if column in table.texts:
         return len(set(table.texts[column])) > 1
+    return 1 < np.unique(table.values[:, column]).size <= max(2, len(table.values) // 2)
+
+
+def _varies(table: NumberTable, column: int, rows: Sequence[IntArray]) -> bool:
+    """Return whether the cells, or numbers, of a column differ within a profile, of these rows."""
+    texts = table.texts.get(column)
+    if texts is not None:
+        return any(len({texts[row] for row in profile.tolist()}) > 1 for profile in rows)
     values = table.values[:, column]
-    return bool(np.unique(values[np.isfinite(values)]).size > 1)
+    return any(np.unique(values[profile]).size > 1 for profile in rows)

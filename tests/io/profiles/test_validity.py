@@ -30,7 +30,72 @@ def test_points_that_are_not_valid_are_lost(tmp_path, name, words):
     path = write_csv(tmp_path / "valid.csv", name, [words[int(valid)] for valid in VALID])
     np.testing.assert_array_equal(is_lost(path), ~VALID)
     (note,) = inspect_profiles(path).notes
-    assert note.endswith(f"is 0 in {np.sum(~VALID)} points: read as lost points")
+    assert note.endswith(f"is {words[0]} in {np.sum(~VALID)} points: read as lost points")
+
+
+@pytest.mark.parametrize(
+    ("name", "good", "bad"),
+    [
+        ("valid", 255, 0),
+        ("valid", "ok", "NOK"),
+        ("valid", "y", "n"),
+        ("valid", "valid", "invalid"),
+        ("z_valid", "WAHR", "FALSCH"),
+        ("point ok", 1, 0),
+        ("invalid", 0, 1),
+        ("is_invalid", "False", "True"),
+        ("lost", 0, 255),
+        ("quality", "good", "bad"),
+        ("point_status", "OK", "Lost"),
+        ("Status", "i.O.", "n.i.O."),
+        ("mask", "valid", "invalid"),
+    ],
+)
+def test_flags_and_words_of_any_kind_are_understood(tmp_path, name, good, bad):
+    cells = [good if valid else bad for valid in VALID]
+    path = write_csv(tmp_path / "flags.csv", name, cells)
+    np.testing.assert_array_equal(is_lost(path), ~VALID)
+    columns = {"x": [*X], "z": [*Z], name: cells}
+    rows = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+    for number, document in enumerate(
+        (columns, rows, {"columns": [*columns], "data": [list(row.values()) for row in rows]})
+    ):
+        path = tmp_path / f"{number}.json"
+        path.write_text(json.dumps(document))
+        np.testing.assert_array_equal(is_lost(path), ~VALID)
+
+
+@pytest.mark.parametrize(
+    ("good", "bad"), [(1, ""), (1, -1), ("x", ""), ("+", "-"), (1, 2), ("A", "B")]
+)
+def test_a_validity_in_other_words_is_noted(tmp_path, good, bad):
+    cells = [good if valid else bad for valid in VALID]
+    file = inspect_profiles(write_csv(tmp_path / "flags.csv", "valid", cells))
+    assert any("valid varies and is not used" in note for note in file.notes)
+
+
+def test_null_beside_flags_in_json_is_noted(tmp_path):
+    document = {"x": [*X], "z": [*Z], "valid": [bool(valid) or None for valid in VALID]}
+    (tmp_path / "lists.json").write_text(json.dumps(document))
+    (note,) = inspect_profiles(tmp_path / "lists.json").notes
+    assert "valid varies and is not used" in note
+
+
+@pytest.mark.parametrize("name", ["status", "ok", "pass"])
+def test_a_verdict_on_each_part_loses_no_points(tmp_path, name):
+    rows = [f"{k},{x:.3f},{z:.3f},{verdict}" for k, verdict in enumerate(["OK", "NOK"])
+            for x, z in zip(X, Z, strict=True)]  # fmt: skip
+    path = tmp_path / "parts.csv"
+    path.write_text("\n".join([f"part,x,z,{name}", *rows]))
+    file = inspect_profiles(path)
+    assert (file.lost, file.notes) == (0, ())
+    assert [row[name] for row in file.attributes] == ["OK", "NOK"]
+
+
+def test_the_table_begins_above_the_first_invalid_point(tmp_path):
+    cells = ["valid"] * 10 + ["invalid"] + ["valid"] * (len(X) - 11)
+    file = inspect_profiles(write_csv(tmp_path / "flags.csv", "state", cells))
+    assert (len(file.profiles[0]), file.lost) == (len(X), 1)
 
 
 def test_also_in_json_parquet_and_structured_arrays(tmp_path):
@@ -53,6 +118,9 @@ def test_flags_of_unknown_meaning_are_noted(tmp_path, name):
 
 
 def test_columns_without_a_choice_say_nothing(tmp_path):
-    for name, cells in (("valid", [1] * 120), ("status", [0] * 120), ("valid", range(120))):
+    for name, cells in (
+        *(("valid", [1] * 120), ("status", [0] * 120), ("valid", range(120))),
+        ("state", ["NOK"] * 120),
+    ):
         file = inspect_profiles(write_csv(tmp_path / "flags.csv", name, cells))
         assert (file.lost, file.notes) == (0, ())
