@@ -95,7 +95,8 @@ def profiles_from_table(table: NumberTable, settings: ReadSettings) -> RawProfil
     attributes, ignored = find_profile_attributes(
         table, rows, points=choice.coordinates, key=choice.key, excluded=choice.considered
     )
-    away, height_notes = resolve_direction(table.mentions, settings, is_range=choice.away)
+    lines = (*table.mentions, *table.lines_of_constants(choice.coordinates))
+    away, height_notes = resolve_direction(lines, settings, is_range=choice.away)
     return RawProfiles(
         sections=sections,
         units=_resolve_all_units(table, choice, settings),

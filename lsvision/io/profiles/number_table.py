@@ -1,7 +1,7 @@
 """Text cells as numbers, and tables of numbers in a file: points, or a matrix of heights."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Self
 
@@ -51,6 +51,8 @@ _NUMBER_IN_TEXT = re.compile(
     r"(?<![0-9.])[0-9]+[.,][0-9]+(?![0-9.])|[=\[({]\s*[-+]?[0-9]|[0-9]\s*[\])}]"
 )
 _TIME = re.compile(r"[0-9]:[0-9]|[0-9]{4}[-/][0-9]{2}|[0-9]{2}[./][0-9]{2}[./][0-9]")
+MAX_CONSTANT_TEXTS = 3
+"""Largest number of different texts in a column that may state the unit of others."""
 MIN_GROUPED_CELLS = 3
 """Smallest number of cells like 1,234 that, beside whole numbers, may have thousands separators."""
 # Typographic dashes as minus signs, and typographic blanks as those in `MISSING_VALUES`.
@@ -269,3 +271,20 @@ class NumberTable:
     def label(self, column: int) -> str:
         """Return the name of a column, or its number if it has none."""
         return (self.names[column] if self.names else "") or str(column)
+
+    def lines_of_constants(self, coordinates: Container[int]) -> Iterator[str]:
+        """Yield a line ``name: value`` for each value of the columns with one, or few texts.
+
+        They may state a unit, such as that in a column ``unit``. The columns `coordinates` are left
+        out.
+        """
+        for column, name in enumerate(self.names):
+            if column in coordinates or not name or not len(self.values):
+                continue
+            texts = list(dict.fromkeys(self.texts.get(column, ())))
+            value = self.values[0, column]
+            if column in self.texts and len(texts) <= MAX_CONSTANT_TEXTS:
+                yield from (f"{name}: {text}" for text in texts if text)
+            elif column not in self.texts and bool(np.all(self.values[:, column] == value)):
+                unit = self.units[column] if self.units else None
+                yield f"{name}{f' {unit.text}' if unit else ''}: {value:.12g}"

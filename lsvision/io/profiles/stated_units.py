@@ -8,7 +8,11 @@ from lsvision.errors import UnreadableFile
 from lsvision.io.profiles.column_roles import column_role
 from lsvision.io.profiles.number_table import NumberTable
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
-from lsvision.io.profiles.unit_statements import UnitStatement, find_unit_mentions
+from lsvision.io.profiles.unit_statements import (
+    UnitStatement,
+    find_unit_mentions,
+    find_unit_statements,
+)
 from lsvision.io.profiles.units import StatedUnit, mm_per_unit
 
 _REMEDY = "state it, as --units um or --units 0.1mm"
@@ -34,6 +38,8 @@ def resolve_units(
         return x_unit or "mm", settings.count_unit
     if settings.units is not None:
         return None, None
+    beside = find_unit_statements(table.lines_of_constants({x, height}))
+    table = replace(table, statements=table.statements + beside)
     for column in (x, height):
         _reject_in_beside_out(table, column)
         _reject_power_of_ten(table, column)

@@ -27,7 +27,6 @@ from lsvision.io.profiles.text_layout import (
 )
 from lsvision.io.profiles.unit_statements import (
     MAX_MENTION_LINES,
-    UnitStatement,
     find_lost_values,
     find_unit_statements,
 )
@@ -99,7 +98,7 @@ def parse_table(text: str, lost_words: frozenset[str] = frozenset()) -> NumberTa
         values=values,
         names=header.names,
         units=header.units,
-        statements=find_unit_statements(other_lines) + _unit_column(table, header),
+        statements=find_unit_statements(other_lines),
         texts=table.texts,
         invalid_cells=table.invalid_cells,
         lost=find_lost_values(other_lines),
@@ -309,16 +308,6 @@ def _check_thousands_points(sample: str, layout: Layout) -> None:
                 f"{cell!r} may be {cell.replace('.', ',')} or {cell.replace('.', '')}: export "
                 "numbers without thousands separators"
             )
-
-
-def _unit_column(table: NumberTable, header: Header) -> tuple[UnitStatement, ...]:
-    """Return the unit in a column named unit."""
-    statements: list[UnitStatement] = []
-    for column, cells in table.texts.items():
-        if header.names and header.names[column] in ("unit", "units", "einheit", "uom"):
-            texts = dict.fromkeys(cells)
-            statements += find_unit_statements(f"unit: {text}" for text in texts if text)
-    return tuple(statements)
 
 
 def _footer_notes(footer: Sequence[str]) -> tuple[str, ...]:

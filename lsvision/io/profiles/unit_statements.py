@@ -14,6 +14,7 @@ from lsvision.io.profiles.units import (
     StatedUnit,
     mm_per_unit,
     parse_unit,
+    split_label,
     state_unit,
 )
 
@@ -30,14 +31,15 @@ _UNIT_KEYS = frozenset(
 )
 """Words of a key whose value is a unit."""
 _SCALE_KEYS = frozenset(
-    ["scale", "scaling", "factor", "multiplier", "lsb", "skalierung", "skalierungsfaktor"]
+    "scale scaling scalefactor factor multiplier lsb skalierung skalierungsfaktor faktor "  # noqa: SIM905
+    "maßstab massstab umrechnungsfaktor échelle facteur escala scala fattore".split()
 )
 """Words of a key whose value is the length of a count."""
 _OTHER_KEYS = frozenset(
     "time zeit intensity intensität angle angles winkel temperature temperatur speed "  # noqa: SIM905
     "velocity frequency rate exposure power current voltage serial id number no nr name "
     "type version count control controller device weight force mass pressure gray grey "
-    "color colour image plot display encoder".split()
+    "color colour image plot display encoder camera safety zoom font window".split()
 )
 """Words of a key of a quantity that is not a length."""
 _LOST_KEYS = frozenset(
@@ -66,11 +68,13 @@ _AXES = {
 _COMMENT = re.compile(r"^[\s#%!;*/\"'<-]+|[\s\"'*>-]+$")
 # "key: value", "key = value", "key, value" or "key is value"; but not "unit 0,1 mm".
 _KEY_VALUE = re.compile(
-    r"^([^:：=,;\t]{1,60}?)\s*(?:(?:[:：=;\t]|(?<![0-9]),|,(?![0-9]))+|\bis\b|\bare\b)\s*(\S.*)$"
+    r"^([^:：=,;\t]{1,60}?)\s*(?:(?:[:：=;\t]|(?<![0-9]),|,(?![0-9]))+|\bis\b|\bare\b|\bequals\b|\bcorresponds\s+to\b"
+    r"|\bentspricht\b)\s*(\S.*)$"
 )
 # "units mm" or "z unit mm".
 _KEY_BLANK_VALUE = re.compile(
-    rf"^((?:[xyz]\s+)?(?:\S*unit\S*|{'|'.join(sorted(_UNIT_KEYS))}))\s+(\S.*)$", re.IGNORECASE
+    rf"^((?:[xyz](?:\s*[/,&+]\s*[xyz])*\s+)?(?:\S*unit\S*|{'|'.join(sorted(_UNIT_KEYS))}))\s+(\S.*)$",
+    re.IGNORECASE,
 )
 # The words of a key such as "xUnit" or "X_UNIT".
 _KEY_WORDS = re.compile(r"[A-Z]?[^\W\d_A-Z]+|[A-Z]+(?![^\W\d_A-Z])")
@@ -91,12 +95,22 @@ _PHRASE = re.compile(
     r"\b((?:lateral|depth|values?|coordinates?|lengths?|distances?|dimensions?|data|numbers?|points?|"
     r"heights?|ranges?|positions?|profiles?|everything|all|columns?|x|y|z)\b"
     r"(?:\s*(?:,|/|and|und|&|are|is|given|stated|expressed|measured|values?|coordinates?|x|y|z))*)"
-    r"\s+in\s+([0-9./^*-]*\s?[^\W\d_%]+)"
+    r"\s+in\s+(?:(?:units|multiples|increments|steps)\s+of\s+)?"
+    r"([0-9./^*-]*(?:e[-+]?[0-9]+)?\s?[^\W\d_%]+)(?![^\W\d_])(?!\s*[*^/·×]\s*[0-9(])"
 )
 # "per count" or "/digit".
 _PER_COUNT = re.compile(rf"(?:/|\bper\b|\bpro\b)\s*{COUNT_WORD}\b", re.IGNORECASE)
 # The key of "1 digit = 0.01 mm".
-_ONE_COUNT = re.compile(rf"1\s*{COUNT_WORD}", re.IGNORECASE)
+_ONE_COUNT = re.compile(
+    rf"(?:(?:1|one|an?|each|every|per|ein|jede[rs]?)\s*{COUNT_WORD}|digit|lsb)", re.IGNORECASE
+)
+# A unit alone, 0.1 mm, 1e-05 m or 10 um.
+_POWER_OF_TEN = re.compile(r"[^ ]+$|(?:1e-?[0-9]+|0?\.?0*1|10+) ")
+# The key of "um per count: 10" or "counts/mm: 100".
+_RATIO = re.compile(
+    rf"(?:[xz]\s+)?(?:(?P<unit>[^\W\d_]+)\s*(?:/|per|pro)\s*{COUNT_WORD}"
+    rf"|{COUNT_WORD}\s*(?:/|per|pro)\s*(?P<length>[^\W\d_]+))"
+)
 _NUMBER = re.compile(r"[-+]?(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:[eE][-+]?[0-9]+)?")
 """Number with a decimal point or comma."""
 
@@ -111,16 +125,25 @@ _BARE_UNIT = re.compile(
 """A unit other than mm without a number before it: most likely that of the file's numbers."""
 # "tenths of a mm" or "1/10 mm".
 _FRACTION = re.compile(
-    rf"(?<![^\W_])(?:{'|'.join(FRACTION_WORDS)})\s+(?:of\s+an?\s+|d\w*\s*)?(?:mm|m[ei]\w+)"
+    rf"(?<![^\W_])(?:{'|'.join(FRACTION_WORDS)})\s+(?:of\s+(?:an?\s+)?|d\w*\s*)?(?:mm|m[ei]\w+)"
     r"|1/10+\s?mm"
 )
-# "multiply by 0.01", "converted to mm", "counts per mm", "mm = counts / 100", "0.1 mm/px" or "scale
-# factor 0.01".
+_LENGTH = r"(?:mm|[uµμ]m|nm|m|microns?|inch)\b"
+"""A unit of length behind a number."""
+# "multiply by 0.01", "converted to mm", "counts per mm", "100 counts = 1 mm", "counts of 0.01 mm
+# each", "in units of 0.01 mm", "mm = raw / 100", "z = raw * 0.01", "mm*1e-3", "0.1 mm/px",
+# "scale factor 0.01" or "Faktor 0,01".
 _CONVERSION = re.compile(
     rf"\b(?:multiply|multiplied|divide\w*)\b.*?[0-9]|\bto\s+(?:mm|m|um)\b"
-    rf"|{COUNT_WORD}\s*(?:/|per|pro)\s*[^\W\d_]+|\bmm\s*=.*{COUNT_WORD}|\bmm\s*(?:/|per)\s*(?:px|pixel)"
+    rf"|{COUNT_WORD}\s*(?:/|per|pro)\s*[^\W\d_]+"
+    rf"|{COUNT_WORD}\s*(?:=|\bis\b|\bare\b|\bequals?\b)\s*[0-9.,]+\s*{_LENGTH}"
+    rf"|{COUNT_WORD}\b.*[0-9]\s*{_LENGTH}\s+(?:each|apiece)\b"
+    rf"|\b(?:units|multiples|increments|counts)\s+of\s+[0-9]"
+    r"|\bmm[\])]?\s*=.*[*/·×]|=\s*\(?\s*(?:raw|counts?|digits?|values?|[xz])\w*\)?\s*[*/·×]"
+    rf"|\bin\s+{_LENGTH}\s*[*/^·×]\s*[0-9(]|\bmm\s*(?:/|per)\s*(?:px|pixel)"
     r"|\b(?:pixel|image)\s+coordinates\b|\bin\s+pixels?\b|\buncalibrated\b"
-    r"|\b(?:scale|scaling|multiplier)(?:\s+factor)?\s+(?!1(?:\.0*)?$)[0-9.]"
+    r"|\b(?:scale|scaling|multiplier|(?:conversion|unit|calibration)\s+factor|\w*faktor"
+    r"|skalierung|ma(?:ß|ss)stab)(?:\s+factor)?\s+(?!1(?:[.,]0*)?(?:\s*:\s*1)?$)[0-9.]"
 )
 
 
@@ -173,7 +196,9 @@ def _mentions_unit(line: str) -> bool:
     words = set(_KEY_WORDS.findall(line))
     if words & _OTHER_KEYS and not words & _LENGTH_WORDS:
         return False
-    return any(pattern.search(line) for pattern in (_BARE_UNIT, _FRACTION, _CONVERSION))
+    if _BARE_UNIT.search(line) or _FRACTION.search(line):
+        return True
+    return _CONVERSION.search(line.replace("_", " ")) is not None
 
 
 def find_lost_values(lines: Iterable[str]) -> tuple[float, ...]:
@@ -205,30 +230,44 @@ def _parse_statements(line: str) -> Iterator[UnitStatement]:
     if not text:
         return
     bare_unit = parse_unit(text.strip("[](){} "))
-    if bare_unit is not None and (bare_unit in MM_PER_UNIT or mm_per_unit(bare_unit) < 1):
-        # "0.1 mm" is a unit, but "100 mm" a length, such as the range
+    if bare_unit is not None and _may_be_unit(bare_unit):
         yield UnitStatement(StatedUnit(text, bare_unit))
         return
     key_value = _KEY_VALUE.match(text) or _KEY_BLANK_VALUE.match(text)
-    if key_value:
-        words = _split_key(key_value[1])
-        if words & _UNIT_KEYS and not words & _OTHER_KEYS:
-            yield from _parse_unit_value(key_value[2], text, _axis(words))
-            return
-        if words & _SCALE_KEYS and not words & _OTHER_KEYS:
-            yield from _parse_scale(key_value[2], text, _axis(words))
-            return
-        unit = parse_unit(key_value[2].strip("[](){} "))
-        per_count = _PER_COUNT.search(key_value[2]) or _ONE_COUNT.fullmatch(key_value[1])
-        if unit is not None and (words <= set(_AXES) or (per_count and not words & _OTHER_KEYS)):
-            is_number = _NUMBER.fullmatch(key_value[1])  # "10 = 1 mm"
-            yield UnitStatement(StatedUnit(text, None if is_number else unit), _axis(words))
-            return
+    if key_value and (found := tuple(_parse_key_value(key_value[1], key_value[2], text))):
+        yield from found
+        return
     yield from _parse_axes(text.lower())
     if line.lstrip().startswith(("#", "%", "//", "!", "*")) or key_value or " in " in text:
         for subject, unit in _PHRASE.findall(text.lower()):
             if parse_unit(unit) is not None or unit.strip() in NOT_LENGTHS:
                 yield UnitStatement(state_unit(unit), _axis(set(re.findall(r"\w+", subject))))
+
+
+def _parse_key_value(key: str, value: str, line: str) -> Iterator[UnitStatement]:
+    """Yield the statements of a key and its value: a unit, that of a count or an axis, a scale."""
+    words = _split_key(key)
+    axis, is_length = _axis(words), not words & _OTHER_KEYS
+    if words & _UNIT_KEYS and is_length:
+        yield from _parse_unit_value(value, line, axis)
+    elif (unit := _parse_count_unit(key, value, words)) is not None:
+        yield UnitStatement(StatedUnit(line, unit), axis)
+    elif words & _SCALE_KEYS and is_length:
+        yield from _parse_scale(key, value, line, axis)
+    elif words <= set(_AXES) and (unit := parse_unit(value.strip("[](){} "))) is not None:
+        yield from _parse_axis_value(unit, line, axis, is_named=bool(words))
+
+
+def _parse_axis_value(
+    unit: str, line: str, axis: str | None, *, is_named: bool
+) -> Iterator[UnitStatement]:
+    """Yield the statement of an axis and a length: ``z = 20 mm`` is a place, ``z = 0.5 mm`` may be.
+
+    So may a line without the name of an axis, ``10 = 1 mm``.
+    """
+    is_clear = is_named and _POWER_OF_TEN.match(unit) is not None
+    if _may_be_unit(unit) or not is_named:
+        yield UnitStatement(StatedUnit(line, unit if is_clear else None), axis)
 
 
 def _parse_axes(text: str) -> Iterator[UnitStatement]:
@@ -281,10 +320,46 @@ def _parse_unit_value(value: str, line: str, axis: str | None) -> Iterator[UnitS
         yield UnitStatement(StatedUnit(line, None), axis)
 
 
-def _parse_scale(value: str, line: str, axis: str | None) -> Iterator[UnitStatement]:
-    """Yield the statement of a scale: a length is the unit; 1 states nothing; else unknown."""
+def _parse_scale(key: str, value: str, line: str, axis: str | None) -> Iterator[UnitStatement]:
+    """Yield the statement of a scale: a length is the unit; 1 states nothing; else unknown.
+
+    The length may have its unit in the key, as in ``scale [mm]: 0.01``.
+    """
     text = value.strip().strip("\"'[](){} ")
-    unit = parse_unit(text)
-    if unit is None and _NUMBER.fullmatch(text) and float(text.replace(",", ".")) == 1:
+    unit, key_unit = parse_unit(text), split_label(key)[1]
+    if _NUMBER.fullmatch(text) and key_unit is not None:
+        unit = parse_unit(f"{text} {key_unit.unit}")
+    elif text == "1:1" or (_NUMBER.fullmatch(text) and float(text.replace(",", ".")) == 1):
         return
-    yield UnitStatement(StatedUnit(text if unit else line, unit), axis)
+    yield UnitStatement(StatedUnit(text if parse_unit(text) else line, unit), axis)
+
+
+def _parse_count_unit(key: str, value: str, words: set[str]) -> str | None:
+    """Return the unit that a key and its value state as the length of a count; None without one.
+
+    As in ``1 digit = 0.01 mm``, ``resolution: 0.01 mm/digit`` and ``counts_per_mm: 100``; `words`
+    are those of the key.
+    """
+    unit = parse_unit(value.strip("[](){} "))
+    if unit is None:
+        return _parse_ratio(key, value)
+    is_count = _ONE_COUNT.fullmatch(key) is not None
+    about_other = words & _OTHER_KEYS - ({"count"} if is_count else set())
+    return unit if (is_count or _PER_COUNT.search(value)) and not about_other else None
+
+
+def _may_be_unit(unit: str) -> bool:
+    """Return whether a length such as "0.1 mm" may be a unit, and no place such as "20 mm"."""
+    return unit in MM_PER_UNIT or mm_per_unit(unit) < 1
+
+
+def _parse_ratio(key: str, value: str) -> str | None:
+    """Return the unit of counts stated by ``um per count: 10`` or ``counts_per_mm: 100``."""
+    match = _RATIO.fullmatch(key.replace("_", " ").strip().lower())
+    number = _NUMBER.fullmatch(value.strip())
+    if match is None or number is None:
+        return None
+    size = float(number[0].replace(",", "."))
+    if match["unit"] is not None:
+        return parse_unit(f"{size:.12g} {match['unit']}")
+    return parse_unit(f"{1 / size:.12g} {match['length']}") if size > 0 else None

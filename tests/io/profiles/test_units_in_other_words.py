@@ -36,6 +36,15 @@ def rows(unit, separator=","):
         ("x,z\ndouble,double\num,um\n", "um", ","),
         ("X-Koordinate [um];Z-Koordinate [um]\n", "um", ";"),
         ("x (inch),z (in)\n", "in", ","),
+        ("# one digit is 0.01 mm\nx,z\n", "0.01 mm", ","),
+        ("# one count equals 0.01 mm\nx,z\n", "0.01 mm", ","),
+        ("# ein Inkrement entspricht 0,01 mm\nx;z\n", "0.01 mm", ";"),
+        ("# data are in units of 0.01 mm\nx,z\n", "0.01 mm", ","),
+        ("# x/z unit 0.01 mm\nx,z\n", "0.01 mm", ","),
+        ("# um per LSB: 10\nx,z\n", "10 um", ","),
+        ("# counts_per_mm = 100\nx,z\n", "0.01 mm", ","),
+        ("# Scale [mm]: 0.01\nx,z\n", "0.01 mm", ","),
+        ("# lsb_um = 10\nx,z\n", "10 um", ","),
     ],
 )
 def test_units_in_further_forms_are_read(write, head, unit, separator):
@@ -59,6 +68,15 @@ def test_units_in_further_forms_are_read(write, head, unit, separator):
         "# 100 digits/mm",
         "# mm = counts / 100",
         "# resolution x: 0.1 mm/px",
+        "# x and z are in tenths of mm",
+        "# 100 counts = 1 mm",
+        "# counts, 0.01 mm each",
+        "# coded in units of 10 microns",
+        "# mm = raw * 0.01",
+        "# x_mm = x * 0.01, z_mm = z * 0.01",
+        "# data in m*1e-6",
+        "# Skalierung 0,01",
+        "# conversion factor 0.01",
     ],
 )
 def test_a_unit_in_other_words_is_rejected_with_the_line(write, line):
@@ -81,6 +99,13 @@ def test_a_unit_in_other_words_is_rejected_with_the_line(write, line):
         "# step: 0.1 mm",
         "# 1 count = 3 s",
         "# Sensor Number Umbra 7",
+        "# Maßstab 1:1",
+        "# scale 1.0",
+        "# safety factor: 2",
+        "# encoder: 1 count = 0.05 mm",
+        "# z = 20 mm",
+        "# z = 20 mm / 3",
+        "# range: 100 mm",
     ],
 )
 def test_lines_about_other_things_are_none(write, line):
@@ -124,6 +149,41 @@ def test_nested_units_and_columns_of_pandas_in_json(write):
     for document in (nested, pandas):
         points = read_profile(write(json.dumps(document), "a.json")).points
         npt.assert_allclose(points, PIPE, atol=ROUNDING_MM)
+
+
+@pytest.mark.parametrize(
+    ("names", "values", "unit"),
+    [
+        (["unit"], ["um"], "um"),
+        (["x_unit", "z_unit"], ["um", "um"], "um"),
+        (["lsb"], ["0.01 mm"], "0.01 mm"),
+        (["mm_per_count"], [0.01], "0.01 mm"),
+        (["lsb_um"], [10], "10 um"),
+    ],
+)
+def test_columns_with_one_value_state_units(write, names, values, unit):
+    cells = [dict(zip(["x", "z", *names], [*point, *values], strict=True))
+             for point in (PIPE * PER_MM[unit]).round(4).tolist()]  # fmt: skip
+    table = "\n".join([",".join(cells[0]), *(",".join(map(str, row.values())) for row in cells)])
+    for content in (table, json.dumps(cells)):
+        npt.assert_allclose(read_profile(write(content)).points, PIPE, atol=ROUNDING_MM)
+
+
+def test_a_scale_without_a_unit_is_never_dropped(write):
+    x, z = (PIPE * 100).round(4).T.tolist()
+    table = "x,z,scale\n" + "".join(f"{a},{b},0.01\n" for a, b in zip(x, z, strict=True))
+    nested = {"header": {"scaling": {"x": 0.01, "z": 0.01}}, "x": x, "z": z}
+    listed = {"scale": [0.01, 0.01], "x": x, "z": z}
+    for content in (table, json.dumps(nested), json.dumps(listed)):
+        with pytest.raises(UnreadableFile, match=r"scal.*0.01' is stated in it and not understood"):
+            read_profile(write(content))
+
+
+def test_a_unit_in_a_list_of_objects_is_rejected_with_its_line(write):
+    x, z = (PIPE * 1000).T.tolist()
+    profile = {"remark": "saved in um, ACME", "x": x, "z": z}
+    with pytest.raises(UnreadableFile, match=r"saved in um.*mentions a unit"):
+        inspect_profiles(write(json.dumps([profile, profile])))
 
 
 def test_comments_of_yaml_state_units(write):
@@ -198,7 +258,7 @@ def test_a_power_of_ten_behind_a_name_is_rejected(tmp_path):
     np.testing.assert_allclose(read_profile(path, units="10um").points[0], [-5.005, -200.005])
 
 
-@pytest.mark.parametrize("line", ["# 10 = 1 mm", "# 1:10 mm"])
+@pytest.mark.parametrize("line", ["# 10 = 1 mm", "# 1:10 mm", "# z = 0.5 mm", "# x: 25 um"])
 def test_a_number_that_is_a_length_is_no_unit(tmp_path, line):
     path = tmp_path / "profile.csv"
     path.write_text(f"{line}\n-50,-2000\n0,-1900\n50,-2000\n")

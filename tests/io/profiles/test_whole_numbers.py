@@ -33,8 +33,6 @@ def read(tmp_path, content, name="counts.csv", **options):
     [
         "Gain;0.1",
         "Nachkommastellen: 1",
-        "# value[mm] = raw * 0.1",
-        "# mm_per_count=0.1",
         "# raw ADC values",
         "# fixed point, one decimal",
         "",
@@ -45,11 +43,29 @@ def test_counts_are_rejected_whatever_explains_them(tmp_path, words):
         read(tmp_path, text(words))
 
 
-@pytest.mark.parametrize("key", ["resolution", "mm_per_count", "zGain"])
+@pytest.mark.parametrize("key", ["resolution", "zGain"])
 def test_counts_in_json_are_rejected(tmp_path, key):
     x, z = COUNTS.T.tolist()
     with pytest.raises(UnreadableFile, match=REJECTION):
         read(tmp_path, json.dumps({key: 0.1, "x": x, "z": z}), "counts.json")
+
+
+def test_a_formula_is_rejected_with_its_line(tmp_path):
+    line = "# value[mm] = raw * 0.1"
+    with pytest.raises(UnreadableFile, match=r"value\[mm\] = raw \* 0.1.*--units 0\.1mm"):
+        read(tmp_path, text(line))
+
+
+def test_the_length_of_a_count_is_their_unit(tmp_path):
+    x, z = COUNTS.T.tolist()
+    for content in (
+        text("# mm_per_count=0.1"),
+        text("# 1 count = 0.1 mm"),
+        json.dumps({"mm_per_count": 0.1, "x": x, "z": z}),
+        json.dumps({"counts_per_mm": 10, "x": x, "z": z}),
+    ):
+        points = read(tmp_path, content).profiles[0].points
+        np.testing.assert_allclose(points, COUNTS * 0.1)
 
 
 def test_a_stated_unit_resolves_it(tmp_path):
