@@ -230,7 +230,8 @@ def _requested_columns(table: NumberTable, columns: Sequence[int | str]) -> _Col
 
 def _is_range(table: NumberTable, column: int) -> bool:
     """Return whether a column is named as a range, which grows away from the sensor."""
-    return bool(table.names) and column_role(table.names[column]) == "range"
+    name = table.names[column].rstrip("0123456789") if table.names else ""
+    return column_role(name) == "range"  # "distance1" is the first of several
 
 
 def _column_index(table: NumberTable, column: int | str) -> int:

@@ -4,6 +4,7 @@ import re
 from collections.abc import Container, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from itertools import chain
 from typing import Any
 
@@ -19,6 +20,7 @@ from lsvision.io.profiles.json_values import (
     find_attributes,
     is_point,
     is_scalar,
+    lines_of_objects,
     lines_of_scalars,
     lines_on_units,
     to_arrays,
@@ -39,6 +41,7 @@ from lsvision.io.profiles.opencv_storage import (
 from lsvision.io.profiles.pose_documents import reject_pose_document
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.stated_heights import add_direction
+from lsvision.io.profiles.stated_positions import read_with_stated_positions
 from lsvision.io.profiles.stated_units import add_units, require_known_unit
 from lsvision.io.profiles.text_encoding import decode_text
 from lsvision.io.profiles.unit_statements import (
@@ -82,15 +85,22 @@ def profiles_from_document(document: Any, settings: ReadSettings, kind: str) -> 
     UnreadableFile
         If no points are found; the error names the keys found.
     """
+    items = document if isinstance(document, list) else [document]
+    lines = partial(lines_of_objects, items)
+    profiles = read_with_stated_positions(
+        partial(_require_profiles, document, kind), lines, settings
+    )
+    require_known_unit(profiles.units, lines(), settings)
+    return profiles
+
+
+def _require_profiles(document: Any, kind: str, settings: ReadSettings) -> RawProfiles:
     profiles = _find_profiles(document, settings)
     if profiles is None:
         reject_pose_document(document)
         raise UnreadableFile(
             f"{kind} without a list of points ({_describe_contents(document)}): {_EXPECTED_KEYS}"
         )
-    items = document if isinstance(document, list) else [document]
-    lines = chain.from_iterable(lines_on_units(i) for i in items if isinstance(i, Mapping))
-    require_known_unit(profiles.units, lines, settings)
     return profiles
 
 

@@ -1,6 +1,6 @@
 """Content of parsed JSON or YAML: numbers, statements on units and lost points, attributes."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -95,6 +95,13 @@ def lines_on_units(document: Mapping[str, Any]) -> Iterator[str]:
             yield from (f"{key}: {item}" for item in value if _states_on_axes(key, value))
         elif _is_statement(value):
             yield f"{key}: {value}"
+
+
+def lines_of_objects(items: Iterable[Any]) -> Iterator[str]:
+    """Yield the lines of `lines_on_units` of the items that are objects."""
+    for item in items:
+        if isinstance(item, Mapping):
+            yield from lines_on_units(item)
 
 
 def _lines_below(key: str, document: Mapping[str, Any]) -> Iterator[str]:

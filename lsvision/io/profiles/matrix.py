@@ -4,6 +4,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -15,7 +16,8 @@ from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.number_table import NumberTable, floats_from, holds_number
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.stated_heights import resolve_direction
-from lsvision.io.profiles.stated_units import common_unit, statements_about_axis
+from lsvision.io.profiles.stated_positions import read_with_stated_positions
+from lsvision.io.profiles.stated_units import common_unit, require_known_unit, statements_about_axis
 from lsvision.io.profiles.text_encoding import decode_text
 from lsvision.io.profiles.text_table import parse_table
 from lsvision.io.profiles.units import split_label
@@ -23,6 +25,8 @@ from lsvision.results.summaries import format_count
 
 _NUMBER_AT_END = re.compile(r"[-+]?[0-9]+(?:[.,][0-9]*)?[\])]?$")
 """Number of a column at the end of its name."""
+_OTHER_AXIS = re.compile(r"^(?!.*\b(?:z|heights?)\b).*(?:\b(?:[xy]|lateral)\b|px\b|pixel)")
+"""Line about x or y, and not about heights."""
 MIN_COLUMNS = 21
 """Smallest number of columns of a matrix of heights: lists of points have fewer."""
 MAX_HINTED_COLUMNS = 200
@@ -40,7 +44,9 @@ are rounded to a few digits."""
 def read_matrix(content: bytes, settings: ReadSettings) -> RawProfiles:
     """Return the profiles of a text with one row of heights each."""
     table = parse_table(decode_text(content), settings.lost_words)
-    return profiles_from_text_matrix(table, settings)
+    return read_with_stated_positions(
+        partial(profiles_from_text_matrix, table), lambda: table.mentions, settings
+    )
 
 
 def profiles_from_text_matrix(table: NumberTable, settings: ReadSettings) -> RawProfiles:
@@ -271,7 +277,10 @@ def _stated_unit(table: NumberTable, settings: ReadSettings) -> str | None:
     if settings.units is not None:
         return None
     statements = statements_about_axis(table.statements, "height")
-    return common_unit(next(filter(None, table.units), None), statements)
+    unit = common_unit(next(filter(None, table.units), None), statements)
+    about_heights = [line for line in table.mentions if not _OTHER_AXIS.search(line.lower())]
+    require_known_unit((None, unit), about_heights, settings)
+    return unit
 
 
 def _units_of_rows(table: NumberTable, settings: ReadSettings) -> tuple[str | None, str | None]:

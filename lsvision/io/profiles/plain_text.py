@@ -4,6 +4,7 @@ Also the texts of Keyence LJ-V and LJ-X: raw 16-bit heights, and the exporter's 
 """
 
 import dataclasses
+from functools import partial
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from lsvision.io.profiles.matrix import (
 )
 from lsvision.io.profiles.pose_documents import reject_pose_text
 from lsvision.io.profiles.settings import MM_PER_KEYENCE_STEP, RawProfiles, ReadSettings
+from lsvision.io.profiles.stated_positions import read_with_stated_positions
 from lsvision.io.profiles.text_encoding import decode_text
 from lsvision.io.profiles.text_table import parse_table
 
@@ -31,6 +33,7 @@ def read_plain_text(content: bytes, settings: ReadSettings) -> RawProfiles:
     A table is a matrix if it is to be transposed; or if its columns are not named as x and height,
     and it has at least `MIN_COLUMNS` of them, or the spacing ``dx`` of other than 2 or 3. With
     ``dx``, a table whose header names one column of heights or ranges and no x has one profile.
+    Where heights have no x, and the text states its start and step, these are used.
 
     Raises
     ------
@@ -45,7 +48,9 @@ def read_plain_text(content: bytes, settings: ReadSettings) -> RawProfiles:
     """
     text = decode_text(content)
     try:
-        return _profiles_from_text(text, settings)
+        return read_with_stated_positions(
+            partial(_profiles_from_text, text), text.splitlines, settings
+        )
     except UnreadableFile:
         reject_pose_text(text)
         raise

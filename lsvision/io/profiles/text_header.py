@@ -22,6 +22,8 @@ _TYPES = frozenset(
 # A line such as "date: 2026"; the text in brackets of a label; the marks of a comment.
 _KEY_VALUE = re.compile(r"^[^:=]+[:=][^:=]*$")
 _BRACKETS = re.compile(r"\[[^\]]{0,80}\]|\([^)]{0,80}\)")
+_VALUE_WITH_UNIT = re.compile(r"\]\s*[:=,;\t]?\s*[-+]?[0-9.,]+(?:e[-+]?[0-9]+)?\s*$", re.IGNORECASE)
+"""End of a line such as "stand-off [m]: 0.4"."""
 _INNER_BLANK = "\x00"
 """Replaces a blank inside brackets while labels are split."""
 _COMMENT = re.compile(r"^[\s#%/!]+")
@@ -97,6 +99,8 @@ def _is_not_header(line: str, text: str, labels: Sequence[str], separator: str |
     if states_unit(line):  # unless it names columns, as "x_mm,z in um" without a comment's mark
         is_comment_line = line.lstrip().startswith(COMMENT_MARKS)
         return is_comment_line or not _has_known_roles(list(map(split_label, labels)))
+    if _VALUE_WITH_UNIT.search(text) and not _has_known_roles(list(map(split_label, labels))):
+        return True
     return separator is None and _is_key_value(text, labels)
 
 
@@ -119,8 +123,10 @@ def _bracketed_units(text: str, width: int) -> list[StatedUnit | None]:
     """Return the unit in brackets of a line as that of all columns; empty without one.
 
     The line has other names than the columns, so that several units cannot be assigned: they are
-    returned as a unit that is not understood.
+    returned as a unit that is not understood. A number behind the brackets has this unit itself.
     """
+    if _VALUE_WITH_UNIT.search(text):
+        return []
     stated = [state_unit(word) for word in re.findall(r"\[([^\]]{1,80})\]", text)]
     units = {unit.unit: unit for unit in stated if unit.unit is not None}
     if not units:

@@ -115,6 +115,14 @@ def test_lines_about_other_things_are_none(write, line):
     npt.assert_allclose(file.profiles[0].points, PIPE, atol=ROUNDING_MM)
 
 
+@pytest.mark.parametrize("line", ["# stand-off [m]: 0.4", "Pitch [m];0.05", "# depth [m] = 1e-1"])
+def test_the_unit_of_a_number_is_not_that_of_the_points(write, line):
+    points = "".join(f"{x:.4f};{z:.4f}\n" for x, z in PIPE)
+    file = inspect_profiles(write(f"{line}\n{points}"))
+    assert file.units_assumed
+    npt.assert_allclose(file.profiles[0].points, PIPE, atol=ROUNDING_MM)
+
+
 def test_a_unit_over_the_columns_goes_before_other_words(write):
     path = write(f"# exported in um\nx [um],z [um]\n{rows('um')}")
     npt.assert_allclose(read_profile(path).points, PIPE, atol=ROUNDING_MM)
