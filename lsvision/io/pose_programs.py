@@ -47,6 +47,8 @@ _UR_POSITION = re.compile(
 _UR_TOOL = re.compile(r"\bset_tcp\s*\(\s*([^)]*?)\s*\)")
 # A section of a Kawasaki program (AS), whose positions are sorted by name and not by motion.
 _KAWASAKI = re.compile(r"^\.(?:PROGRAM|TRANS|JOINTS)\b", re.MULTILINE)
+# Positions of a Staubli data file (VAL3), sorted by name as well.
+_STAUBLI = re.compile(r"<\w+\b[^<>]*\brx\s*=\s*\"[^<>]*>")
 # Starts of positions, which must be complete: P1=( of Mitsubishi, robtarget p1:= of ABB.
 _MITSUBISHI_START = re.compile(r"\bP\w*\s*=\s*\(", re.IGNORECASE)
 _ABB_START = re.compile(r"\brobtarget\s+\w+(?:\{[0-9]+\})?\s*:=", re.IGNORECASE)
@@ -61,6 +63,7 @@ _PROGRAMS = (
     ("yaskawa", _YASKAWA),
     ("ur", _UR),
     ("kawasaki", _KAWASAKI),
+    ("staubli", _STAUBLI),
 )
 """Name of the convention of each maker, and the pattern of its programs."""
 
@@ -113,6 +116,11 @@ def read_program_rows(
     if maker == "kawasaki":
         raise UnreadableFile(
             f"{path}: a Kawasaki program, which is not read: write X Y Z O A T of its positions as "
+            "text, one line per pose in the order of the motion"
+        )
+    if maker == "staubli":
+        raise UnreadableFile(
+            f"{path}: a Staubli data file, which is not read: write x y z rx ry rz of its poses as "
             "text, one line per pose in the order of the motion"
         )
     return None

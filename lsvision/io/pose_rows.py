@@ -17,6 +17,7 @@ from lsvision.io.pose_header import (
     field_name,
     read_pose_header,
 )
+from lsvision.io.pose_matrices import find_printed_matrices
 from lsvision.io.pose_programs import read_program_rows
 from lsvision.io.profiles.json_values import lines_on_units
 from lsvision.io.profiles.unit_statements import find_unit_statements
@@ -32,6 +33,8 @@ _CONVENTION = re.compile(r"\bconvention[\"']?\s*[:=]\s*[\"']?(\w+)", re.IGNORECA
 """Statement of the convention in a comment."""
 _QUOTED = re.compile(r'"([^"]*)"')
 """Cell in quotes."""
+_ASSIGNMENT = re.compile(r"^(?:\w+\s+)?\w[\w.]*(?:\[[0-9]+\](?:\.\w+)?)?\s*:?=\s*(?=\{)")
+"""Start of a line such as "trsf p1 = {100, 0, 50, 0, 90, 0}" of Staubli."""
 _ANGLE_UNIT = re.compile(
     rf"(?<![\w.])(?<![0-9] )(?:{'|'.join(ANGLE_UNITS)})(?!\w| ?c\b|/s)", re.IGNORECASE
 )
@@ -73,11 +76,17 @@ def read_pose_rows(path: Path, pose_convention: PoseConvention, skip_columns: in
         rows = _structured_rows(document, pose_convention, path)
         return PoseRows(rows, stated.length_unit, stated.angle_unit, may_state_units=False)
     program = read_program_rows(path, text, pose_convention)
-    return (
-        _text_rows(path, text, pose_convention, skip_columns)
-        if program is None
-        else PoseRows(program, pose_convention.length_unit, pose_convention.angle_unit)
-    )
+    if program is not None:
+        return PoseRows(program, pose_convention.length_unit, pose_convention.angle_unit)
+    matrices = find_printed_matrices(text)
+    if matrices is None:
+        return _text_rows(path, text, pose_convention, skip_columns)
+    if pose_convention.rotation != "matrix":
+        raise UnreadableFile(
+            f"{path}: expected poses in convention {pose_convention.name!r}, got {len(matrices)} "
+            "4x4 matrices: use --convention matrix"
+        )
+    return PoseRows(matrices, _stated_units(path, text.splitlines(), pose_convention).length_unit)
 
 
 def _parse(path: Path, text: str, parse: Callable[[str], Any]) -> Any:
@@ -275,7 +284,8 @@ def _split_cells(line: str) -> list[str]:
     line = line.split("#", maxsplit=1)[0].strip()
     line = _QUOTED.sub(lambda quoted: quoted[1].replace(",", "."), line)
     line = re.sub(r"^\w+\s*:?=\s*p\[|\bp\[", "[", line)  # as Universal Robots write a pose
-    bare = re.sub(r"[()\[\]]", " ", line).strip().rstrip(",")
+    line = _ASSIGNMENT.sub("", line)
+    bare = re.sub(r"[()\[\]{}]", " ", line).strip().rstrip(",")
     is_header = _LETTER.search(line) is not None  # brackets are those of units
     if ";" in line:  # European spreadsheets: decimal comma
         text = line if is_header else bare

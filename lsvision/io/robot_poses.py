@@ -14,6 +14,7 @@ from lsvision.geometry import Pose
 from lsvision.io.file_names import find_files
 from lsvision.io.pose_rows import PoseRows, read_pose_rows
 from lsvision.io.robot_conventions import (
+    CONVENTIONS,
     AngleUnit,
     LengthUnit,
     PoseConvention,
@@ -214,8 +215,17 @@ def _find_angle_problem(
     if pose_convention.rotation == "rotvec":
         angle = float(np.linalg.norm(rows[:, 3:], axis=1).max())
         if angle > MAX_ANGLE_RAD:
+            others = [
+                other.name
+                for other in CONVENTIONS.values()
+                if other.fields == pose_convention.fields and other.is_euler
+            ]
             remedy = in_file + _angle_unit_remedy(pose_convention, "deg")
-            return f"rotation vector of length {angle:.4g} rad, more than a revolution: {remedy}"
+            return (
+                f"rotation vector of length {angle:.4g} rad, more than a revolution: for angles of "
+                f"another robot with the same columns use --convention {' or '.join(others)}, else "
+                f"{remedy}"
+            )
     elif MIN_ANGLE_RAD < largest <= MAX_ANGLE_RAD and len(rows) > 1:
         return (
             f"no angle above {largest:.4g}: these look like radians where {pose_convention.name} "
