@@ -15,6 +15,7 @@ from lsvision.files.json_text import NestedTooDeep, parse_json
 from lsvision.geometry import FloatArray
 from lsvision.io.profiles.column_roles import column_role, is_coordinate, names_section
 from lsvision.io.profiles.columns import profiles_from_table
+from lsvision.io.profiles.joined_profiles import add_attributes, empty_profile, join_profiles
 from lsvision.io.profiles.json_values import (
     as_list_of_numbers,
     find_attributes,
@@ -138,7 +139,9 @@ def _find_profiles(document: Any, settings: ReadSettings) -> RawProfiles | None:
             return None
         lost = find_lost_values(lines_of_scalars(document))
         profiles = add_direction(profiles, lines_on_units(document), settings)
-        return _add_attributes(replace(profiles, lost=profiles.lost + lost), document)
+        profiles = replace(profiles, lost=profiles.lost + lost)
+        is_format = is_laser_scan(document) or "type_id" in document  # numbers on the points
+        return profiles if is_format else add_attributes(profiles, find_attributes(document))
     if isinstance(document, list) and document:
         return _from_list(document, settings)
     return None
@@ -247,8 +250,8 @@ def _from_list(document: list[Any], settings: ReadSettings) -> RawProfiles | Non
         return _from_rows(to_floats(document), settings, ())
     if len(document) == 2 and as_list_of_numbers(document) and _are_x_and_height(document):
         return _from_rows(to_floats(document).T, settings, ())
-    if all(isinstance(item, list) and item for item in document):
-        return _join_profiles([_find_profiles(item, settings) for item in document])
+    if all(item is None or isinstance(item, list | Mapping) for item in document):
+        return _profiles_from_items(document, settings)
     return None
 
 
@@ -272,21 +275,7 @@ def _from_objects(
     ]
     if names_section(split_label(key)[0] for key in scalar_keys):
         return profiles_from_table(_table_from_objects(document, scalar_keys), settings)
-    return _join_profiles([_find_profiles(item, settings) for item in document])
-
-
-def _add_attributes(profiles: RawProfiles, document: Mapping[str, Any]) -> RawProfiles:
-    """Return the one profile of an object with the other entries of the object as attributes.
-
-    Of entries with the same name, the one in the inner object, nearer to the points, is kept. Those
-    of an object with several profiles are left out: attributes belong to one profile.
-    """
-    is_format = is_laser_scan(document) or "type_id" in document  # its numbers describe the points
-    attributes = {} if is_format else find_attributes(document)
-    if len(profiles.sections) != 1 or not attributes:
-        return profiles
-    inner = profiles.attributes[0] if profiles.attributes else {}
-    return replace(profiles, attributes=({**attributes, **inner},))
+    return _profiles_from_items(document, settings)
 
 
 def _table_from_objects(document: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> NumberTable:
@@ -305,32 +294,28 @@ def _table_from_objects(document: Sequence[Mapping[str, Any]], keys: Sequence[st
     )
 
 
-def _join_profiles(items: Sequence[RawProfiles | None]) -> RawProfiles | None:
-    """Return all profiles in one; None if one is missing: the list is not one of profiles.
+def _profiles_from_items(items: Sequence[Any], settings: ReadSettings) -> RawProfiles | None:
+    """Return the profiles of all items of a list; None if one has none: it is no list of profiles.
 
-    Raises
-    ------
-    UnreadableFile
-        If units or directions differ.
+    An item with empty lists, or null, in place of its points is a profile without points.
     """
-    parts = [item for item in items if item is not None]
-    if len(parts) < len(items):
-        return None
-    if len({(part.units, part.position_unit, part.away) for part in parts}) > 1:
-        raise UnreadableFile(
-            "its profiles differ in their units, or in the direction of heights: write all alike, "
-            "or one file per profile"
-        )
-    attributes = [row for part in parts for row in part.attributes or [{}] * len(part.sections)]
-    positions = [part.positions for part in parts if part.positions is not None]
-    return replace(
-        parts[0],
-        sections=[section for part in parts for section in part.sections],
-        attributes=tuple(attributes) if any(attributes) else (),
-        positions=tuple(chain(*positions)) if len(positions) == len(parts) else None,
-        notes=tuple(dict.fromkeys(note for part in parts for note in part.notes)),
-        lost=tuple(dict.fromkeys(value for part in parts for value in part.lost)),
-        ignored=tuple(dict.fromkeys(column for part in parts for column in part.ignored)),
+    parts = []
+    for item in items:
+        profiles = _find_profiles(item, settings)
+        if profiles is None and not _is_without_points(item):
+            return None
+        attributes = find_attributes(item) if isinstance(item, Mapping) else {}
+        parts.append(profiles or add_attributes(empty_profile(), attributes))
+    return None if all(map(_is_without_points, items)) else join_profiles(parts)
+
+
+def _is_without_points(item: Any) -> bool:
+    """Return whether an item is null or empty, or an object whose x and heights are."""
+    if not isinstance(item, Mapping):
+        return item is None or item == []
+    empty = [key for key, value in item.items() if value is None or value == []]
+    return names_section(split_label(key)[0] for key in empty) or any(
+        key.lower() in _FLAT_KEYS for key in empty
     )
 
 

@@ -165,16 +165,21 @@ def find_profile_attributes(
 ) -> tuple[tuple[Mapping[str, float | str], ...], tuple[str, ...]]:
     """Return the attributes of each profile, and the labels of the columns that are not used.
 
-    An attribute is a column, also the key, that has one value in each profile; without names there
-    are none. `rows` are those of each profile, `points` the columns of the coordinates, `key` the
-    one that identifies profiles, `excluded` those that are never attributes.
+    An attribute is a column, also the key, that has one value in each profile, or none in some;
+    without names there are none. `rows` are those of each profile, `points` the columns of the
+    coordinates, `key` the one that identifies profiles, `excluded` those that are never attributes.
     """
     other_columns = [c for c in range(table.values.shape[1]) if c not in points]
     by_profile: list[dict[str, float | str]] = [{} for _ in rows]
     ignored = []
     for column in other_columns:
-        values = [_common_value(table, column, r) for r in rows] if table.names else [None]
-        if all(value is not None for value in values) and column not in excluded:
+        values = [_common_value(table, column, r) for r in rows] if table.names else []
+        has_values = any(value is not None for value in values)
+        if (
+            has_values
+            and column not in excluded
+            and not _varies_in_one(table, column, rows, values)
+        ):
             for attributes, value in zip(by_profile, values, strict=True):
                 if value is not None:
                     attributes[table.label(column)] = value
@@ -192,6 +197,19 @@ def _common_value(table: NumberTable, column: int, rows: IntArray) -> float | st
     values = table.values[rows, column]
     values = values[np.isfinite(values)]
     return float(values[0]) if len(values) and bool(np.all(values == values[0])) else None
+
+
+def _varies_in_one(
+    table: NumberTable,
+    column: int,
+    rows: Sequence[IntArray],
+    values: Sequence[float | str | None],
+) -> bool:
+    """Return whether a profile without a common value in a column has several, and not none."""
+    without = [r for r, value in zip(rows, values, strict=True) if value is None]
+    if column in table.texts:
+        return bool(without)
+    return any(np.isfinite(table.values[r, column]).any() for r in without)
 
 
 def numbers_points(table: NumberTable, column: int) -> bool:
