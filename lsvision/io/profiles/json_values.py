@@ -9,6 +9,7 @@ from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
 from lsvision.io.profiles.number_table import POINT_NUMBER, is_missing
 from lsvision.io.profiles.unit_statements import find_lost_values, states_unit
+from lsvision.io.profiles.units import parse_unit
 
 _MAX_AXES = 3
 """Largest number of items of a list that states something on each axis."""
@@ -83,7 +84,8 @@ def lines_on_units(document: Mapping[str, Any]) -> Iterator[str]:
     """Yield lines ``key: value`` that may state a unit, a scale, a direction or an offset.
 
     They are from the entries, also the items of short lists, and from those of objects below: texts
-    and lists with their own key, numbers and what is below a key of units with all keys on the way.
+    and lists with their own key; numbers, units of no length, and what is below a key of units with
+    all keys on the way.
     """
     for key, value in document.items():
         if isinstance(value, Mapping):
@@ -107,9 +109,10 @@ def lines_of_objects(items: Iterable[Any]) -> Iterator[str]:
 def _lines_below(key: str, document: Mapping[str, Any]) -> Iterator[str]:
     """Yield the lines of an object under a key; see `lines_on_units`."""
     for name, value in document.items():
-        is_named = isinstance(value, str | list) and "unit" not in key.lower()
-        path = name if is_named else f"{key} {name}"
-        yield from lines_on_units({path: value})
+        is_alone = isinstance(value, str | list) and "unit" not in key.lower()
+        if "unit" in name.lower() and isinstance(value, str) and parse_unit(value) is None:
+            is_alone = False  # "us" below "exposure"
+        yield from lines_on_units({name if is_alone else f"{key} {name}": value})
 
 
 def _states_on_axes(key: str, values: list[Any]) -> bool:

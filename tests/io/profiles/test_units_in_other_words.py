@@ -187,6 +187,16 @@ def test_a_scale_without_a_unit_is_never_dropped(write):
             read_profile(write(content))
 
 
+def test_units_of_other_quantities_below_keys_are_none(write):
+    x, z = PIPE.T.tolist()
+    settings = {"exposure": {"value": 100, "unit": "us"}, "image": {"scale": 0.5, "unit": "px"}}
+    for document in (settings, {"config": settings}):
+        file = inspect_profiles(write(json.dumps({**document, "x": x, "z": z})))
+        assert file.units_assumed
+    nested = {"config": {"controller": {"unit": "um"}}, "x": [0, 1000], "z": [0, 1000]}
+    assert inspect_profiles(write(json.dumps(nested))).units == "um"
+
+
 def test_a_unit_in_a_list_of_objects_is_rejected_with_its_line(write):
     x, z = (PIPE * 1000).T.tolist()
     profile = {"remark": "saved in um, ACME", "x": x, "z": z}
