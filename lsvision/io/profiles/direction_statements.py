@@ -14,7 +14,7 @@ _DISTANCE = r"(?:distances?|ranges?|depths?|abst[aä]nde?|entfernung|distanz|tie
 _BEAM = r"(?:laser\s+|light\s+)?beam"
 _AWAY = re.compile(
     rf"\baway(?:\s+from\s+{_SENSOR})?|\b(?:vom|von)\s+{_SENSOR}\s+weg"
-    rf"|\b(?:to|towards?|zum)\s+{_OBJECT}|\b(?:down(?:wards?)?|nach\s+unten|fa?u?rther)\b"
+    rf"|\b(?:to|towards?|zum)\s+{_OBJECT}|\b(?:down(?:wards?)?|nach\s+unten|vers\s+le\s+bas|hacia\s+abajo|fa?u?rther)\b"
     rf"|\b(?:with|mit)\s+{_ARTICLE}(?:(?:in|zu)\w+\s+|growing\s+)?{_DISTANCE}\b"
     rf"(?:\s+(?:to|from|zum|vom)\s+{_SENSOR})?"
     rf"|\b(?:in|along)\s+(?:the\s+)?(?:{_BEAM}\s+direction|(?:direction\s+of\s+)?(?:the\s+)?{_BEAM})"
@@ -29,7 +29,7 @@ _TOWARDS = re.compile(
 )
 """Place towards the sensor."""
 _RISING = re.compile(
-    r"\b(?:point|grow|increase|increasing|ris(?:e|ing)|positive|ax[ei]s|direction|orientation|sign|larger"
+    r"\b(?:point|grow|increase|increasing|ris(?:e|ing)|positi[vf]|ax[ei]s|direction|orientation|sign|larger"
     r"|bigger|greater|achse|richtung|zeigt|steigt|wächst|größer|nimmt\b.*\bzu\b|zunehmend)"
 )
 """What heights do towards the place in their line; in "z = 200 mm away" they do nothing."""
@@ -42,13 +42,14 @@ _HEIGHT = re.compile(rf"\b(?:z|heights?|values?|höhen?|{_DISTANCE})\b")
 """Name of a height."""
 _BARE_DIRECTION = re.compile(
     r"\b(?:z|heights?)(?:[- ]?ax[ei]s)?(?:\s+(?:direction|orientation|sign|positive))?"
-    rf"\s*[:=,;-]?\s*(?:is\s+)?(?={_AWAY.pattern}|{_TOWARDS.pattern})"
+    rf"\s*(?:\[[^\]]{{0,20}}\]\s*)?[:=,;(-]?\s*(?:is\s+)?(?={_AWAY.pattern}|{_TOWARDS.pattern})"
 )
 """Name of a height directly before a place, as in "z down"."""
 _IS_DISTANCE = re.compile(
     r"\b(?:z|heights?|values?|höhen?)\s*(?:values?\s*)?(?:\[[^\]]{0,20}\]\s*)?"
-    r"(?:[:=(]|\bis\b|\bare\b|\bist\b|\bmeans?\b)\s*(?:the\s+|der\s+|an?\s+|measured\s+)*"
+    r"(?:[:=(]|\bis\b|\bare\b|\bist\b|\b(?:mean|denote|give|hold|contain|represent)s?\b)\s*(?:the\s+|der\s+|an?\s+|measured\s+)*"
     rf"{_DISTANCE}\s*(?:$|[)\].,;]|(?:measured\s+)?(?:from|to|vom|zum)\s+(?:{_SENSOR}|{_OBJECT}))"
+    rf"|\b{_DISTANCE}\s+(?:values?\s*)?[(=]\s*z\b"
 )
 """A height that is a distance, as in "z = distance from the sensor" or "z (range)"."""
 _QUALITY = re.compile(

@@ -51,6 +51,7 @@ from lsvision.io.profiles.unit_statements import (
     find_unit_statements,
 )
 from lsvision.io.profiles.units import split_label
+from lsvision.io.profiles.validity import note_unused_flags
 
 MIN_TRIPLES = 5
 """Smallest number of rows x, y, z of a list of points; a shorter list of threes is a matrix, such
@@ -203,7 +204,10 @@ def _from_columns(
     flags = {k: v for k, v in others.items() if all(isinstance(item, bool) for item in v)}
     arrays |= {key: to_floats(value) for key, value in flags.items()}
     texts = {key: list(map(_cell, others[key])) for key in others if key not in flags}
-    return profiles_from_named(arrays, settings, statements, texts)
+    profiles = profiles_from_named(arrays, settings, statements, texts)
+    lists = {key for key, value in document.items() if isinstance(value, list)}
+    notes = note_unused_flags(sorted(lists - arrays.keys() - texts.keys()))
+    return replace(profiles, notes=profiles.notes + notes)
 
 
 def _is_column(value: Any, lengths: Container[int]) -> bool:
@@ -274,8 +278,22 @@ def _from_objects(
         if not any(isinstance(item.get(key), list | Mapping) for item in document)
     ]
     if names_section(split_label(key)[0] for key in scalar_keys):
-        return profiles_from_table(_table_from_objects(document, scalar_keys), settings)
+        nested = [key for key in keys if key not in scalar_keys]
+        flat = [{**item, **_flags_below(item, nested)} for item in document] if nested else document
+        flags = [key for key in dict.fromkeys(chain(*flat)) if key not in keys]
+        return profiles_from_table(_table_from_objects(flat, [*scalar_keys, *flags]), settings)
     return _profiles_from_items(document, settings)
+
+
+def _flags_below(item: Mapping[str, Any], keys: Sequence[str]) -> dict[str, Any]:
+    """Return the numbers, texts and flags in the objects under some keys of a point."""
+    return {
+        f"{key} {name}": value
+        for key in keys
+        if isinstance(item.get(key), Mapping)
+        for name, value in item[key].items()
+        if not isinstance(value, list | Mapping)
+    }
 
 
 def _table_from_objects(document: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> NumberTable:

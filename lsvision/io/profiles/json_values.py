@@ -1,5 +1,6 @@
 """Content of parsed JSON or YAML: numbers, statements on units and lost points, attributes."""
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
@@ -11,6 +12,8 @@ from lsvision.io.profiles.number_table import POINT_NUMBER, is_missing
 from lsvision.io.profiles.unit_statements import find_lost_values, states_unit
 from lsvision.io.profiles.units import parse_unit
 
+_AXES_AND_UNITS = frozenset(["x", "z", "height", "heights", "range", "unit", "units"])
+"""Words of a key that say what the entries below it are about."""
 _MAX_AXES = 3
 """Largest number of items of a list that states something on each axis."""
 
@@ -109,7 +112,8 @@ def lines_of_objects(items: Iterable[Any]) -> Iterator[str]:
 def _lines_below(key: str, document: Mapping[str, Any]) -> Iterator[str]:
     """Yield the lines of an object under a key; see `lines_on_units`."""
     for name, value in document.items():
-        is_alone = isinstance(value, str | list) and "unit" not in key.lower()
+        is_about_axis = not _AXES_AND_UNITS.isdisjoint(re.findall("[a-z]+", key.lower()))
+        is_alone = isinstance(value, str | list) and not is_about_axis
         if "unit" in name.lower() and isinstance(value, str) and parse_unit(value) is None:
             is_alone = False  # "us" below "exposure"
         yield from lines_on_units({name if is_alone else f"{key} {name}": value})

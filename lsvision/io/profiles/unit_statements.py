@@ -101,15 +101,19 @@ _PHRASE = re.compile(
 # "per count" or "/digit".
 _PER_COUNT = re.compile(rf"(?:/|\bper\b|\bpro\b)\s*{COUNT_WORD}\b", re.IGNORECASE)
 # The key of "1 digit = 0.01 mm".
+_READING = r"(?:counts?|digits?|lsb|bits?)"
+"""Pattern of the names of a sensor's integer steps that are no motion."""
 _ONE_COUNT = re.compile(
-    rf"(?:(?:1|one|an?|each|every|per|ein|jede[rs]?)\s*{COUNT_WORD}|digit|lsb)", re.IGNORECASE
+    rf"1\s*{COUNT_WORD}|(?:one|an?|each|every|per|ein|jede[rs]?)\s*(?:{_READING}|inkrement)"
+    r"|(?:digit|lsb)(?:\s+(?:size|value|wert))?",
+    re.IGNORECASE,
 )
 # A unit alone, 0.1 mm, 1e-05 m or 10 um.
 _POWER_OF_TEN = re.compile(r"[^ ]+$|(?:1e-?[0-9]+|0?\.?0*1|10+) ")
 # The key of "um per count: 10" or "counts/mm: 100".
 _RATIO = re.compile(
-    rf"(?:[xz]\s+)?(?:(?P<unit>[^\W\d_]+)\s*(?:/|per|pro)\s*{COUNT_WORD}"
-    rf"|{COUNT_WORD}\s*(?:/|per|pro)\s*(?P<length>[^\W\d_]+))"
+    rf"(?:.*\s)?(?:(?P<unit>[^\W\d_]+)\s*(?:/|per|pro)\s*{_READING}"
+    rf"|{_READING}\s*(?:/|per|pro)\s*(?P<length>[^\W\d_]+))"
 )
 _NUMBER = re.compile(r"[-+]?(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:[eE][-+]?[0-9]+)?")
 """Number with a decimal point or comma."""
@@ -130,14 +134,13 @@ _FRACTION = re.compile(
 )
 _LENGTH = r"(?:mm|[uµμ]m|nm|m|microns?|inch)\b"
 """A unit of length behind a number."""
-# "multiply by 0.01", "converted to mm", "counts per mm", "100 counts = 1 mm", "counts of 0.01 mm
-# each", "in units of 0.01 mm", "mm = raw / 100", "z = raw * 0.01", "mm*1e-3", "0.1 mm/px",
-# "scale factor 0.01" or "Faktor 0,01".
+# A line like "multiply by 0.01", "converted to mm", "counts per mm", "100 counts = 1 mm", "0.01 mm
+# = 1 digit", "in units of 0.01 mm", "mm = raw / 100", "z = raw * 0.01", "mm*1e-3", "0.1 mm/px" or
+# "scale factor 0.01".
 _CONVERSION = re.compile(
-    rf"\b(?:multiply|multiplied|divide\w*)\b.*?[0-9]|\bto\s+(?:mm|m|um)\b"
+    r"\b(?:multiply|multiplied|divide\w*)\b.*?(?:[0-9]|\bby\b)|\bto\s+(?:mm|m|um)\b"
     rf"|{COUNT_WORD}\s*(?:/|per|pro)\s*[^\W\d_]+"
-    rf"|{COUNT_WORD}\s*(?:=|\bis\b|\bare\b|\bequals?\b)\s*[0-9.,]+\s*{_LENGTH}"
-    rf"|{COUNT_WORD}\b.*[0-9]\s*{_LENGTH}\s+(?:each|apiece)\b"
+    rf"|\b{_READING}\b.*[0-9]\s*{_LENGTH}|[0-9]\s*{_LENGTH}.*\b{_READING}\b"
     rf"|\b(?:units|multiples|increments|counts)\s+of\s+[0-9]"
     r"|\bmm[\])]?\s*=.*[*/·×]|=\s*\(?\s*(?:raw|counts?|digits?|values?|[xz])\w*\)?\s*[*/·×]"
     rf"|\bin\s+{_LENGTH}\s*[*/^·×]\s*[0-9(]|\bmm\s*(?:/|per)\s*(?:px|pixel)"
@@ -341,11 +344,12 @@ def _parse_count_unit(key: str, value: str, words: set[str]) -> str | None:
     are those of the key.
     """
     unit = parse_unit(value.strip("[](){} "))
+    is_count = unit is None or _ONE_COUNT.fullmatch(key) is not None
+    if words & _OTHER_KEYS - ({"count"} if is_count else set()):
+        return None
     if unit is None:
         return _parse_ratio(key, value)
-    is_count = _ONE_COUNT.fullmatch(key) is not None
-    about_other = words & _OTHER_KEYS - ({"count"} if is_count else set())
-    return unit if (is_count or _PER_COUNT.search(value)) and not about_other else None
+    return unit if is_count or _PER_COUNT.search(value) else None
 
 
 def _may_be_unit(unit: str) -> bool:

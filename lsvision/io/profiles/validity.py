@@ -1,7 +1,7 @@
 """Columns that say of each point whether it is valid, and columns that may say so."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -9,27 +9,20 @@ from lsvision.geometry import BoolArray, FloatArray, IntArray
 from lsvision.io.profiles.column_words import fold_accents
 from lsvision.io.profiles.number_table import NumberTable
 
-_VALID_WORDS = frozenset(
-    "valid validity isvalid validflag pointvalid validpoint valido gultig gueltig giltig ok isok "  # noqa: SIM905
-    "good pass passed".split()
+_VERDICT = "ok|good|bad|pass|passed"
+_VALID = f"valid|validity|valido|gultig|gueltig|giltig|{_VERDICT.replace('bad|', '')}"
+_LOST = "invalid|notvalid|lost|missing|dropout|nodata|outofrange|bad|ungultig|ungueltig"
+_FLAG = (
+    "quality|status|state|errors?|err|masked|mask|confidence|qualitat|qualitaet|calidad|zustand|etat"
+    "|estado|stato|fehler|erreur|outliers?|saturated|saturation|used|flags?"
 )
-"""Words, without accents, of the name of a column that is true where a point is valid."""
-_LOST_WORDS = frozenset(
-    "invalid isinvalid lost islost missing dropout nodata bad ungultig ungueltig".split()  # noqa: SIM905
+_BESIDE = "is|b|points?|pts?|pixel|px|data|sample|value|measurement|profile|code|flags?|x|y|z|bit"
+_NAME = re.compile(
+    rf"(?:{_BESIDE})*(?:(?P<valid>{_VALID})|(?P<lost>{_LOST})|(?P<flag>{_FLAG}))"
+    rf"(?:{_BESIDE}|mask|(?P<list>ind(?:ex|ices|exes)|idx))*"
 )
-"""Words of the name of a column that is true where a point is lost."""
-_VERDICT_WORDS = frozenset(["ok", "isok", "good", "bad", "pass", "passed"])
-"""Those of both that may be on a part, if the column has one value in each profile."""
-_FLAG_WORDS = frozenset(
-    "quality status state error errors err flag flags mask masked confidence qualitat qualitaet "  # noqa: SIM905
-    "zustand fehler outlier outliers saturated saturation used".split()
-)
-"""Words of the name of a column that may mark lost points, in a code that differs between
-sensors."""
-_BESIDE = frozenset(
-    "is point points pt pts pixel px data sample value measurement profile code x y z bit".split()  # noqa: SIM905
-)
-"""Words beside these."""
+"""Name, without blanks and accents, of a column that is true where a point is valid, or where it is
+lost, or that may mark lost points, in a code that differs between sensors."""
 _TRUE = frozenset(["true", "t", "yes", "y", "ja", "j", "oui", "si", "wahr", "vrai", "1"])
 _FALSE = frozenset(["false", "f", "no", "n", "nein", "non", "falsch", "faux", "0"])
 """Words of a flag that is true, and of one that is false."""
@@ -79,11 +72,27 @@ def _kind(name: str) -> tuple[str, bool]:
     >>> _kind("Is_Valid"), _kind("point status"), _kind("ok"), _kind("date of validation")
     (('valid', False), ('flag', True), ('valid', True), ('', False))
     """
-    words = {word for word in re.split(r"[\W_]+", fold_accents(name.lower())) if word} - _BESIDE
-    if len(words) == 1 and words <= _VALID_WORDS | _LOST_WORDS:
-        return "valid" if words <= _VALID_WORDS else "lost", words <= _VERDICT_WORDS
-    is_flag = bool(words) and words <= _VALID_WORDS | _LOST_WORDS | _FLAG_WORDS
-    return "flag" if is_flag else "", is_flag
+    match = _NAME.fullmatch(re.sub(r"[\W\d_]+", "", fold_accents(name.lower())))
+    if match is None:
+        return "", False
+    kind = "valid" if match["valid"] else "lost" if match["lost"] else "flag"
+    may_be_verdict = kind == "flag" or re.fullmatch(_VERDICT, match[kind]) is not None
+    return kind, may_be_verdict
+
+
+def note_unused_flags(labels: Iterable[str]) -> tuple[str, ...]:
+    """Return notes on entries beside the points whose names say that they mark lost ones.
+
+    Examples
+    --------
+    >>> note_unused_flags(["valid_indices", "roi"])
+    ('valid_indices is not used: if it marks lost points, write nan as their height',)
+    """
+    return tuple(
+        f"{label} is not used: if it marks lost points, write nan as their height"
+        for label in labels
+        if _kind(label)[0]
+    )
 
 
 def _validity(table: NumberTable, column: int, kind: str) -> BoolArray | None:

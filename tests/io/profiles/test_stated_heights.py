@@ -33,6 +33,9 @@ def read(write, line, name="a.csv", **options):
         "# z = distance from sensor",
         "# heights are ranges measured from the sensor",
         "# z: depth",
+        "# distance values (z)",
+        "# z denotes the range from the scanner",
+        "# z positif vers le bas",
         "Z direction;away from sensor",
     ],
 )
@@ -44,7 +47,9 @@ def test_a_direction_in_other_words_turns_the_heights(write, line):
     assert not read(write, line, flip=False).flipped
 
 
-@pytest.mark.parametrize("label", ["z (distance from sensor)", "z [mm] (distance)", "z(range)"])
+@pytest.mark.parametrize(
+    "label", ["z (distance from sensor)", "z (away from sensor)", "z [mm] (distance)", "z(range)"]
+)
 def test_a_remark_behind_the_name_turns_the_heights(write, label):
     assert inspect_profiles(write(f"x,{label}\n{ROWS}")).flipped
 
@@ -98,6 +103,7 @@ def test_opposite_directions_are_rejected(write):
         {"z_direction": "away from sensor"},
         {"note": "z axis points away from the sensor"},
         {"meta": {"zDirection": "down"}},
+        {"axes": {"z": {"direction": "away from sensor"}}},
     ],
 )
 def test_json_and_yaml_state_directions(write, entries):

@@ -70,6 +70,9 @@ def test_units_in_further_forms_are_read(write, head, unit, separator):
         "# resolution x: 0.1 mm/px",
         "# x and z are in tenths of mm",
         "# 100 counts = 1 mm",
+        "# 0.01 mm = 1 digit",
+        "# LSB size 0.01mm",
+        "# divide by one hundred",
         "# counts, 0.01 mm each",
         "# coded in units of 10 microns",
         "# mm = raw * 0.01",
@@ -103,6 +106,10 @@ def test_a_unit_in_other_words_is_rejected_with_the_line(write, line):
         "# scale 1.0",
         "# safety factor: 2",
         "# encoder: 1 count = 0.05 mm",
+        "# encoder counts/mm: 20",
+        "# feed mm per step: 0.1",
+        "# each step is 0.5 mm",
+        "# count: 640 at 0.1 mm",
         "# z = 20 mm",
         "# z = 20 mm / 3",
         "# range: 100 mm",
@@ -193,6 +200,9 @@ def test_units_of_other_quantities_below_keys_are_none(write):
     for document in (settings, {"config": settings}):
         file = inspect_profiles(write(json.dumps({**document, "x": x, "z": z})))
         assert file.units_assumed
+    axes = {"axes": {"x": {"unit": "mm"}, "z": {"unit": "um"}}}
+    file = inspect_profiles(write(json.dumps({**axes, "x": x, "z": (PIPE[:, 1] * 1000).tolist()})))
+    npt.assert_allclose(file.profiles[0].points, PIPE, atol=ROUNDING_MM)
     nested = {"config": {"controller": {"unit": "um"}}, "x": [0, 1000], "z": [0, 1000]}
     assert inspect_profiles(write(json.dumps(nested))).units == "um"
 

@@ -42,6 +42,10 @@ def test_points_that_are_not_valid_are_lost(tmp_path, name, words):
         ("valid", "valid", "invalid"),
         ("z_valid", "WAHR", "FALSCH"),
         ("point ok", 1, 0),
+        ("bValid", "TRUE", "FALSE"),
+        ("validZ", 1, 0),
+        ("valid_mask", 1, 0),
+        ("out_of_range", 0, 1),
         ("invalid", 0, 1),
         ("is_invalid", "False", "True"),
         ("lost", 0, 255),
@@ -72,6 +76,20 @@ def test_a_validity_in_other_words_is_noted(tmp_path, good, bad):
     cells = [good if valid else bad for valid in VALID]
     file = inspect_profiles(write_csv(tmp_path / "flags.csv", "valid", cells))
     assert any("valid varies and is not used" in note for note in file.notes)
+
+
+def test_flags_below_a_point_in_json_are_used(tmp_path):
+    points = [{"x": x, "z": z, "flags": {"valid": bool(valid)}}
+              for x, z, valid in zip(X, Z, VALID, strict=True)]  # fmt: skip
+    (tmp_path / "points.json").write_text(json.dumps({"points": points}))
+    np.testing.assert_array_equal(is_lost(tmp_path / "points.json"), ~VALID)
+
+
+def test_a_list_of_valid_indices_is_noted(tmp_path):
+    document = {"x": [*X], "z": [*Z], "valid_indices": np.flatnonzero(VALID).tolist()}
+    (tmp_path / "lists.json").write_text(json.dumps(document))
+    (note,) = inspect_profiles(tmp_path / "lists.json").notes
+    assert note.startswith("valid_indices is not used: if it marks lost points")
 
 
 def test_null_beside_flags_in_json_is_noted(tmp_path):
