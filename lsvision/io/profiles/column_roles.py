@@ -27,7 +27,8 @@ _AXIS_WORD = rf"(?:{'|'.join(sorted(AXIS_WORDS))})"
 _AXIS_NAME = re.compile(rf"([xyz])[ _-]?{_AXIS_WORD}|{_AXIS_WORD}\.?[ _-]?([xyz])")
 # Words beside that of a range, in a name such as "z distance" or "distance to the sensor".
 _RANGE_REMARKS = frozenset(
-    "z measured sensor laser value wert to from the zum vom al del du au dal del capteur "  # noqa: SIM905
+    "z measured measuring measurement working target object surface sensor laser value wert "  # noqa: SIM905
+    "to from the zum vom al del du au dal del capteur "
     "sensore do od до от датчика".split()
 )
 # A name such as "scan" or "profile_no" is one of these words, alone or with one of `_SCAN_ENDINGS`.

@@ -14,10 +14,10 @@ _DISTANCE = r"(?:distances?|ranges?|depths?|abst[aä]nde?|entfernung|distanz|tie
 _BEAM = r"(?:laser\s+|light\s+)?beam"
 _AWAY = re.compile(
     rf"\baway(?:\s+from\s+{_SENSOR})?|\b(?:vom|von)\s+{_SENSOR}\s+weg"
-    rf"|\b(?:to|towards?|zum)\s+{_OBJECT}|\b(?:down(?:wards?)?|nach\s+unten|vers\s+le\s+bas|hacia\s+abajo|fa?u?rther)\b"
+    rf"|\b(?:to|towards?|zum)\s+{_OBJECT}|\b(?:down(?:wards?)?|nach\s+unten|vers\s+le\s+bas|hacia\s+abajo|fa?u?rther|deeper)\b"
     rf"|\b(?:with|mit)\s+{_ARTICLE}(?:(?:in|zu)\w+\s+|growing\s+)?{_DISTANCE}\b"
     rf"(?:\s+(?:to|from|zum|vom)\s+{_SENSOR})?"
-    rf"|\b(?:in|along)\s+(?:the\s+)?(?:{_BEAM}\s+direction|(?:direction\s+of\s+)?(?:the\s+)?{_BEAM})"
+    rf"|\b(?:in|along)\s+(?:the\s+)?(?:(?:viewing|{_BEAM})\s+direction|(?:direction\s+of\s+)?(?:the\s+)?{_BEAM})"
 )
 """Place away from the sensor."""
 _FROM_SENSOR = re.compile(
@@ -30,7 +30,7 @@ _TOWARDS = re.compile(
 """Place towards the sensor."""
 _RISING = re.compile(
     r"\b(?:point|grow|increase|increasing|ris(?:e|ing)|positi[vf]|ax[ei]s|direction|orientation|sign|larger"
-    r"|bigger|greater|achse|richtung|zeigt|steigt|wächst|größer|nimmt\b.*\bzu\b|zunehmend)"
+    r"|bigger|greater|measured|achse|richtung|zeigt|steigt|wächst|größer|nimmt\b.*\bzu\b|zunehmend)"
 )
 """What heights do towards the place in their line; in "z = 200 mm away" they do nothing."""
 _FALLING = re.compile(
@@ -49,7 +49,7 @@ _IS_DISTANCE = re.compile(
     r"\b(?:z|heights?|values?|höhen?)\s*(?:values?\s*)?(?:\[[^\]]{0,20}\]\s*)?"
     r"(?:[:=(]|\bis\b|\bare\b|\bist\b|\b(?:mean|denote|give|hold|contain|represent)s?\b)\s*(?:the\s+|der\s+|an?\s+|measured\s+)*"
     rf"{_DISTANCE}\s*(?:$|[)\].,;]|(?:measured\s+)?(?:from|to|vom|zum)\s+(?:{_SENSOR}|{_OBJECT}))"
-    rf"|\b{_DISTANCE}\s+(?:values?\s*)?[(=]\s*z\b"
+    rf"|\b{_DISTANCE}\s+(?:(?:values?\s*)?[(=]|ax[ei]s)\s*z\b"
 )
 """A height that is a distance, as in "z = distance from the sensor" or "z (range)"."""
 _QUALITY = re.compile(
@@ -140,6 +140,9 @@ def _direction(line: str) -> int:
 def _may_state_direction(line: str) -> bool:
     """Return whether a line without numbers is about a height, its direction, and a place."""
     text = _words(line)
+    is_distance = _TO_SENSOR.search(text) or re.search(r"\bz\s+(?:sign|direction)\W*-1\b", text)
+    if is_distance and not re.search(r"[0-9]\s*(?:mm|cm|m)\b", text):
+        return True
     return bool(
         re.search(r"\b(?:z|heights?|höhen?)\b", text)
         and (_RISING.search(text) or _FALLING.search(text) or "measured from" in text)

@@ -94,6 +94,10 @@ def lines_on_units(document: Mapping[str, Any]) -> Iterator[str]:
         if isinstance(value, Mapping):
             if not as_list_of_numbers(value):
                 yield from _lines_below(key, value)
+        elif isinstance(value, list) and value and all(map(_is_description, value)):
+            for item in value:
+                described = {name: v for name, v in item.items() if name != "name"}
+                yield from _lines_below(item["name"], described)
         elif isinstance(value, list) and "unit" in key.lower():
             yield f"{key}: {', '.join(map(str, value))}"
         elif isinstance(value, list):
@@ -117,6 +121,15 @@ def _lines_below(key: str, document: Mapping[str, Any]) -> Iterator[str]:
         if "unit" in name.lower() and isinstance(value, str) and parse_unit(value) is None:
             is_alone = False  # "us" below "exposure"
         yield from lines_on_units({name if is_alone else f"{key} {name}": value})
+
+
+def _is_description(value: Any) -> bool:
+    """Return whether a value describes a column: an object with its name, and without lists."""
+    return (
+        isinstance(value, Mapping)
+        and isinstance(value.get("name"), str)
+        and not any(isinstance(v, list | Mapping) for v in value.values())
+    )
 
 
 def _states_on_axes(key: str, values: list[Any]) -> bool:

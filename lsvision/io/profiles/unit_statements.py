@@ -134,6 +134,14 @@ _FRACTION = re.compile(
 )
 _LENGTH = r"(?:mm|[uµμ]m|nm|m|microns?|inch)\b"
 """A unit of length behind a number."""
+# "values in 0.01 mm" or "coords x0.01mm"; but not "data interval 0.1 mm".
+_SMALL_UNIT = re.compile(
+    r"^(?!.*\b(?:resolution|accuracy|precision|step:|pitch|spacing|interval|apart|noise|tolerance"
+    r"|filter\w*|std)\b).*\b(?:values?|coordinates?|coords?|numbers?|lengths?|units?|lsb|digits?|steps\s+of"
+    r"|werte|angaben|ma(?:ß|ss)e|valeurs|valores)\b"
+    r".*?(?:0[.,]0*1|1e-[0-9]+|1/10+|\b10*)\s*(?:[uµμ]m|mm|milli\w+|micr\w+)\b"
+)
+"""Fraction of a mm that values have."""
 # A line like "multiply by 0.01", "converted to mm", "counts per mm", "100 counts = 1 mm", "0.01 mm
 # = 1 digit", "in units of 0.01 mm", "mm = raw / 100", "z = raw * 0.01", "mm*1e-3", "0.1 mm/px" or
 # "scale factor 0.01".
@@ -200,6 +208,9 @@ def _mentions_unit(line: str) -> bool:
     if words & _OTHER_KEYS and not words & _LENGTH_WORDS:
         return False
     if _BARE_UNIT.search(line) or _FRACTION.search(line):
+        return True
+    small = _SMALL_UNIT.search(line)
+    if small is not None and re.search(r"\b10*\s*(?:mm|milli\w+)$", small[0]) is None:
         return True
     return _CONVERSION.search(line.replace("_", " ")) is not None
 

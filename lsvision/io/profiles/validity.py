@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from lsvision.geometry import BoolArray, FloatArray, IntArray
+from lsvision.io.profiles.column_roles import has_known_role
 from lsvision.io.profiles.column_words import fold_accents
 from lsvision.io.profiles.number_table import NumberTable
 
@@ -45,6 +46,8 @@ def lose_invalid_points(
     notes: list[str] = []
     for column, name in enumerate(table.names):
         kind, may_be_verdict = _kind(name)
+        if not kind and not has_known_role(name) and _has_two_values(table, column):
+            kind, may_be_verdict = "flag", True
         if not kind or (may_be_verdict and not _varies(table, column, rows)):
             continue
         valid = _validity(table, column, kind)
@@ -120,6 +123,14 @@ def _describe_cells(table: NumberTable, column: int, rows: BoolArray) -> str:
     if column in table.texts:
         return " or ".join(dict.fromkeys(np.array(table.texts[column])[rows].tolist()))
     return f"{table.values[rows, column][0]:g}"
+
+
+def _has_two_values(table: NumberTable, column: int) -> bool:
+    """Return whether a column of any name holds 0 and 1, or words such as yes and no, alone."""
+    texts = table.texts.get(column)
+    if texts is not None:
+        return len(set(texts)) == 2 and {text.lower() for text in texts} <= _TRUE | _FALSE
+    return np.array_equal(np.unique(table.values[:, column]), [0.0, 1.0])
 
 
 def _may_be_code(table: NumberTable, column: int) -> bool:

@@ -54,6 +54,8 @@ def test_contradicting_directions_are_rejected(tmp_path):
     [
         ("Ort,Abstand", "{x}.5,{z}.25"),
         ("foo,distance [mm],intensity", "{x}.5,{z}.25,7"),
+        ("x,measuring range", "{x}.5,{z}.25"),
+        ("x [mm],distance to target [mm]", "{x}.5,{z}.25"),
         ("foo,distance,intensity", "{x}.5,{z}.25,{x}"),
         ("foo,bar,range", "{x}.5,{scan},{z}.25"),
     ],

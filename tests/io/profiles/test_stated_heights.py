@@ -34,6 +34,10 @@ def read(write, line, name="a.csv", **options):
         "# heights are ranges measured from the sensor",
         "# z: depth",
         "# distance values (z)",
+        "# depth axis z",
+        "# z: larger is deeper",
+        "# heights measured downwards",
+        "# z axis along the viewing direction",
         "# z denotes the range from the scanner",
         "# z positif vers le bas",
         "Z direction;away from sensor",
@@ -68,6 +72,7 @@ def test_a_remark_behind_the_name_turns_the_heights(write, label):
         "# height: distance between belt and part",
         "# z axis noise increases with distance",
         "# sensor mounted upside down",
+        "# distance to the sensor 170 mm",
     ],
 )
 def test_other_statements_do_not(write, line):
@@ -82,6 +87,8 @@ def test_other_statements_do_not(write, line):
         "# z axis is inverted",
         "# z measured from the sensor",
         "# distance to sensor decreases with z",
+        "# second column: distance to sensor",
+        "# z_sign: -1",
     ],
 )
 def test_a_direction_that_is_not_understood_is_noted(write, line):

@@ -71,6 +71,10 @@ def test_units_in_further_forms_are_read(write, head, unit, separator):
         "# x and z are in tenths of mm",
         "# 100 counts = 1 mm",
         "# 0.01 mm = 1 digit",
+        "# Werte in 0,01 mm",
+        "# length unit 0.01 millimeters",
+        "# coords x0.01mm",
+        "# measured in steps of 0.01 mm",
         "# LSB size 0.01mm",
         "# divide by one hundred",
         "# counts, 0.01 mm each",
@@ -110,6 +114,9 @@ def test_a_unit_in_other_words_is_rejected_with_the_line(write, line):
         "# feed mm per step: 0.1",
         "# each step is 0.5 mm",
         "# count: 640 at 0.1 mm",
+        "# data interval 0.1 mm",
+        "# resolution of the values: 0.01 mm",
+        "# length of the part: 10 mm",
         "# z = 20 mm",
         "# z = 20 mm / 3",
         "# range: 100 mm",
@@ -200,6 +207,10 @@ def test_units_of_other_quantities_below_keys_are_none(write):
     for document in (settings, {"config": settings}):
         file = inspect_profiles(write(json.dumps({**document, "x": x, "z": z})))
         assert file.units_assumed
+    fields = [{"name": "x", "unit": "10um"}, {"name": "z", "unit": "10um"}]
+    hundredths = (PIPE * 100).T.tolist()
+    document = {"fields": fields, "x": hundredths[0], "z": hundredths[1]}
+    npt.assert_allclose(read_profile(write(json.dumps(document))).points, PIPE, atol=ROUNDING_MM)
     axes = {"axes": {"x": {"unit": "mm"}, "z": {"unit": "um"}}}
     file = inspect_profiles(write(json.dumps({**axes, "x": x, "z": (PIPE[:, 1] * 1000).tolist()})))
     npt.assert_allclose(file.profiles[0].points, PIPE, atol=ROUNDING_MM)

@@ -78,6 +78,15 @@ def test_a_validity_in_other_words_is_noted(tmp_path, good, bad):
     assert any("valid varies and is not used" in note for note in file.notes)
 
 
+@pytest.mark.parametrize(("good", "bad"), [(1, 0), (0, 1), ("yes", "no"), ("True", "False")])
+def test_a_column_of_two_values_of_any_name_is_noted(tmp_path, good, bad):
+    cells = [good if valid else bad for valid in VALID]
+    file = inspect_profiles(write_csv(tmp_path / "flags.csv", "detected", cells))
+    assert file.notes == (
+        "detected varies and is not used: if it marks lost points, write nan as their height",
+    )
+
+
 def test_flags_below_a_point_in_json_are_used(tmp_path):
     points = [{"x": x, "z": z, "flags": {"valid": bool(valid)}}
               for x, z, valid in zip(X, Z, VALID, strict=True)]  # fmt: skip
