@@ -32,7 +32,7 @@ _UNIT_KEYS = frozenset(
 """Words of a key whose value is a unit."""
 _SCALE_KEYS = frozenset(
     "scale scaling scalefactor factor multiplier lsb skalierung skalierungsfaktor faktor "  # noqa: SIM905
-    "maßstab massstab umrechnungsfaktor échelle facteur escala scala fattore".split()
+    "maßstab massstab umrechnungsfaktor échelle facteur escala scala fattore divisor teiler".split()
 )
 """Words of a key whose value is the length of a count."""
 _OTHER_KEYS = frozenset(
@@ -78,6 +78,8 @@ _KEY_BLANK_VALUE = re.compile(
 )
 # The words of a key such as "xUnit" or "X_UNIT".
 _KEY_WORDS = re.compile(r"[A-Z]?[^\W\d_A-Z]+|[A-Z]+(?![^\W\d_A-Z])")
+_NAME_BREAK = re.compile(r"_|(?<=[a-z])(?=[A-Z][a-z])")
+"""Place between the words of a name such as pixel_to_mm or pixelToMm."""
 _AXIS_GROUP = r"(x|y|z|heights?|ranges?|distance|lateral|depth)"
 """Pattern of the name of an axis."""
 _UNIT_GROUP = r"([0-9./^*+e-]*\s?[^\W\d_]+)"
@@ -137,7 +139,7 @@ _LENGTH = r"(?:mm|[uµμ]m|nm|m|microns?|inch)\b"
 # "values in 0.01 mm" or "coords x0.01mm"; but not "data interval 0.1 mm".
 _SMALL_UNIT = re.compile(
     r"^(?!.*\b(?:resolution|accuracy|precision|step:|pitch|spacing|interval|apart|noise|tolerance"
-    r"|filter\w*|std)\b).*\b(?:values?|coordinates?|coords?|numbers?|lengths?|units?|lsb|digits?|steps\s+of"
+    r"|filter\w*|std|rounded)\b).*\b(?:values?|coordinates?|coords?|numbers?|lengths?|units?|lsb|digits?|steps\s+of"
     r"|werte|angaben|ma(?:ß|ss)e|valeurs|valores)\b"
     r".*?(?:0[.,]0*1|1e-[0-9]+|1/10+|\b10*)\s*(?:[uµμ]m|mm|milli\w+|micr\w+)\b"
 )
@@ -154,7 +156,7 @@ _CONVERSION = re.compile(
     rf"|\bin\s+{_LENGTH}\s*[*/^·×]\s*[0-9(]|\bmm\s*(?:/|per)\s*(?:px|pixel)"
     r"|\b(?:pixel|image)\s+coordinates\b|\bin\s+pixels?\b|\buncalibrated\b"
     r"|\b(?:scale|scaling|multiplier|(?:conversion|unit|calibration)\s+factor|\w*faktor"
-    r"|skalierung|ma(?:ß|ss)stab)(?:\s+factor)?\s+(?!1(?:[.,]0*)?(?:\s*:\s*1)?$)[0-9.]"
+    r"|skalierung|ma(?:ß|ss)stab)(?:\s+factor)?(?:\s+[xz])?\s+(?!1(?:[.,]0*)?(?:\s*:\s*1)?$)[0-9.]"
 )
 
 
@@ -199,20 +201,21 @@ def find_unit_mentions(lines: Iterable[str]) -> tuple[str, ...]:
     ('# saved by ACME in um', '# 100 digits/mm')
     """
     short = (line for line in islice(lines, MAX_MENTION_LINES) if len(line) <= MAX_LINE_LENGTH)
-    return tuple(line for line in short if _mentions_unit(line.lower()))
+    return tuple(line for line in short if _mentions_unit(line))
 
 
 def _mentions_unit(line: str) -> bool:
-    """Return whether a line in lower case mentions a unit or a conversion, and is about lengths."""
-    words = set(_KEY_WORDS.findall(line))
+    """Return whether a line mentions a unit or a conversion, and is about lengths."""
+    text = line.lower()
+    words = set(_KEY_WORDS.findall(text))
     if words & _OTHER_KEYS and not words & _LENGTH_WORDS:
         return False
-    if _BARE_UNIT.search(line) or _FRACTION.search(line):
+    if _BARE_UNIT.search(text) or _FRACTION.search(text):
         return True
-    small = _SMALL_UNIT.search(line)
+    small = _SMALL_UNIT.search(text)
     if small is not None and re.search(r"\b10*\s*(?:mm|milli\w+)$", small[0]) is None:
         return True
-    return _CONVERSION.search(line.replace("_", " ")) is not None
+    return _CONVERSION.search(_NAME_BREAK.sub(" ", line).lower()) is not None
 
 
 def find_lost_values(lines: Iterable[str]) -> tuple[float, ...]:

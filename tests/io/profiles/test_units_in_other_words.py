@@ -74,6 +74,8 @@ def test_units_in_further_forms_are_read(write, head, unit, separator):
         "# Werte in 0,01 mm",
         "# length unit 0.01 millimeters",
         "# coords x0.01mm",
+        "#SCALE_X 0.01",
+        "pixelToMm: 0.01",
         "# measured in steps of 0.01 mm",
         "# LSB size 0.01mm",
         "# divide by one hundred",
@@ -115,6 +117,7 @@ def test_a_unit_in_other_words_is_rejected_with_the_line(write, line):
         "# each step is 0.5 mm",
         "# count: 640 at 0.1 mm",
         "# data interval 0.1 mm",
+        "# values rounded to 0.001 mm",
         "# resolution of the values: 0.01 mm",
         "# length of the part: 10 mm",
         "# z = 20 mm",
@@ -199,6 +202,11 @@ def test_a_scale_without_a_unit_is_never_dropped(write):
     for content in (table, json.dumps(nested), json.dumps(listed)):
         with pytest.raises(UnreadableFile, match=r"scal.*0.01' is stated in it and not understood"):
             read_profile(write(content))
+
+
+def test_a_divisor_is_never_dropped(write):
+    with pytest.raises(UnreadableFile, match="'Divisor;100' is stated in it and not understood"):
+        read_profile(write(f"Divisor;100\nx,z\n{rows('0.01 mm')}"))
 
 
 def test_units_of_other_quantities_below_keys_are_none(write):
