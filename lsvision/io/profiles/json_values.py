@@ -100,8 +100,8 @@ def lines_on_units(document: Mapping[str, Any]) -> Iterator[str]:
                 yield from _lines_below(item["name"], described)
         elif isinstance(value, list) and "unit" in key.lower():
             yield f"{key}: {', '.join(map(str, value))}"
-        elif isinstance(value, list):
-            yield from (f"{key}: {item}" for item in value if _states_on_axes(key, value))
+        elif isinstance(value, list) and _states_on_axes(key, value):
+            yield from (f"{key}: {item}" for item in value)
         elif _is_statement(value):
             yield f"{key}: {value}"
 
