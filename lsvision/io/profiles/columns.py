@@ -97,18 +97,14 @@ def profiles_from_table(table: NumberTable, settings: ReadSettings) -> RawProfil
     )
     lines = (*table.mentions, *table.lines_of_constants(choice.coordinates))
     away, height_notes = resolve_direction(lines, settings, is_range=choice.away)
+    notes = table.notes + choice.notes + validity_notes + height_notes
     return RawProfiles(
         sections=sections,
         units=_resolve_all_units(table, choice, settings),
         away=away,
         positions=positions,
         position_unit=position_unit,
-        notes=table.notes
-        + choice.notes
-        + validity_notes
-        + height_notes
-        + note_order(sections)
-        + note_rounded_attributes(attributes),
+        notes=notes + note_order(sections) + note_rounded_attributes(attributes),
         lost=table.lost,
         limits=table.limits,
         attributes=attributes,
