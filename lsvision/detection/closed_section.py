@@ -9,10 +9,10 @@ import math
 import numpy as np
 
 from lsvision.detection.arcs import MIN_POINTS, IdentifiedArc, ScreenedArc
-from lsvision.detection.divided_arcs import GAUSS_NEWTON_STEPS, MAX_CHI2_INCREASE
+from lsvision.detection.divided_arcs import MAX_CHI2_INCREASE, fit_robust_ellipse
 from lsvision.detection.identification import SENSOR_ERROR_SIGMAS
 from lsvision.ellipse.parameters import PARAMETERS, ellipse_from_parameters, parameters_from_ellipse
-from lsvision.ellipse.robust_gauss_newton import ellipse_residuals, take_gauss_newton_step
+from lsvision.ellipse.robust_gauss_newton import ellipse_residuals
 from lsvision.geometry import Ellipse, FloatArray
 from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints
 from lsvision.profile import PreparedProfile
@@ -55,37 +55,37 @@ def complete_closed_section(profile: PreparedProfile, arc: IdentifiedArc) -> Scr
     in_arc[arc.indices] = True
     extrapolated = ellipse_residuals(points, start)
     near = np.abs(extrapolated.residuals) < MAX_EXTRAPOLATION_ERROR * float(start[2])
-    parameters = _fit(points[near | in_arc], start)
+    parameters = fit_robust_ellipse(points[near | in_arc], start)
     if math.isnan(parameters[0]):
         return None
-    evaluated = ellipse_residuals(points, parameters)
-    squares = evaluated.normalised_squares
     scale = max(upper_mad_std(np.sqrt(extrapolated.normalised_squares[in_arc])), 1.0)
-    inliers = squares < (SENSOR_ERROR_SIGMAS * scale) ** 2
-    # Not the points in the arc and the others: the arc lost points that do not agree with it.
-    faces_sensor = evaluated.normals.imag > 0
-    sides = inliers & faces_sensor, inliers & ~faces_sensor
-    if min(map(np.count_nonzero, sides)) < MIN_POINTS or not _surround(evaluated.normals[inliers]):
+    evaluated = ellipse_residuals(points, parameters)
+    inliers = evaluated.normalised_squares < (SENSOR_ERROR_SIGMAS * scale) ** 2
+    if not (_surround(evaluated.normals[inliers]) and _are_one(points[inliers], parameters)):
         return None
-    separate = sum(_minimise_chi2(points[side], parameters) for side in sides)
     indices = inliers.nonzero()[0]
-    max_increase = MAX_CHI2_INCREASE * separate / (len(indices) - 2 * PARAMETERS)
-    if not float(squares[inliers].sum()) - separate <= max_increase:
-        return None
     return ScreenedArc(indices, points[indices], ellipse_from_parameters(parameters), scale**2)
 
 
-def _fit(points: NoisyPoints, parameters: FloatArray) -> FloatArray:
-    """Return the parameters (5,) of the ellipse of points (n,); NaN if there is none."""
-    for _ in range(GAUSS_NEWTON_STEPS):
-        if not math.isnan(parameters[0]):
-            parameters = take_gauss_newton_step(ellipse_residuals(points, parameters), parameters)
-    return parameters
+def _are_one(points: NoisyPoints, parameters: FloatArray) -> bool:
+    """Return whether one ellipse fits both sides of a closed section (n,) as well as two.
+
+    The side that faces the sensor is not the arc, which has lost points that do not agree with it.
+    """
+    joint = ellipse_residuals(points, parameters)
+    faces_sensor = joint.normals.imag > 0
+    sides = points[faces_sensor], points[~faces_sensor]
+    if min(map(len, sides)) < MIN_POINTS:
+        return False
+    separate = sum(_minimise_chi2(side, parameters) for side in sides)
+    max_increase = MAX_CHI2_INCREASE * separate / (len(points) - 2 * PARAMETERS)
+    return float(joint.normalised_squares.sum()) - separate <= max_increase
 
 
 def _minimise_chi2(points: NoisyPoints, parameters: FloatArray) -> float:
     """Return chi^2 of points (n,) from their own ellipse; NaN if there is none."""
-    return float(ellipse_residuals(points, _fit(points, parameters)).normalised_squares.sum())
+    own = ellipse_residuals(points, fit_robust_ellipse(points, parameters))
+    return float(own.normalised_squares.sum())
 
 
 def _has_points_beyond_centre(z: ComplexArray, ellipse: Ellipse) -> bool:

@@ -22,6 +22,8 @@ from lsvision.ellipse.robust_gauss_newton import (
     ellipse_residuals,
     take_gauss_newton_step,
 )
+from lsvision.geometry import FloatArray
+from lsvision.geometry.noisy_points import NoisyPoints
 from lsvision.profile import PreparedProfile
 
 GAUSS_NEWTON_STEPS = 4
@@ -87,11 +89,10 @@ def _join(
     indices = np.sort(np.concatenate([first.indices, second.indices]))
     points = profile.noisy_points[indices]
     starts = [parameters_from_ellipse(arc.ellipse) for arc in (first, second)]
-    parameters = min(starts, key=lambda start: _chi2(ellipse_residuals(points, start)))
-    for _ in range(GAUSS_NEWTON_STEPS):
-        parameters = take_gauss_newton_step(ellipse_residuals(points, parameters), parameters)
-        if math.isnan(parameters[0]):
-            return None
+    start = min(starts, key=lambda start: _chi2(ellipse_residuals(points, start)))
+    parameters = fit_robust_ellipse(points, start)
+    if math.isnan(parameters[0]):
+        return None
     separate = sum(_chi2(_compute_residuals(profile, arc)) for arc in (first, second))
     variance_factor = separate / (len(indices) - 2 * PARAMETERS)
     joint = ellipse_residuals(points, parameters)
@@ -102,6 +103,18 @@ def _join(
     if reason is not None or not faces_sensor.all():
         return None
     return IdentifiedArc(indices, ellipse)
+
+
+def fit_robust_ellipse(points: NoisyPoints, parameters: FloatArray) -> FloatArray:
+    """Return the parameters (5,) of the ellipse of points (n,) by `GAUSS_NEWTON_STEPS`, in mm.
+
+    `parameters` (5,) are the initial ones; the result is NaN if a step is no ellipse.
+    """
+    for _ in range(GAUSS_NEWTON_STEPS):
+        parameters = take_gauss_newton_step(ellipse_residuals(points, parameters), parameters)
+        if math.isnan(parameters[0]):
+            break
+    return parameters
 
 
 def _is_separate(profile: PreparedProfile, arc: IdentifiedArc, other: IdentifiedArc) -> bool:
