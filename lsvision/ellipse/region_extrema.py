@@ -74,7 +74,8 @@ radius: estimates of |d| near a circle are too large. The 95 % intervals of cent
 untilted pipes have a coverage of 92.1 % with 1, 92.9 with 0.7, 93.3 with 0.5, 93.5 with 0.35. With
 0 it is 93.7 %, but all intervals get longer, also those of tilted pipes, to a coverage of 97 %."""
 CRITICAL_UPDATES = 2
-"""Number of updates in an iteration of c of phi, which depends on the phi of the end."""
+"""Number of updates in an iteration of c of phi, which depends on the phi of the end. With 1, 3 of
+1500 intervals of phi of arcs of 60 to 160 deg are wrong by 2 to 180 % of their width."""
 
 
 class Rows(NamedTuple):

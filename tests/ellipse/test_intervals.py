@@ -433,6 +433,18 @@ def test_where_a_circle_is_possible_the_radius_reaches_as_far_as_its_interval(rn
             )
 
 
+@pytest.mark.parametrize("seed", [1302, 867, 360])
+def test_the_critical_ratio_of_phi_is_updated_often_enough(seed, monkeypatch):
+    """Arcs for which one update in each iteration ends at another phi."""
+    rng = np.random.default_rng([13, seed])
+    truth = pipe(rng.uniform(0, 45))
+    points = measured(upper_arc(truth, rng.uniform(60, 160), int(rng.integers(30, 150))), rng)
+    fits = [fit_ellipse(points, truth, SENSOR.covariances(points)) for _ in range(2)]
+    found = find_interval(fits[0], "phi")
+    monkeypatch.setattr("lsvision.ellipse.region_extrema.CRITICAL_UPDATES", 6)
+    assert found == pytest.approx(find_interval(fits[1], "phi"), abs=1e-3)
+
+
 def test_a_circle_may_have_any_theta(rng):
     fits = [fit_of(CIRCLE, rng) for _ in range(15)]
     assert sum(find_interval(fit, "theta") == (0.0, math.pi) for fit in fits) >= 10
