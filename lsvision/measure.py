@@ -33,6 +33,7 @@ from lsvision.detection.screening import screen_arcs
 from lsvision.ellipse.fit import FittingSettings
 from lsvision.ellipse.fit_result import EllipseFit
 from lsvision.ellipse.homogenising import homogenise_arcs
+from lsvision.ellipse.phi_prior import PhiPrior
 from lsvision.ellipse.problem import Priors
 from lsvision.ellipse.refinement import refine_arcs
 from lsvision.ellipse.section import CylinderSection
@@ -323,18 +324,22 @@ def _fit_sections(
     return [
         Rejection(span, str(fit))
         if isinstance(fit, LsvisionError)
-        else _check_section(search, arc.indices[smooth.inliers], fit, settings)
+        else _check_section(search, arc.indices[smooth.inliers], fit, priors.phi, settings)
         for (search, span, arc), smooth, fit in zip(arcs, smoothed, fits, strict=True)
     ]
 
 
 def _check_section(
-    search: _Search, indices: IntArray, fit: EllipseFit, settings: Settings
+    search: _Search,
+    indices: IntArray,
+    fit: EllipseFit,
+    known_phi: PhiPrior | None,
+    settings: Settings,
 ) -> CylinderSection | Rejection:
     """Return the cylinder fitted to the points at `indices` if it is accepted, else a rejection."""
     section = CylinderSection(fit, arc_from_indices(indices), indices)
     reason = find_rejection_reason(
-        search.prepared, section, search.radius_range, settings.acceptance
+        search.prepared, section, search.radius_range, settings.acceptance, known_phi
     )
     return section if reason is None else Rejection(section.arc, reason)
 

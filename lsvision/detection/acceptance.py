@@ -8,6 +8,7 @@ import numpy as np
 
 from lsvision.detection.arcs import MAX_OVERLAP
 from lsvision.ellipse.intervals import is_limit_of_radius
+from lsvision.ellipse.phi_prior import PhiPrior
 from lsvision.ellipse.prior_check import find_contradicting_radius, find_contradicting_tilt
 from lsvision.ellipse.section import CylinderSection
 from lsvision.geometry import Ellipse
@@ -117,6 +118,7 @@ def find_rejection_reason(
     section: CylinderSection,
     radius_range: tuple[float, float],
     settings: AcceptanceSettings = AcceptanceSettings(),
+    known_phi: PhiPrior | None = None,
 ) -> str | None:
     """Return the reason why a fitted section is rejected; None if it is accepted.
 
@@ -130,6 +132,8 @@ def find_rejection_reason(
         Smallest and largest radius. Units: mm.
     settings : AcceptanceSettings
         Limits on points, coverage and tilt.
+    known_phi : PhiPrior, optional
+        Tilt that is known, also where it is no prior of the fit.
     """
     fit = section.fit
     reason = find_shape_rejection_reason(fit.ellipse, fit.normals, radius_range, settings)
@@ -150,7 +154,7 @@ def find_rejection_reason(
     return (
         find_undeterminable_radius_reason(section)
         or find_contradicted_radius_reason(section)
-        or find_contradicted_tilt_reason(section)
+        or find_contradicted_tilt_reason(section, known_phi)
     )
 
 
@@ -169,12 +173,12 @@ def find_contradicted_radius_reason(section: CylinderSection) -> str | None:
     )
 
 
-def find_contradicted_tilt_reason(section: CylinderSection) -> str | None:
+def find_contradicted_tilt_reason(section: CylinderSection, known: PhiPrior | None) -> str | None:
     """Return the reason why the points contradict a known tilt; None if they do not.
 
     None also if no tilt is known.
     """
-    points, known = find_contradicting_tilt(section.fit), section.fit.problem.known_phi
+    points = find_contradicting_tilt(section.fit, known)
     if points is None or known is None:
         return None
     where = "they" if section.fit.problem.known_radius is None else "with the known radius they"

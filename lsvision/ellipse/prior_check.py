@@ -13,6 +13,7 @@ from lsvision.ellipse.parameters import (
     semi_minor,
     semi_minor_gradient,
 )
+from lsvision.ellipse.phi_prior import PhiPrior
 from lsvision.ellipse.problem import EllipseProblem, Solution, minimise
 from lsvision.ellipse.robust_gauss_newton import invert_information_or_huge
 from lsvision.geometry import FloatArray
@@ -83,33 +84,43 @@ def find_contradicting_radius(fit: EllipseFit) -> RadiusOfPoints | None:
     return RadiusOfPoints(radius, free.std(semi_minor_gradient(free.parameters)))
 
 
-def find_contradicting_tilt(fit: EllipseFit) -> TiltOfPoints | None:
-    """Return the tilt of the points alone, if they contradict the known phi of a fit.
+def find_contradicting_tilt(fit: EllipseFit, known: PhiPrior | None) -> TiltOfPoints | None:
+    """Return the tilt of the points alone, if they contradict a known phi.
 
     Parameters
     ----------
     fit : EllipseFit
-        Fit with or without a known phi.
+        Fit with the known phi. Where it excludes a circle and the points do not determine theta, it
+        is not a prior of the fit (see `PhiPrior`), whose own phi is then that of the points.
+    known : PhiPrior or None
+        The known phi.
 
     Returns
     -------
     TiltOfPoints or None
         None without a known phi, where the ratio of the semi-axes agrees with it within
-        `CONTRADICTION_FRACTION` or the points within `CONTRADICTION_SIGMAS`, or where they do not
-        determine an ellipse alone.
+        `CONTRADICTION_FRACTION` or `CONTRADICTION_SIGMAS`, or where the points do not determine an
+        ellipse alone.
     """
-    known = fit.problem.known_phi
     if known is None:
         return None
-    prior, _ = known.residuals_and_jacobian(fit.parameters)
-    free = _fit_contradicting(fit, replace(fit.problem, known_phi=None), float(prior @ prior))
+    if fit.problem.known_phi is None:
+        free: _FreeFit | None = _FreeFit(fit.parameters, fit.parameter_covariance)
+        max_sigmas = CONTRADICTION_SIGMAS * math.sqrt(fit.correlation.autocorrelation_time)
+    else:
+        prior, _ = known.residuals_and_jacobian(fit.parameters)
+        free = _fit_contradicting(fit, replace(fit.problem, known_phi=None), float(prior @ prior))
+        max_sigmas = 0.0
     if free is None:
         return None
     a, b, _ = axes_from_parameters(free.parameters)
-    known_ratio = math.cos(known.phi)
-    if abs(b / a - known_ratio) <= CONTRADICTION_FRACTION * known_ratio:
+    ratio_std, known_ratio = free.std(axis_ratio_gradient(free.parameters)), math.cos(known.phi)
+    uncertainty = math.hypot(ratio_std, math.sin(known.phi) * known.std)
+    if abs(b / a - known_ratio) <= max(
+        CONTRADICTION_FRACTION * known_ratio, max_sigmas * uncertainty
+    ):
         return None
-    phi, ratio_std = math.acos(b / a), free.std(axis_ratio_gradient(free.parameters))
+    phi = math.acos(b / a)
     return TiltOfPoints(phi, phi_std_from_ratio(phi, ratio_std))
 
 

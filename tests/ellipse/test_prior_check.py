@@ -126,6 +126,13 @@ def test_a_rough_surface_does_not_contradict_a_right_tilt():
     assert np.median(tilts_deg) > 11.5
 
 
+def tilt_contradicting(known_deg, *, std_deg=0.0, **options):
+    """The tilt of the points of such an arc, where they contradict the known one."""
+    fit = fitted_with_tilt(known_deg, std_deg=std_deg, **options)
+    known = PhiPrior(math.radians(known_deg), math.radians(std_deg))
+    return find_contradicting_tilt(fit, known)
+
+
 def fitted_with_tilt(known_deg, *, phi_deg=25.0, std=0.05, degrees=140.0, std_deg=0.0, seed=3):
     """An arc of 19 mm with isotropic errors, fitted with a known tilt or without."""
     truth = pipe(phi_deg)
@@ -140,12 +147,12 @@ def fitted_with_tilt(known_deg, *, phi_deg=25.0, std=0.05, degrees=140.0, std_de
 
 @pytest.mark.parametrize("known_deg", [0.0, 10.0, 40.0])
 def test_the_tilt_of_the_points_is_returned(known_deg):
-    points = find_contradicting_tilt(fitted_with_tilt(known_deg))
+    points = tilt_contradicting(known_deg)
     assert abs(points.phi - math.radians(25.0)) < 4 * points.std < math.radians(4)
 
 
 def test_the_std_of_the_returned_tilt_is_its_scatter():
-    results = [find_contradicting_tilt(fitted_with_tilt(0.0, seed=seed)) for seed in range(100)]
+    results = [tilt_contradicting(0.0, seed=seed) for seed in range(100)]
     found = [points for points in results if points is not None]
     assert len(found) > 95  # residuals that are correlated by chance contradict less
     assert np.std([points.phi for points in found]) == pytest.approx(
@@ -156,7 +163,7 @@ def test_the_std_of_the_returned_tilt_is_its_scatter():
 @pytest.mark.parametrize(("phi_deg", "is_contradicted"), [(10.5, False), (12.5, True)])
 def test_two_per_cent_of_the_axis_ratio_are_none_however_small_the_errors(phi_deg, is_contradicted):
     """A circle whose section is an oval of 2 % seems to have a tilt of 11.5 deg."""
-    contradicting = find_contradicting_tilt(fitted_with_tilt(0.0, phi_deg=phi_deg, std=0.002))
+    contradicting = tilt_contradicting(0.0, phi_deg=phi_deg, std=0.002)
     assert (contradicting is not None) is is_contradicted
 
 
@@ -164,10 +171,7 @@ def test_two_per_cent_of_the_axis_ratio_are_none_however_small_the_errors(phi_de
 def test_six_sigmas_are_a_contradiction_of_a_tilt(seed):
     """By the sums of squares of the fits of a circle and of an ellipse to uncorrelated errors."""
     stds = np.linspace(0.05, 0.6, 56)
-    is_contradicted = [
-        find_contradicting_tilt(fitted_with_tilt(0.0, std=std, seed=seed)) is not None
-        for std in stds
-    ]
+    is_contradicted = [tilt_contradicting(0.0, std=std, seed=seed) is not None for std in stds]
     options = {"std": stds[is_contradicted.index(False)], "seed": seed}
     circle, free = fitted_with_tilt(0.0, **options), fitted_with_tilt(None, **options)
     assert free.correlation.autocorrelation_time == 1
@@ -177,16 +181,16 @@ def test_six_sigmas_are_a_contradiction_of_a_tilt(seed):
 
 
 def test_an_uncertain_tilt_is_contradicted_later():
-    assert find_contradicting_tilt(fitted_with_tilt(0.0, std_deg=3.0)) is not None
-    assert find_contradicting_tilt(fitted_with_tilt(0.0, std_deg=15.0)) is None
+    assert tilt_contradicting(0.0, std_deg=3.0) is not None
+    assert tilt_contradicting(0.0, std_deg=15.0) is None
 
 
 def test_a_short_arc_contradicts_no_tilt():
-    assert find_contradicting_tilt(fitted_with_tilt(0.0, degrees=40.0)) is None
+    assert tilt_contradicting(0.0, degrees=40.0) is None
 
 
 def test_without_a_known_tilt_there_is_no_contradiction():
-    assert find_contradicting_tilt(fitted(19.0)) is None
+    assert find_contradicting_tilt(fitted(19.0), None) is None
 
 
 def test_right_tilts_are_not_contradicted():
@@ -199,7 +203,7 @@ def test_right_tilts_are_not_contradicted():
         covariances = SENSOR.covariances(exact) if seed % 2 else None
         known = PhiPrior(math.radians(phi_deg))
         fit = fit_ellipse(measured(exact, rng), about(truth), covariances, known_phi=known)
-        assert find_contradicting_tilt(fit) is None
+        assert find_contradicting_tilt(fit, known) is None
 
 
 @pytest.mark.parametrize("sensor", [None, SENSOR])
@@ -213,3 +217,28 @@ def test_a_pipe_of_another_tilt_is_rejected_with_both(sensor):
     assert wrong.reason.startswith("the known tilt of 0 deg contradicts the points: they give 2")
     both = measure_cylinders(profile, sensor=sensor, known_phi=0.0, known_radius=(19.0, 2.0))
     assert "with the known radius they give 2" in both.reason
+
+
+def test_a_known_tilt_of_a_circle_is_contradicted_though_it_is_no_prior_of_its_fit():
+    """Where theta is not determined, a prior that excludes a circle is not used."""
+    fit = fitted_with_tilt(25.0, phi_deg=0.0, degrees=160.0)
+    assert fit.problem.known_phi is None
+    points = tilt_contradicting(25.0, phi_deg=0.0, degrees=160.0)
+    assert points.phi < math.radians(12)
+    assert tilt_contradicting(25.0, phi_deg=0.0, degrees=160.0, std_deg=10.0) is None
+    assert tilt_contradicting(25.0, phi_deg=0.0, degrees=60.0) is None
+    assert tilt_contradicting(11.0, phi_deg=0.0, degrees=160.0, std=0.002) is None
+
+
+def test_right_tilts_that_are_no_priors_are_not_contradicted():
+    unused = 0
+    for seed in range(300):
+        rng = np.random.default_rng([14, seed])
+        truth = pipe(12.0)
+        exact = upper_arc(truth, degrees=rng.uniform(60, 150), count=int(rng.integers(15, 120)))
+        covariances = SENSOR.covariances(exact) if seed % 2 else None
+        known = PhiPrior(math.radians(12.0))
+        fit = fit_ellipse(measured(exact, rng), about(truth), covariances, known_phi=known)
+        unused += fit.problem.known_phi is None
+        assert find_contradicting_tilt(fit, known) is None
+    assert unused > 30
