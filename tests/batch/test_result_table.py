@@ -1,5 +1,6 @@
 """Results of a batch as a table: the columns of the input beside those of the result."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -117,18 +118,29 @@ def test_whole_numbers_of_parts_are_integers(tmp_path, ids, suffix):
     assert found["part_id"].type == pa.int64()
 
 
-def test_ids_that_a_float_would_round_remain_exact_in_parquet(tmp_path):
-    ids = [10**18 + 123, 10**18 + 124]
-    table = points_with_ids(ids)
-    outcome, found = results_of(tmp_path / "a.parquet", lambda path: pq.write_table(table, path))
-    assert (outcome.error, outcome.profiles) == ("", 2)
-    assert set(found["part_id"].to_pylist()) == set(map(str, ids))
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+@pytest.mark.parametrize("name", ["part_id", "token"])
+def test_ids_that_a_float_would_round_remain_exact(tmp_path, suffix, name):
+    ids = [10**18 + 123, 10**18 + 124] if name == "part_id" else [10**18 + 123] * 2
+    table = points_with_ids(ids, name)
+    write = write_csv(table) if suffix == ".csv" else lambda path: pq.write_table(table, path)
+    outcome, found = results_of(tmp_path / f"a{suffix}", write)
+    assert outcome.error == ""
+    assert set(found[name].to_pylist()) == set(map(str, ids))
 
 
-def test_ids_that_a_float_would_round_are_rejected_in_text(tmp_path):
+def test_ids_that_a_float_would_round_are_rejected_in_json(tmp_path):
     table = points_with_ids([10**18 + 123, 10**18 + 124])
-    outcome, _ = results_of(tmp_path / "a.csv", write_csv(table))
+    path = tmp_path / "a.json"
+    outcome, _ = results_of(path, lambda path: path.write_text(json.dumps(table.to_pydict())))
     assert "part_id: numbers above 2^53 would be rounded, and different ones bec" in outcome.error
     table = points_with_ids([10**18 + 123] * 2, "token")
-    outcome, _ = results_of(tmp_path / "a.csv", write_csv(table))
+    outcome, _ = results_of(path, lambda path: path.write_text(json.dumps(table.to_pydict())))
     assert "token: numbers above 2^53 are rounded" in outcome.notes
+
+
+def test_ids_with_leading_zeros_join_with_the_input(tmp_path):
+    table = points_with_ids(["007", "7"])
+    outcome, found = results_of(tmp_path / "a.csv", write_csv(table))
+    assert (outcome.error, outcome.profiles) == ("", 2)
+    assert set(found["part_id"].to_pylist()) == {"007", "7"}

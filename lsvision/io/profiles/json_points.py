@@ -1,7 +1,7 @@
 """Points in JSON: lists under names, pairs, objects, matrices of OpenCV, ROS LaserScan."""
 
 import re
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -17,8 +17,12 @@ from lsvision.io.profiles.column_roles import column_role, is_coordinate, names_
 from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.joined_profiles import add_attributes, empty_profile, join_profiles
 from lsvision.io.profiles.json_values import (
+    as_list,
     as_list_of_numbers,
+    cell_text,
     find_attributes,
+    holds_text,
+    is_column,
     is_point,
     is_scalar,
     lines_of_objects,
@@ -196,32 +200,20 @@ def _from_columns(
     statements: tuple[UnitStatement, ...],
 ) -> RawProfiles:
     """Return the profiles of lists of coordinates, and of lists that are as long as these."""
+    document = {key: as_list(value) for key, value in document.items()}
     known = {key: values for key, values in columns.items() if is_coordinate(split_label(key)[0])}
+    columns = {k: v for k, v in columns.items() if k in known or not holds_text(v)}
     lengths = set(map(len, known.values()))
     arrays = {k: to_arrays(v) for k, v in columns.items() if k in known or len(v) in lengths}
     # Flags, such as of valid points, and texts: they are no numbers of `columns`.
-    others = {k: v for k, v in document.items() if k not in columns and _is_column(v, lengths)}
+    others = {k: v for k, v in document.items() if k not in columns and is_column(v, lengths)}
     flags = {k: v for k, v in others.items() if all(isinstance(item, bool) for item in v)}
     arrays |= {key: to_floats(value) for key, value in flags.items()}
-    texts = {key: list(map(_cell, others[key])) for key in others if key not in flags}
+    texts = {key: list(map(cell_text, others[key])) for key in others if key not in flags}
     profiles = profiles_from_named(arrays, settings, statements, texts)
     lists = {key for key, value in document.items() if isinstance(value, list)}
     notes = note_unused_flags(sorted(lists - arrays.keys() - texts.keys()))
     return replace(profiles, notes=profiles.notes + notes)
-
-
-def _is_column(value: Any, lengths: Container[int]) -> bool:
-    """Return whether a value is a list of texts, numbers, flags and null, of a length."""
-    return (
-        isinstance(value, list)
-        and len(value) in lengths
-        and all(item is None or isinstance(item, str | int | float) for item in value)
-    )
-
-
-def _cell(value: Any) -> str:
-    """Return the text of a value in a column of text; it is empty for null."""
-    return "" if value is None else str(value)
 
 
 def _from_named_list(
@@ -303,8 +295,9 @@ def _table_from_objects(document: Sequence[Mapping[str, Any]], keys: Sequence[st
     values = np.full((len(document), len(keys)), np.nan)
     for column, key in enumerate(keys):
         cells = [item.get(key) for item in document]
-        if not all(map(is_scalar, cells)):
-            texts[column] = list(map(_cell, cells))
+        is_id = holds_text(cells) and not is_coordinate(labels[column][0])
+        if is_id or not all(map(is_scalar, cells)):
+            texts[column] = list(map(cell_text, cells))
         else:
             values[:, column] = to_floats(cells)
     return NumberTable(

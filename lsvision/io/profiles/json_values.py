@@ -1,7 +1,7 @@
 """Content of parsed JSON or YAML: numbers, statements on units and lost points, attributes."""
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -19,18 +19,21 @@ _MAX_AXES = 3
 
 
 def as_list_of_numbers(value: Any) -> Any:
-    """Return the value if it is a list of numbers, or of lists of numbers; else None.
-
-    An object with the keys 0, 1, 2, ... is a list: pandas writes columns like that.
-    """
-    if isinstance(value, Mapping) and list(value) == [str(k) for k in range(len(value))]:
-        value = list(value.values())
+    """Return the value if it is a list of numbers, or of lists of numbers; else None; see below."""
+    value = as_list(value)
     if not isinstance(value, list) or not value:
         return None
     if all(is_scalar(item) for item in value):
         return value
     lists = all(isinstance(v, list) and v and all(is_scalar(c) for c in v) for v in value)
     return value if lists else None
+
+
+def as_list(value: Any) -> Any:
+    """Return an object with the keys 0, 1, 2, ..., as pandas writes columns, as a list."""
+    if isinstance(value, Mapping) and list(value) == [str(k) for k in range(len(value))]:
+        return list(value.values())
+    return value
 
 
 def to_arrays(value: Any) -> Any:
@@ -76,6 +79,25 @@ def is_scalar(value: Any) -> bool:
     if isinstance(value, str):
         return is_missing(value) or bool(POINT_NUMBER.fullmatch(value.strip()))
     return value is None or (isinstance(value, int | float) and not isinstance(value, bool))
+
+
+def holds_text(values: Iterable[Any]) -> bool:
+    """Return whether a text is among values: the ids "007" are no numbers."""
+    return any(isinstance(value, str) for value in values)
+
+
+def is_column(value: Any, lengths: Container[int]) -> bool:
+    """Return whether a value is a list of texts, numbers, flags and null, of a length."""
+    return (
+        isinstance(value, list)
+        and len(value) in lengths
+        and all(item is None or isinstance(item, str | int | float) for item in value)
+    )
+
+
+def cell_text(value: Any) -> str:
+    """Return the text of a value in a column of text; it is empty for null."""
+    return "" if value is None else str(value)
 
 
 def is_point(value: Any) -> bool:

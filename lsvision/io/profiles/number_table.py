@@ -231,6 +231,8 @@ class NumberTable:
     invalid_cells : mapping of int to InvalidCell
         First cell that is not a number in each column that has one; `InvalidCell.row` is the
         number of its line in the file.
+    spellings : mapping of int to sequence of str
+        Cells of columns of numbers that are written in another way, such as 007 or 1e5.
     lost : tuple of float
         Markers of lost points that the file states.
     notes : tuple of str
@@ -247,6 +249,7 @@ class NumberTable:
     statements: tuple[UnitStatement, ...] = ()
     texts: Mapping[int, Sequence[str]] = field(default_factory=dict)
     invalid_cells: Mapping[int, InvalidCell] = field(default_factory=dict)
+    spellings: Mapping[int, Sequence[str]] = field(default_factory=dict)
     lost: tuple[float, ...] = ()
     notes: tuple[str, ...] = ()
     limits: tuple[float, ...] = ()

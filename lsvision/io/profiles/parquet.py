@@ -14,8 +14,8 @@ from lsvision.geometry import FloatArray
 from lsvision.io.profiles.column_roles import column_role, is_coordinate
 from lsvision.io.profiles.named_columns import profiles_from_named
 from lsvision.io.profiles.number_table import floats_from
-from lsvision.io.profiles.profile_keys import MAX_EXACT_NUMBER
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
+from lsvision.io.profiles.spelled_cells import MAX_EXACT_NUMBER
 from lsvision.io.profiles.unit_statements import UnitStatement, find_unit_statements
 from lsvision.io.profiles.units import split_label
 

@@ -15,14 +15,12 @@ from lsvision.io.profiles.column_roles import (
     is_part_name,
 )
 from lsvision.io.profiles.number_table import NumberTable
+from lsvision.io.profiles.spelled_cells import MAX_EXACT_NUMBER
 
 _TIME_NAMES = frozenset(["t", "time", "timestamp", "zeit", "temps", "tiempo", "tempo", "время"])
 """Names of columns of times, which are no x."""
 MIN_POINTS_PER_PROFILE = 5
 """Smallest mean number of points of the profiles of a key: fewer do not determine an ellipse."""
-
-MAX_EXACT_NUMBER = 2.0**53
-"""Number from which on whole numbers are rounded in double precision."""
 
 
 def reject_rounded_keys(table: NumberTable) -> None:
@@ -31,7 +29,7 @@ def reject_rounded_keys(table: NumberTable) -> None:
     Different profiles could then have the same number.
     """
     for column, name in enumerate(table.names):
-        is_key = identifies_profiles(name) and column not in table.texts
+        is_key = identifies_profiles(name) and _cells(table, column) is None
         if is_key and np.any(np.abs(table.values[:, column]) >= MAX_EXACT_NUMBER):
             raise UnreadableFile(
                 f"{name}: numbers above 2^53 would be rounded, and different ones become equal: "
@@ -61,12 +59,13 @@ def separate_profiles(
     profiles and parts, because its numbers may start again for each part; a position along the
     travel is not. `coordinates` are the columns of the points.
     """
-    codes = _without_gaps(_codes(table, key))
     if not is_travel:
+        codes = _without_gaps(table, key, coordinates)
         return _split_by(_composite_key(table, key, coordinates, codes)), None
-    rows = _split_by(codes)
     if key in table.texts:
-        return rows, None
+        return _split_by(_without_gaps(table, key, coordinates)), None
+    codes = _fill_gaps(table.values[:, key])
+    rows = _split_by(codes)
     return rows, tuple(float(codes[r[0]]) for r in rows)
 
 
@@ -88,15 +87,15 @@ def find_key(table: NumberTable, coordinates: Sequence[int]) -> int | None:
         return scan
     for column, name in enumerate(table.names):
         if is_part_name(name):
-            codes = _codes(table, column)
-            if len(np.unique(codes[np.isfinite(codes)])) > 1 and is_profile_key(codes):
+            codes = _without_gaps(table, column, coordinates)
+            if len(np.unique(codes)) > 1 and is_profile_key(codes):
                 return column
     return None
 
 
 def is_profile_key(column: FloatArray) -> bool:
     """Return whether each value occupies one run of points, on average enough for a profile."""
-    key = _without_gaps(column)
+    key = _fill_gaps(column)
     runs = 1 + np.count_nonzero(np.diff(key))
     return bool(runs == len(np.unique(key)) and runs * MIN_POINTS_PER_PROFILE <= len(key))
 
@@ -109,12 +108,22 @@ def _separates_profiles(table: NumberTable, column: int) -> bool:
 
 
 def _codes(table: NumberTable, column: int) -> FloatArray:
-    """Return the numbers of a column, or a number for each of its texts."""
-    texts: Sequence[str] | None = table.texts.get(column)
-    if texts is None:
+    """Return the numbers of a column, or a number for each of its texts; NaN if there is none."""
+    cells = _cells(table, column)
+    if cells is None:
         return table.values[:, column]
-    numbers = {text: float(code) for code, text in enumerate(dict.fromkeys(texts))}
-    return np.array([numbers[text] for text in texts])
+    numbers = {text: float(code) for code, text in enumerate(dict.fromkeys(cells))}
+    return np.array([np.nan if _is_blank(text) else numbers[text] for text in cells])
+
+
+def _cells(table: NumberTable, column: int) -> Sequence[str] | None:
+    """Return the cells of a column of text, or of numbers that do not tell them; else None."""
+    return table.texts.get(column, table.spellings.get(column))
+
+
+def _is_blank(cell: str) -> bool:
+    """Return whether a text states nothing."""
+    return cell.lower() in ("", "nan")
 
 
 def _composite_key(
@@ -130,7 +139,8 @@ def _composite_key(
             continue
         is_scan = column_role(name) == "scan" and _separates_profiles(table, column)
         if is_scan or is_part_name(name):
-            pairs = np.column_stack([codes, _without_gaps(_codes(table, column))])
+            others = _without_gaps(table, column, coordinates, codes)
+            pairs = np.column_stack([codes, others])
             keys, combined = np.unique(pairs, axis=0, return_inverse=True)
             if len(keys) < len(codes):
                 codes = combined.ravel().astype(np.float64)
@@ -145,7 +155,44 @@ def _split_by(key: FloatArray) -> list[IntArray]:
     return [by_group[g] for g in order]
 
 
-def _without_gaps(key: FloatArray) -> FloatArray:
+def _without_gaps(
+    table: NumberTable,
+    column: int,
+    coordinates: Sequence[int],
+    profiles: FloatArray | None = None,
+) -> FloatArray:
+    """Return the codes of a column of ids; a row without one gets that of the row before it.
+
+    Whole profiles without an id, if the codes `profiles` of another key tell them, get infinity.
+
+    Raises
+    ------
+    UnreadableFile
+        If points without an id are neither among rows with the same one, nor below the only row
+        of their part that states it.
+    """
+    codes = _codes(table, column)
+    known = np.isfinite(codes)
+    filled = _fill_gaps(codes)
+    if known.all() or not known.any():
+        return filled
+    has_point = np.isfinite(table.values[:, list(coordinates)]).all(axis=1)
+    is_open = np.arange(len(codes)) < np.argmax(known)
+    if np.any(known[1:] & known[:-1]):  # ids are not in the first rows of parts only
+        is_open |= np.isnan(codes) & (filled != _fill_gaps(codes[::-1])[::-1])
+        is_open[len(codes) - np.argmax(known[::-1]) :] = True
+    rows = np.flatnonzero(is_open & has_point)
+    if not len(rows):
+        return filled
+    if profiles is not None and not np.isin(profiles[rows], profiles[known]).any():
+        return np.where(np.isin(profiles, profiles[rows]), np.inf, filled)
+    raise UnreadableFile(
+        f"{table.label(column)} is empty in {len(rows)} points that may belong to no part (row "
+        f"{rows[0] + 1} of the table): state it in each row, or in the first row of each part only"
+    )
+
+
+def _fill_gaps(key: FloatArray) -> FloatArray:
     """Return the key in which a row without one gets that of the row before it.
 
     The first rows get the first key; all rows get 0 if there is none.
@@ -191,12 +238,26 @@ def find_profile_attributes(
 
 def _common_value(table: NumberTable, column: int, rows: IntArray) -> float | str | None:
     """Return the common value of all points of a profile; None if they differ or are all NaN."""
-    if column in table.texts:
-        texts = {table.texts[column][r] for r in rows.tolist()}
+    texts = _texts(table, column, rows)
+    if texts is not None:
         return texts.pop() if len(texts) == 1 else None
     values = table.values[rows, column]
     values = values[np.isfinite(values)]
     return float(values[0]) if len(values) and bool(np.all(values == values[0])) else None
+
+
+def _texts(table: NumberTable, column: int, rows: IntArray) -> set[str] | None:
+    """Return the different texts of a column in some rows; None for numbers.
+
+    An empty text is none in a column of ids, and among numbers.
+    """
+    cells = _cells(table, column)
+    if cells is None:
+        return None
+    texts = {cells[row] for row in rows.tolist()}
+    if column in table.texts and not identifies_profiles(table.names[column]):
+        return texts
+    return {text for text in texts if not _is_blank(text)}
 
 
 def _varies_in_one(
@@ -207,8 +268,8 @@ def _varies_in_one(
 ) -> bool:
     """Return whether a profile without a common value in a column has several, and not none."""
     without = [r for r, value in zip(rows, values, strict=True) if value is None]
-    if column in table.texts:
-        return bool(without)
+    if _cells(table, column) is not None:
+        return any(_texts(table, column, r) for r in without)
     return any(np.isfinite(table.values[r, column]).any() for r in without)
 
 

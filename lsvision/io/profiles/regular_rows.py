@@ -36,6 +36,13 @@ class _RegularRows:
     layout: Layout
     values: FloatArray
 
+    def read_column(self, column: int) -> list[str]:
+        """Return the cells of a column as they stand in the text, without blanks around them."""
+        separator, width = self.layout.separator, self.layout.width
+        rows = self.rows.replace("\r\n", "\n").replace("\n", separator or "\n")
+        cells = rows.split(separator)[column : width * len(self.values) : width]
+        return [cell.strip() for cell in cells]
+
 
 def find_regular_rows(text: str) -> _RegularRows | None:
     r"""Return the table of a text whose lines, from the first numbers on, have the same layout.

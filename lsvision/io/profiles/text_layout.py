@@ -199,19 +199,22 @@ def _find_first_number_row(lines: Sequence[str]) -> tuple[int, str | None] | Non
 def _begins_above(lines: Sequence[str], index: int, separator: str | None) -> bool:
     """Return whether the row above a row of numbers is one of the table, with text in a cell.
 
-    That of the row of numbers is then a word for lost points, such as "invalid" below "valid".
+    It is an id, such as "0A1" above "007", or that of the row of numbers is a word for lost points,
+    such as "invalid" below "valid".
     """
     if index == 0:
         return False
     row, above = (split_cells(lines[k].strip(" \r\n"), separator) for k in (index, index - 1))
     pairs = list(zip(row, above, strict=False))
-    beside_numbers = [text.strip() for cell, text in pairs if not is_missing(cell)]
-    return (
-        len(row) == len(above)
-        and any(is_missing(cell) and not is_number_or_lost(text) for cell, text in pairs)
-        and len(beside_numbers) > 1
-        and all(map(_ANY_NUMBER.fullmatch, beside_numbers))
-    )
+    if len(row) != len(above):
+        return False
+    if any(is_missing(cell) and not is_number_or_lost(text) for cell, text in pairs):
+        beside_numbers = [text.strip() for cell, text in pairs if not is_missing(cell)]
+    else:
+        beside_numbers = [text.strip() for text in above if is_number_or_lost(text)]
+        if len(beside_numbers) != len(above) - 1:
+            return False
+    return len(beside_numbers) > 1 and all(map(_ANY_NUMBER.fullmatch, beside_numbers))
 
 
 def _is_above_table(lines: Sequence[str], index: int, row: Sequence[str]) -> bool:
@@ -306,9 +309,15 @@ def _find_first_text_row(lines: Sequence[str]) -> tuple[int, str | None, int, tu
     separator, width, numeric = best
     for index in rows:
         row = split_cells(lines[index].strip(" \r\n"), separator)
-        if len(row) == width and all(is_number_or_lost(row[c]) for c in numeric):
+        if len(row) == width and _may_be_first(row, numeric):
             return index, separator, width, numeric
     raise _no_table_error(lines, rows)
+
+
+def _may_be_first(row: Sequence[str], numeric: tuple[int, ...]) -> bool:
+    """Return whether a row has numbers in the columns of numbers, but for an id in one of three."""
+    words = sum(not is_number_or_lost(row[c]) for c in numeric)
+    return words == 0 or (words == 1 and len(numeric) > 2)
 
 
 def _no_table_error(lines: Sequence[str], rows: Sequence[int]) -> UnreadableFile:
@@ -341,7 +350,9 @@ def _find_table_end(
         line = lines[stop - 1]
         if line.strip(blanks) and not is_comment(line):
             cells = split_cells(line.strip() if separator is None else line, separator)
-            if not _is_footer(cells, numeric, width, stop - 1 - first):
+            above = lines[stop - 2].strip() if separator is None else lines[stop - 2]
+            is_id = cells[:1] == split_cells(above, separator)[:1] and len(cells) == width
+            if is_id or not _is_footer(cells, numeric, width, stop - 1 - first):
                 break
         stop -= 1
     return stop

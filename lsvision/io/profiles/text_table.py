@@ -1,8 +1,9 @@
 """A table of numbers in a text file: encoding, layout, header, statements and numbers."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from lsvision.io.profiles.number_table import (
     uses_decimal_comma,
 )
 from lsvision.io.profiles.regular_rows import fill_empty_cells, find_regular_rows
+from lsvision.io.profiles.spelled_cells import find_spellings
 from lsvision.io.profiles.text_header import Header, read_header
 from lsvision.io.profiles.text_layout import (
     Layout,
@@ -101,6 +103,7 @@ def parse_table(text: str, lost_words: frozenset[str] = frozenset()) -> NumberTa
         statements=find_unit_statements(other_lines),
         texts=table.texts,
         invalid_cells=table.invalid_cells,
+        spellings=find_spellings(table, header.names, body.read_column),
         lost=find_lost_values(other_lines),
         notes=_footer_notes(body.below),
         mentions=tuple(other_lines[:MAX_MENTION_LINES]),
@@ -111,13 +114,15 @@ def parse_table(text: str, lost_words: frozenset[str] = frozenset()) -> NumberTa
 class _Body:
     """Numbers of a text, and its lines above, below and (`comments`) among them.
 
-    `sample` is the text of the first rows, which is searched for thousands separators.
+    `sample` is the text of the first rows, which is searched for thousands separators;
+    `read_column` returns the cells of a column as they stand in it.
     """
 
     table: NumberTable
     layout: Layout
     above: Sequence[str]
     sample: str
+    read_column: Callable[[int], list[str]]
     below: Sequence[str] = ()
     comments: Sequence[str] = ()
 
@@ -128,7 +133,9 @@ def _regular_body(text: str) -> _Body | None:
     if regular is None:
         return None
     sample = "\n".join(regular.rows.split("\n", _SAMPLE_ROWS)[:_SAMPLE_ROWS])
-    return _Body(NumberTable(regular.values), regular.layout, regular.above, sample)
+    return _Body(
+        NumberTable(regular.values), regular.layout, regular.above, sample, regular.read_column
+    )
 
 
 def _irregular_body(lines: Sequence[str], lost_words: frozenset[str]) -> _Body:
@@ -143,6 +150,7 @@ def _irregular_body(lines: Sequence[str], lost_words: frozenset[str]) -> _Body:
         layout,
         above=lines[: layout.first],
         sample="\n".join(rows[:_SAMPLE_ROWS]),
+        read_column=partial(_read_column, lines, layout),
         below=lines[layout.stop :],
         comments=[line for line in rows if line[:1] in _COMMENT_STARTS and is_comment(line)],
     )
@@ -232,6 +240,12 @@ def _split_rows(rows: Sequence[tuple[int, str]], layout: Layout) -> list[list[st
             )
         cells.append(row_cells)
     return cells
+
+
+def _read_column(lines: Sequence[str], layout: Layout, column: int) -> list[str]:
+    """Return the cells of a column as they stand in the text, without blanks around them."""
+    rows = _split_rows(_number_lines(lines, layout), layout)
+    return [cells[column].strip() for cells in rows]
 
 
 def _ends_with_separator(rows: Sequence[tuple[int, str]], separator: str | None) -> bool:
