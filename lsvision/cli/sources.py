@@ -50,8 +50,9 @@ def find_sources(
     """Return the files that the arguments of a command line name, and an error for each without.
 
     The names are files, folders (the files directly in them with one of `suffixes`), patterns
-    (``**`` matches folders) and ``-`` for standard input. Each file is returned once; within a
-    folder or pattern in natural order, 2 before 10.
+    (``**`` matches folders) and ``-`` for standard input. Each file is returned once, with a note
+    on stderr if it is there under two names; within a folder or pattern in natural order, 2 before
+    10.
     """
     files_by_path: dict[str, Path] = {}
     failures: list[LsvisionError] = []
@@ -76,7 +77,9 @@ def find_sources(
             failures.append(error)
             continue
         for file in files:
-            files_by_path.setdefault(true_path(file), file)
+            first = files_by_path.setdefault(true_path(file), file)
+            if file.absolute() != first.absolute():
+                print_notes({f"the same file as {first}, read once": [file]})
     return list(files_by_path.values()), failures
 
 

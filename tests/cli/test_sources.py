@@ -51,6 +51,14 @@ def test_order_of_the_words_is_kept_and_a_file_comes_once(tmp_path):
     assert names(words) == (["b.csv", "a.csv"], [])
 
 
+def test_a_link_to_a_file_that_is_read_is_noted(tmp_path, capsys):
+    touch(tmp_path, "a.csv")
+    (tmp_path / "latest.csv").symlink_to(tmp_path / "a.csv")
+    assert names([tmp_path, tmp_path / "a.csv"]) == (["a.csv"], [])
+    note = f"{tmp_path}/latest.csv: note: the same file as {tmp_path}/a.csv, read once\n"
+    assert capsys.readouterr().err == note
+
+
 def test_file_is_taken_whatever_its_suffix_and_though_its_name_is_a_pattern(tmp_path):
     touch(tmp_path, "p.measured", "p[1].csv", "p1.csv")
     assert names([tmp_path / "p.measured", tmp_path / "p[1].csv"])[0] == ["p.measured", "p[1].csv"]
