@@ -9,11 +9,7 @@ import numpy as np
 
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
-from lsvision.io.profiles.column_roles import (
-    column_role,
-    columns_by_role,
-    is_encoder,
-)
+from lsvision.io.profiles.column_roles import column_role, columns_by_role, is_encoder
 from lsvision.io.profiles.number_table import NumberTable, holds_number
 from lsvision.io.profiles.point_order import note_order
 from lsvision.io.profiles.pose_tables import reject_pose_names, reject_poses
@@ -29,7 +25,7 @@ from lsvision.io.profiles.profile_keys import (
     separate_profiles,
 )
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
-from lsvision.io.profiles.stated_heights import resolve_direction
+from lsvision.io.profiles.stated_heights import note_resolution, resolve_direction
 from lsvision.io.profiles.stated_units import common_unit, resolve_units, statements_about_axis
 from lsvision.io.profiles.units import split_label
 from lsvision.io.profiles.validity import lose_invalid_points
@@ -64,8 +60,8 @@ def profiles_from_table(table: NumberTable, settings: ReadSettings) -> RawProfil
     height; the second is ignored if it is constant, and separates the profiles if each of its
     values occurs in one run of points. The second is the height instead if the third is constant or
     consists of whole numbers (a label). Named columns that number the points are left out. Columns
-    that do not vary within a profile become its
-    attributes. If a plane is to be fitted, the points are x, y and z.
+    that do not vary within a profile become its attributes. If a plane is to be fitted, the points
+    are x, y and z.
 
     Raises
     ------
@@ -97,10 +93,12 @@ def profiles_from_table(table: NumberTable, settings: ReadSettings) -> RawProfil
     )
     lines = (*table.mentions, *table.lines_of_constants(choice.coordinates))
     away, height_notes = resolve_direction(lines, settings, is_range=choice.away)
+    units = _resolve_all_units(table, choice, settings)
     notes = table.notes + choice.notes + validity_notes + height_notes
+    notes += note_resolution(lines, units, settings)
     return RawProfiles(
         sections=sections,
-        units=_resolve_all_units(table, choice, settings),
+        units=units,
         away=away,
         positions=positions,
         position_unit=position_unit,

@@ -30,7 +30,7 @@ _TOWARDS = re.compile(
 """Place towards the sensor."""
 _RISING = re.compile(
     r"\b(?:point|grow|increase|increasing|ris(?:e|ing)|positi[vf]|ax[ei]s|direction|orientation|sign|larger"
-    r"|bigger|greater|measured|achse|richtung|zeigt|steigt|wächst|größer|nimmt\b.*\bzu\b|zunehmend)"
+    r"|bigger|greater|higher|measured|achse|richtung|zeigt|steigt|wächst|größer|nimmt\b.*\bzu\b|zunehmend)"
 )
 """What heights do towards the place in their line; in "z = 200 mm away" they do nothing."""
 _FALLING = re.compile(
@@ -52,6 +52,24 @@ _IS_DISTANCE = re.compile(
     rf"|\b{_DISTANCE}\s+(?:(?:values?\s*)?[(=]|ax[ei]s)\s*z\b"
 )
 """A height that is a distance, as in "z = distance from the sensor" or "z (range)"."""
+# "near is small", "high values are far".
+_IS = r"(?:[^\w,;]+(?:is(?:t)?|are|means?|values?|numbers?|z|sind|werte|the))*[^\w,;]+"
+_NEAR, _FAR = r"(?:near\w*|close\w*|nah\w*)", r"(?:far\w*|further|fern\w*|weit\w*|distant)"
+_SMALL, _LARGE = r"(?:small\w*|low\w*|klein\w*)", r"(?:large\w*|big\w*|high\w*|groß\w*|great\w*)"
+_SIZE_AWAY, _SIZE_TOWARDS = (
+    re.compile(rf"\b(?:{a}{_IS}{b}|{b}{_IS}{a}|{c}{_IS}{d}|{d}{_IS}{c})\b")
+    for a, b, c, d in ((_NEAR, _SMALL, _FAR, _LARGE), (_NEAR, _LARGE, _FAR, _SMALL))
+)
+"""Sizes of heights that are near and far."""
+_FORMULA = re.compile(
+    r"\b(?:z|h|heights?|höhen?|y|dist\w*|ranges?|abstand)\s*=\s*(?:[\w.]+\s+)?-\s*\(?[^\W\d_]"
+    r"|=\s*[\w.]*[0-9]-[^\W\d_]"
+)
+"""Height as a difference, as in "z = z0 - value" or "z = -raw"."""
+_TURNED = re.compile(r"\b(?:invert|flip|mirror|revers|gespiegelt|umgekehrt)\w*")
+_OFF = re.compile(r"\b(?:no|not|none|off|false|0|nein|aus|non|never)\b")
+"""Values of a setting that is not used."""
+_SWITCHED_OFF = re.compile(r"[:=,;\t]\s*(?:no|off|false|0|nein|aus|non)\W*$")
 _QUALITY = re.compile(
     r"\b(?:accurac|precision|resolution|repeatab|noise|error|std|intensit|uncertaint|genauigkeit)"
 )
@@ -120,8 +138,10 @@ def _words(line: str) -> str:
 def _direction(line: str) -> int:
     """Return 1 if a line states that heights grow away from the sensor, -1 towards it, else 0."""
     text = _words(line)
-    if _HEIGHT.search(text) is None or _QUALITY.search(text):
+    if _SWITCHED_OFF.search(text) or _QUALITY.search(text):
         return 0
+    if by_size := bool(_SIZE_AWAY.search(text)) - bool(_SIZE_TOWARDS.search(text)):
+        return by_size
     if _IS_DISTANCE.search(text):
         return 1
     # What remains must name a height: "decreases with distance" does not.
@@ -138,8 +158,15 @@ def _direction(line: str) -> int:
 
 
 def _may_state_direction(line: str) -> bool:
-    """Return whether a line without numbers is about a height, its direction, and a place."""
+    """Return whether a line is about a height and its direction, a difference, or a reversal."""
     text = _words(line)
+    if _FORMULA.search(text) or re.search(rf"\b(?:zero|origin)\b.*\bat\s+{_SENSOR}", text):
+        return True
+    if _SWITCHED_OFF.search(text):
+        return _BARE_DIRECTION.search(text) is not None
+    if _TURNED.search(text) and not _OFF.search(text):
+        about_x = re.search(r"\b(?:x|y|lateral|colou?rs?|image)\b", text)
+        return bool(_HEIGHT.search(text)) or (about_x is None and len(text.split()) <= 3)
     is_distance = _TO_SENSOR.search(text) or re.search(r"\bz\s+(?:sign|direction)\W*-1\b", text)
     if is_distance and not re.search(r"[0-9]\s*(?:mm|cm|m)\b", text):
         return True

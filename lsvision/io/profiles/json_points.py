@@ -27,6 +27,7 @@ from lsvision.io.profiles.json_values import (
     is_scalar,
     lines_of_objects,
     lines_of_scalars,
+    lines_on_direction,
     lines_on_units,
     to_arrays,
     to_floats,
@@ -143,7 +144,7 @@ def _find_profiles(document: Any, settings: ReadSettings) -> RawProfiles | None:
         if profiles is None:
             return None
         lost = find_lost_values(lines_of_scalars(document))
-        profiles = add_direction(profiles, lines_on_units(document), settings)
+        profiles = add_direction(profiles, lines_on_direction(document), settings)
         profiles = replace(profiles, lost=profiles.lost + lost)
         is_format = is_laser_scan(document) or "type_id" in document  # numbers on the points
         return profiles if is_format else add_attributes(profiles, find_attributes(document))

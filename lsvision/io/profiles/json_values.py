@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Container, Iterable, Iterator, Mapping
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,8 @@ from lsvision.io.profiles.units import parse_unit
 
 _AXES_AND_UNITS = frozenset(["x", "z", "height", "heights", "range", "unit", "units"])
 """Words of a key that say what the entries below it are about."""
+_SMALL = re.compile(r"resol|accura|precis|noise|std|toler|pitch|spacing|step", re.IGNORECASE)
+"""Key of small lengths below it, which are no units: ``{"resolution": {"z": "10 um"}}``."""
 _MAX_AXES = 3
 """Largest number of items of a list that states something on each axis."""
 
@@ -128,6 +131,15 @@ def lines_on_units(document: Mapping[str, Any]) -> Iterator[str]:
             yield f"{key}: {value}"
 
 
+def lines_on_direction(document: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the lines of `lines_on_units`, and those of settings that are true or false."""
+    yield from lines_on_units(document)
+    below = [value.items() for value in document.values() if isinstance(value, Mapping)]
+    for key, value in chain(document.items(), *below):
+        if isinstance(value, bool):
+            yield f"{key}: {str(value).lower()}"
+
+
 def lines_of_objects(items: Iterable[Any]) -> Iterator[str]:
     """Yield the lines of `lines_on_units` of the items that are objects."""
     for item in items:
@@ -139,7 +151,7 @@ def _lines_below(key: str, document: Mapping[str, Any]) -> Iterator[str]:
     """Yield the lines of an object under a key; see `lines_on_units`."""
     for name, value in document.items():
         is_about_axis = not _AXES_AND_UNITS.isdisjoint(re.findall("[a-z]+", key.lower()))
-        is_alone = isinstance(value, str | list) and not is_about_axis
+        is_alone = isinstance(value, str | list) and not (is_about_axis or _SMALL.search(key))
         if "unit" in name.lower() and isinstance(value, str) and parse_unit(value) is None:
             is_alone = False  # "us" below "exposure"
         yield from lines_on_units({name if is_alone else f"{key} {name}": value})

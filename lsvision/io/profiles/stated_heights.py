@@ -25,6 +25,11 @@ _STATED_OFFSET = re.compile(
     rf"|\b(?:add|subtract)\s+({_NUMBER}).*\b(?:to|from)\s+{_AXIS}\b"
     rf"|\b{_AXIS}\b.*\brelative\s+to\s+({_NUMBER})"
 )
+# "resolution: 0.01" or "z resolution [um]; 10"; not "x resolution" or "resolution 640 x 480".
+_RESOLUTION = re.compile(
+    r"^(?!.*\b(?:x|y|lateral|pixels?|px|time|angle|angular)\b).*\bresolution\b\D*(?:0?[.,][0-9]+|[0-9.,]+\s*"
+    r"(?:[uµμ]m|mm))\W*$"
+)
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])|_")
 
 
@@ -60,8 +65,36 @@ def add_direction(
     profiles: RawProfiles, lines: Iterable[str], settings: ReadSettings
 ) -> RawProfiles:
     """Return the profiles with the direction that lines beside them state; see above."""
-    away, notes = resolve_direction(lines, settings, is_range=profiles.away)
+    known = tuple(lines)
+    away, notes = resolve_direction(known, settings, is_range=profiles.away)
+    notes += note_resolution(known, profiles.units, settings)
     return replace(profiles, away=away, notes=tuple(dict.fromkeys((*profiles.notes, *notes))))
+
+
+def note_resolution(
+    lines: Iterable[str], units: tuple[str | None, str | None], settings: ReadSettings
+) -> tuple[str, ...]:
+    """Return a note on a line that states a resolution, if nothing states the unit of heights.
+
+    It may be the length of a count, or a property of the sensor.
+
+    Examples
+    --------
+    >>> note_resolution(["resolution_mm: 0.01"], (None, None), ReadSettings())
+    ("the line 'resolution_mm: 0.01' may state the length of a count: state --units",)
+    """
+    if units[1] is not None or settings.units is not None or settings.count_unit is not None:
+        return ()
+    stated = next(filter(_states_resolution, islice(lines, MAX_MENTION_LINES)), None)
+    if stated is None:
+        return ()
+    return (f"the line {stated.strip()[:80]!r} may state the length of a count: state --units",)
+
+
+def _states_resolution(line: str) -> bool:
+    if len(line) > MAX_LINE_LENGTH:
+        return False
+    return _RESOLUTION.search(_CAMEL.sub(" ", line).lower()) is not None
 
 
 def _states_offset(line: str) -> bool:

@@ -30,6 +30,9 @@ _UNIT_KEYS = frozenset(
     "单位 單位 単位 단위".split()
 )
 """Words of a key whose value is a unit."""
+_UNIT_ENDS = ("unit", "units")
+_UNIT_REMARKS = frozenset("system measure measurement used name symbol".split())  # noqa: SIM905
+"""Words behind that of a unit in a key that is about it."""
 _SCALE_KEYS = frozenset(
     "scale scaling scalefactor factor multiplier lsb skalierung skalierungsfaktor faktor "  # noqa: SIM905
     "maßstab massstab umrechnungsfaktor échelle facteur escala scala fattore divisor teiler".split()
@@ -42,6 +45,8 @@ _OTHER_KEYS = frozenset(
     "color colour image plot display encoder camera safety zoom font window".split()
 )
 """Words of a key of a quantity that is not a length."""
+_STEP_WORDS = frozenset(["lsb", "digit", "digits"])
+"""Words for the step of a number, whatever the other words of its line are."""
 _LOST_KEYS = frozenset(
     "nodata invalid lost missing fill dropout novalue lostvalue fillvalue".split()  # noqa: SIM905
 )
@@ -154,6 +159,8 @@ _CONVERSION = re.compile(
     rf"|\b(?:units|multiples|increments|counts)\s+of\s+[0-9]"
     r"|\bmm[\])]?\s*=.*[*/·×]|=\s*\(?\s*(?:raw|counts?|digits?|values?|[xz])\w*\)?\s*[*/·×]"
     rf"|\bin\s+{_LENGTH}\s*[*/^·×]\s*[0-9(]|\bmm\s*(?:/|per)\s*(?:px|pixel)"
+    r"|\bquanti[sz]\w*\b.*[0-9]|\bquantum\b.*[0-9]|\bexponent\b"
+    rf"|\b(?:z|x|heights?)\s*=\s*[^=]*(?:[a-z]\w*\)?\s*[*·×]|[*·×]\s*\(?\s*[a-z])"
     r"|\b(?:pixel|image)\s+coordinates\b|\bin\s+pixels?\b|\buncalibrated\b"
     r"|\b(?:scale|scaling|multiplier|(?:conversion|unit|calibration)\s+factor|\w*faktor"
     r"|skalierung|ma(?:ß|ss)stab)(?:\s+factor)?(?:\s+[xz])?\s+(?!1(?:[.,]0*)?(?:\s*:\s*1)?$)[0-9.]"
@@ -208,7 +215,7 @@ def _mentions_unit(line: str) -> bool:
     """Return whether a line mentions a unit or a conversion, and is about lengths."""
     text = line.lower()
     words = set(_KEY_WORDS.findall(text))
-    if words & _OTHER_KEYS and not words & _LENGTH_WORDS:
+    if words & _OTHER_KEYS and not words & (_LENGTH_WORDS | _STEP_WORDS):
         return False
     if _BARE_UNIT.search(text) or _FRACTION.search(text):
         return True
@@ -265,7 +272,7 @@ def _parse_key_value(key: str, value: str, line: str) -> Iterator[UnitStatement]
     """Yield the statements of a key and its value: a unit, that of a count or an axis, a scale."""
     words = _split_key(key)
     axis, is_length = _axis(words), not words & _OTHER_KEYS
-    if words & _UNIT_KEYS and is_length:
+    if words & _UNIT_KEYS and is_length and _names_unit(key):
         yield from _parse_unit_value(value, line, axis)
     elif (unit := _parse_count_unit(key, value, words)) is not None:
         yield UnitStatement(StatedUnit(line, unit), axis)
@@ -304,6 +311,14 @@ def _split_key(key: str) -> set[str]:
                 words |= {ending, word.removesuffix(ending)}
                 break
     return words
+
+
+def _names_unit(key: str) -> bool:
+    """Return whether a key is about a unit, as ``z unit`` and ``unit of x``, not ``unit cell``."""
+    words = [word.lower() for word in _KEY_WORDS.findall(key)]
+    units = [k for k, word in enumerate(words) if word in _UNIT_KEYS or word.endswith(_UNIT_ENDS)]
+    behind = set(words[units[-1] + 1 :]) if units else set()
+    return behind <= _FILLERS | _UNIT_REMARKS | set(_AXES)
 
 
 def _axis(words: set[str]) -> str | None:

@@ -41,6 +41,12 @@ def read(write, line, name="a.csv", **options):
         "# z denotes the range from the scanner",
         "# z positif vers le bas",
         "Z direction;away from sensor",
+        "# near is small, far is large",
+        "# small values are near the sensor",
+        "# close = low, far = high",
+        "# large z = far",
+        "# higher values are further away",
+        "# kleine Werte nah, große Werte fern",
     ],
 )
 def test_a_direction_in_other_words_turns_the_heights(write, line):
@@ -73,6 +79,12 @@ def test_a_remark_behind_the_name_turns_the_heights(write, label):
         "# z axis noise increases with distance",
         "# sensor mounted upside down",
         "# distance to the sensor 170 mm",
+        "# near is large, far is small",
+        "# large part, near edge",
+        "# invert_z = 0",
+        "# mirror x: true",
+        "# z = height above table",
+        "# range x: -20 - 20",
     ],
 )
 def test_other_statements_do_not(write, line):
@@ -89,6 +101,13 @@ def test_other_statements_do_not(write, line):
         "# distance to sensor decreases with z",
         "# second column: distance to sensor",
         "# z_sign: -1",
+        "# invert z: true",
+        "# Z invertiert",
+        "# z = Z0 - value",
+        "# height = 400-z",
+        "# z = -raw",
+        "# zero at sensor",
+        "# z up: no",
     ],
 )
 def test_a_direction_that_is_not_understood_is_noted(write, line):
@@ -111,6 +130,7 @@ def test_opposite_directions_are_rejected(write):
         {"note": "z axis points away from the sensor"},
         {"meta": {"zDirection": "down"}},
         {"axes": {"z": {"direction": "away from sensor"}}},
+        {"z_down": True},
     ],
 )
 def test_json_and_yaml_state_directions(write, entries):
@@ -121,6 +141,36 @@ def test_json_and_yaml_state_directions(write, entries):
     assert inspect_profiles(write(json.dumps([json.loads(document)] * 2), "a.json")).flipped
     comment = f"# z increases with distance\nx: {x}\nz: {z}\n"
     assert inspect_profiles(write(comment, "a.yaml")).flipped
+
+
+@pytest.mark.parametrize(
+    "entries",
+    [{"invert_z": True}, {"settings": {"flipZ": True}}, {"reversed": True}, {"z_up": False}],
+)
+def test_a_setting_in_json_that_may_turn_the_heights_is_noted(write, entries):
+    x, z = PIPE.round(4).T.tolist()
+    (note,) = inspect_profiles(write(json.dumps({**entries, "x": x, "z": z}), "a.json")).notes
+    assert "may state the direction of heights: state --flip or --no-flip" in note
+    off = {"invert_z": False, "mirror_x": True, "valid": True, "x": x, "z": z}
+    assert not inspect_profiles(write(json.dumps(off), "a.json")).notes
+
+
+@pytest.mark.parametrize(
+    "entries", [{"resolution_mm": 0.01}, {"z_resolution": 0.01}, {"resolution": {"z": "10 um"}}]
+)
+def test_a_resolution_without_a_unit_of_the_heights_is_noted(write, entries):
+    x, z = PIPE.round(4).T.tolist()
+    document = {**entries, "x": x, "z": z}
+    path = write(json.dumps(document), "a.json")
+    (note,) = inspect_profiles(path).notes
+    assert "resolution" in note
+    assert "may state the length of a count: state --units" in note
+    assert not inspect_profiles(path, units="mm").notes
+    assert not inspect_profiles(write(json.dumps({"unit": "mm", **document}), "a.json")).notes
+    (note,) = read(write, "# resolution: 0.01 mm").notes
+    assert "may state the length of a count" in note
+    for line in ("# x resolution: 0.1 mm", "# resolution: 640 x 480", "# resolution 1280"):
+        assert not read(write, line).notes
 
 
 @pytest.mark.parametrize(

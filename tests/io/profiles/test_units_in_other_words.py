@@ -45,6 +45,9 @@ def rows(unit, separator=","):
         ("# counts_per_mm = 100\nx,z\n", "0.01 mm", ","),
         ("# Scale [mm]: 0.01\nx,z\n", "0.01 mm", ","),
         ("# lsb_um = 10\nx,z\n", "10 um", ","),
+        ("# unit of measure: um\nx,z\n", "um", ","),
+        ("# units used: um\nx,z\n", "um", ","),
+        ("# output unit: 0.1mm\nx,z\n", "0.1 mm", ","),
     ],
 )
 def test_units_in_further_forms_are_read(write, head, unit, separator):
@@ -86,6 +89,13 @@ def test_units_in_further_forms_are_read(write, head, unit, separator):
         "# data in m*1e-6",
         "# Skalierung 0,01",
         "# conversion factor 0.01",
+        "# LSB weight 10 um",
+        "# weight of one LSB is 10 um",
+        "# quantization 0.01 mm",
+        "# quantum 10um",
+        "# exponent: -3",
+        "# Z = 0.01 * n",
+        "# z = a*value + b, a = 0.01, b = 0",
     ],
 )
 def test_a_unit_in_other_words_is_rejected_with_the_line(write, line):
@@ -123,6 +133,11 @@ def test_a_unit_in_other_words_is_rejected_with_the_line(write, line):
         "# z = 20 mm",
         "# z = 20 mm / 3",
         "# range: 100 mm",
+        "# unit cell 3, values ok",
+        "# unit cell: 3",
+        "# unit under test: 4711",
+        "# unit test: passed",
+        "# near field optics",
     ],
 )
 def test_lines_about_other_things_are_none(write, line):
