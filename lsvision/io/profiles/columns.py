@@ -72,10 +72,7 @@ def profiles_from_table(table: NumberTable, settings: ReadSettings) -> RawProfil
     reject_rounded_keys(table)
     choice = _choose_columns(table, settings)
     _check_numbers(table, choice)
-    points = table.values
-    if choice.coordinates != tuple(range(points.shape[1])):  # a copy takes time for 10^6 points
-        points = points[:, choice.coordinates]
-    rows, positions, position_unit = [np.arange(len(points))], None, None
+    rows, positions, position_unit = [np.arange(len(table.values))], None, None
     if choice.key is not None:
         rows, positions = separate_profiles(
             table, choice.key, choice.coordinates, is_travel=choice.travel
@@ -84,7 +81,7 @@ def profiles_from_table(table: NumberTable, settings: ReadSettings) -> RawProfil
         position_unit, note = _travel_unit(table, choice.key)
         if note:
             positions, choice = None, replace(choice, notes=(*choice.notes, note))
-    points, validity_notes = lose_invalid_points(table, points, rows)
+    points, validity_notes = lose_invalid_points(table, choice.coordinates, rows)
     sections = [points] if len(rows) == 1 else [points[r] for r in rows]
     if settings.columns is None:
         reject_pose_names(table, sections, rows)

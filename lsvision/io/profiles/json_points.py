@@ -169,10 +169,12 @@ def _from_object(document: Mapping[str, Any], settings: ReadSettings) -> RawProf
     names = [split_label(key)[0] for key in columns]
     if names_section(names):
         return _from_columns(document, columns, settings, statements)
-    if settings.dx is not None and [column_role(name) for name in names] in (["height"], ["range"]):
-        ((key, values),) = columns.items()
-        rows = np.atleast_2d(to_floats(values))
-        return profiles_from_matrix(NumberTable.of_heights(rows, key, statements), settings)
+    lengths = {name: key for name, key in zip(names, columns, strict=True) if is_coordinate(name)}
+    if settings.dx is not None and len(lengths) == 1 and "x" not in map(column_role, lengths):
+        (key,) = lengths.values()
+        rows = np.atleast_2d(to_floats(columns[key]))
+        heights = profiles_from_matrix(NumberTable.of_heights(rows, key, statements), settings)
+        return replace(heights, ignored=tuple(column for column in columns if column != key))
     table = _named_rows(document, statements) or _opencv_matrix(document, statements)
     if table is not None:
         return profiles_from_table(table, settings)

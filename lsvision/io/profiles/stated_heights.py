@@ -30,6 +30,7 @@ _RESOLUTION = re.compile(
     r"^(?!.*\b(?:x|y|lateral|pixels?|px|time|angle|angular)\b).*\bresolution\b\D*(?:0?[.,][0-9]+|[0-9.,]+\s*"
     r"(?:[uµμ]m|mm))\W*$"
 )
+_ABOUT_X = re.compile(r"\b(?:x|lateral)\b")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])|_")
 
 
@@ -55,6 +56,7 @@ def resolve_direction(
     offsets = tuple(
         f"the line {line.strip()[:80]!r} states an offset, which is not added to the points"
         for line in islice(filter(_states_offset, known), 1)
+        if settings.x0 is None or _ABOUT_X.search(_CAMEL.sub(" ", line).lower()) is None
     )
     if is_range or settings.flip is not None:
         return is_range, offsets

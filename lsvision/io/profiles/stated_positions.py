@@ -15,7 +15,7 @@ from lsvision.io.profiles.unit_statements import (
 )
 from lsvision.io.profiles.units import mm_per_unit, parse_unit
 
-_STEP = r"(?:step(?:\s?size)?|pitch|spacing|increment|inc|delta)"
+_STEP = r"(?:step(?:\s?size)?|pitch|spacing|increment|inc|delta|res(?:olution)?)"
 _START = r"(?:start|first|begin|min|origin|offset|0)"
 _VALUE = (
     r"\s*(?:[\[(]\s*(?P<key_unit>[^\W\d_]+)\s*[\])]\s*)?(?:[:=,;\t]|\bis\b|\s)\s*"
@@ -25,7 +25,7 @@ _VALUE = (
 # "dx = 0.1 mm", "XPitch;0.1" or "step x: 0.1".
 _DX = re.compile(rf"(?<!\w)(?:dx|(?:x|lateral|point)[ .-]?{_STEP}|{_STEP} x){_VALUE}")
 # "x0 = -3", "x start: -3" or "XStart;-3".
-_X0 = re.compile(rf"(?<!\w)(?:x[ .-]?{_START}|{_START} x){_VALUE}")
+_X0 = re.compile(rf"(?<!\w)(?:(?:x|lateral)[ .-]?{_START}|{_START} x){_VALUE}")
 _CAMEL = re.compile(r"(?<=[a-zA-Z])(?=[A-Z][a-z])|_")
 
 

@@ -27,6 +27,8 @@ lost, or that may mark lost points, in a code that differs between sensors."""
 _TRUE = frozenset(["true", "t", "yes", "y", "ja", "j", "oui", "si", "wahr", "vrai", "1"])
 _FALSE = frozenset(["false", "f", "no", "n", "nein", "non", "falsch", "faux", "0"])
 """Words of a flag that is true, and of one that is false."""
+_REMEDY = "if it marks lost points, write a column valid of 1 and 0, or nan as their height"
+"""What to do with a column of flags that is not used."""
 _GOOD = frozenset(["ok", "okay", "valid", "good", "pass", "passed", "gut", "gultig", "io"])
 _BAD = frozenset(
     "nok notok ng invalid bad fail failed error err lost missing dropout nodata schlecht "  # noqa: SIM905
@@ -36,15 +38,20 @@ _BAD = frozenset(
 
 
 def lose_invalid_points(
-    table: NumberTable, points: FloatArray, rows: Sequence[IntArray]
+    table: NumberTable, coordinates: Sequence[int], rows: Sequence[IntArray]
 ) -> tuple[FloatArray, tuple[str, ...]]:
     """Return the points, (n, k), NaN where a column of the table says that they are not valid.
 
     And notes: on that, or on a column of flags whose meaning is not known, so that it is not used.
-    `rows` are those of each profile: a status with one value in each is no statement on points.
+    `coordinates` are the k columns of the points, `rows` those of each profile: a status with one
+    value in each is no statement on points.
     """
-    notes: list[str] = []
+    points, notes = table.values, list[str]()
+    if tuple(coordinates) != tuple(range(points.shape[1])):  # a copy takes time for 10^6 points
+        points = points[:, coordinates]
     for column, name in enumerate(table.names):
+        if column in coordinates:
+            continue
         kind, may_be_verdict = _kind(name)
         if not kind and not has_known_role(name) and _has_two_values(table, column):
             kind, may_be_verdict = "flag", True
@@ -53,10 +60,7 @@ def lose_invalid_points(
         valid = _validity(table, column, kind)
         if valid is None:
             if kind == "flag" or _may_be_code(table, column):
-                notes.append(
-                    f"{name} varies and is not used: if it marks lost points, write nan as their "
-                    "height"
-                )
+                notes.append(f"{name} varies and is not used: {_REMEDY}")
         elif not valid.all():
             points = np.where(valid[:, np.newaxis], points, np.nan)
             shown = _describe_cells(table, column, ~valid)
@@ -88,14 +92,10 @@ def note_unused_flags(labels: Iterable[str]) -> tuple[str, ...]:
 
     Examples
     --------
-    >>> note_unused_flags(["valid_indices", "roi"])
-    ('valid_indices is not used: if it marks lost points, write nan as their height',)
+    >>> [note[:37] for note in note_unused_flags(["valid_indices", "roi"])]
+    ['valid_indices is not used: if it marks']
     """
-    return tuple(
-        f"{label} is not used: if it marks lost points, write nan as their height"
-        for label in labels
-        if _kind(label)[0]
-    )
+    return tuple(f"{label} is not used: {_REMEDY}" for label in labels if _kind(label)[0])
 
 
 def _validity(table: NumberTable, column: int, kind: str) -> BoolArray | None:
@@ -126,11 +126,12 @@ def _describe_cells(table: NumberTable, column: int, rows: BoolArray) -> str:
 
 
 def _has_two_values(table: NumberTable, column: int) -> bool:
-    """Return whether a column of any name holds 0 and 1, or words such as yes and no, alone."""
+    """Return whether a column of any name holds 0 and one other number, or yes and no, alone."""
     texts = table.texts.get(column)
     if texts is not None:
         return len(set(texts)) == 2 and {text.lower() for text in texts} <= _TRUE | _FALSE
-    return np.array_equal(np.unique(table.values[:, column]), [0.0, 1.0])
+    values = np.unique(table.values[:, column])
+    return len(values) == 2 and 0.0 in values
 
 
 def _may_be_code(table: NumberTable, column: int) -> bool:

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from lsvision.errors import UnreadableFile
 from lsvision.io.profiles import inspect_profiles
 
 TURN = np.linspace(2.7, 0.45, 60)
@@ -82,3 +83,15 @@ def test_positions_of_some_profiles_are_noted(write):
     file = read(write, [travelled, PIPE.tolist()])
     assert file.positions is None
     assert "positions along the travel left out: 1 of 3 profiles have none" in file.notes
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0)])
+def test_profiles_without_a_unit_have_that_of_the_others(write, order):
+    um = {"x": [1000 * x for x in X], "z": [1000 * z for z in Z]}
+    items = [{"unit": "um", **um}, um, um]
+    file = read(write, [items[k] for k in order])
+    assert file.units == "um"
+    assert all(np.allclose(profile.points, PIPE) for profile in file.profiles)
+    assert "2 of 3 profiles state no unit: taken as um" in file.notes
+    with pytest.raises(UnreadableFile, match="differ in their units"):
+        read(write, [*items, {"unit": "mm", **POINTS}])

@@ -18,6 +18,7 @@ NOTE = "x of the heights by x0 = -3 mm and dx = 0.1 mm in the file"
 
 def check(file):
     assert NOTE in file.notes
+    assert not any("offset" in note for note in file.notes)
     np.testing.assert_allclose(file.profiles[0].points, np.column_stack([X, Z]), atol=1e-4)
 
 
@@ -30,6 +31,8 @@ def check(file):
         "XStart;-3\nXPitch;0.1\n",
         "# X offset [um]: -3000\n# lateral spacing [um]: 100\n",
         "# unit: mm\n# start x = -3, step x = 0.1\n",
+        "# x resolution: 0.1 mm\n# x start: -3\n",
+        "Lateral resolution [mm];0.1\nLateral offset [mm];-3\n",
     ],
 )
 @pytest.mark.parametrize("body", [f"z\n{COLUMN}", COLUMN, ROW, f"index,z\n{NUMBERED}"])
@@ -44,6 +47,8 @@ def test_start_and_step_in_a_text_are_used(write, lines, body):
         {"x_start": -3, "x_step": 0.1, "heights": Z.tolist()},
         {"x": {"start": -3, "step": 0.1}, "z": Z.tolist()},
         {"meta": {"x0": -3, "xPitch": 0.1}, "profile": Z.tolist()},
+        {"x0": -3, "dx": 0.1, "z [mm]": Z.tolist(), "index": list(range(60))},
+        {"x0": -3, "x_resolution": 0.1, "z": Z.tolist(), "intensity": [5] * 60},
     ],
 )
 def test_start_and_step_in_json_are_used(write, entries):
@@ -57,7 +62,6 @@ def test_start_and_step_in_json_are_used(write, entries):
         "# x0 = -3\n",
         "# dx = 0.1\n# dx = 0.2\n",
         "# unit: um\n# x0=-3, dx=0.1\n",
-        "# x resolution: 0.1 mm\n",
     ],
 )
 def test_others_are_rejected_as_before(write, lines):

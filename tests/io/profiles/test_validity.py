@@ -78,12 +78,15 @@ def test_a_validity_in_other_words_is_noted(tmp_path, good, bad):
     assert any("valid varies and is not used" in note for note in file.notes)
 
 
-@pytest.mark.parametrize(("good", "bad"), [(1, 0), (0, 1), ("yes", "no"), ("True", "False")])
+@pytest.mark.parametrize(
+    ("good", "bad"), [(1, 0), (0, 1), (0, 5), ("yes", "no"), ("True", "False")]
+)
 def test_a_column_of_two_values_of_any_name_is_noted(tmp_path, good, bad):
     cells = [good if valid else bad for valid in VALID]
     file = inspect_profiles(write_csv(tmp_path / "flags.csv", "detected", cells))
     assert file.notes == (
-        "detected varies and is not used: if it marks lost points, write nan as their height",
+        "detected varies and is not used: if it marks lost points, write a column valid of 1 and "
+        "0, or nan as their height",
     )
 
 
