@@ -25,6 +25,8 @@ HEIGHT_ROLES = ("height", "range", "y")
 # A name such as "x_pos" or "position y" is one of these words and an axis.
 _AXIS_WORD = rf"(?:{'|'.join(sorted(AXIS_WORDS))})"
 _AXIS_NAME = re.compile(rf"([xyz])[ _-]?{_AXIS_WORD}|{_AXIS_WORD}\.?[ _-]?([xyz])")
+# A height that grows away from the sensor, such as "-z" or "y_down".
+_TURNED = re.compile(r"-\s*(?:z|y|height)|(?:z|y|height)[ _-]?(?:down|away|inverted|neg(?:ative)?)")
 # Words beside that of a range, in a name such as "z distance" or "distance to the sensor".
 _RANGE_REMARKS = frozenset(
     "z measured measuring measurement working target object surface sensor laser value wert "  # noqa: SIM905
@@ -50,6 +52,8 @@ def column_role(name: str) -> str:
     ('x', 'scan', 'scan')
     >>> column_role("posición x"), column_role("distance to the sensor"), column_role("高度")
     ('x', 'range', 'height')
+    >>> column_role("-z"), column_role("y_down")
+    ('range', 'range')
     """
     folded = fold_accents(name)
     if folded in _ROLES:
@@ -57,7 +61,8 @@ def column_role(name: str) -> str:
     if is_encoder(name):
         return "y"
     words = [word for word in re.findall(r"[^\W_]+", folded) if word not in _RANGE_REMARKS]
-    if words and all(_ROLES.get(word) == "range" for word in words):
+    are_ranges = words and all(_ROLES.get(word) == "range" for word in words)
+    if are_ranges or _TURNED.fullmatch(folded):
         return "range"
     if axis := _AXIS_NAME.fullmatch(folded):
         return _ROLES[axis[1] or axis[2]]

@@ -27,6 +27,10 @@ _VALUE_WITH_UNIT = re.compile(r"\]\s*[:=,;\t]?\s*[-+]?[0-9.,]+(?:e[-+]?[0-9]+)?\
 _INNER_BLANK = "\x00"
 """Replaces a blank inside brackets while labels are split."""
 _COMMENT = re.compile(r"^[\s#%/!]+")
+# A line about one column, such as "column 1: x [mm]" or "2) z [um]".
+_LISTED = re.compile(
+    r"(?:col\w*|spalte|field|channel|kanal)?\W{0,2}([0-9]{1,3})\s*[:.)=-]\s*(\S.*)", re.IGNORECASE
+)
 # A line of dashes below the names, such as |:---|---:| of Markdown.
 _RULE = re.compile(r"[-:=|+\s]+")
 
@@ -52,6 +56,9 @@ def read_header(preamble: Sequence[str], separator: str | None, width: int) -> H
     above the numbers or the units, unless the row above it names coordinates: it may hold units.
     A unit in a row of units has priority over one in a label.
     """
+    listed = _listed_labels(preamble, width)
+    if listed is not None:
+        return listed
     names: list[str] = []
     units: list[StatedUnit | None] = []
     label_units: list[StatedUnit | None] = []
@@ -69,7 +76,10 @@ def read_header(preamble: Sequence[str], separator: str | None, width: int) -> H
             units = unit_row
         elif labels is None and not states_unit(line):
             name_count = name_count or _count_names(text)
-            label_units = label_units or _bracketed_units(text, width)
+            bracketed = _bracketed_units(text, width)
+            if label_units and bracketed and not names and bracketed[0] != label_units[0]:
+                label_units = [StatedUnit(text, None)] * width  # of which column is not known
+            label_units = label_units or bracketed
         elif labels is not None and not names and not _is_not_header(line, text, labels, separator):
             parsed = [split_label(label) for label in labels]
             if _has_known_roles(parsed):
@@ -85,6 +95,19 @@ def read_header(preamble: Sequence[str], separator: str | None, width: int) -> H
         tuple(unit or label_unit for unit, label_unit in pairs),
         0 if names else name_count,
     )
+
+
+def _listed_labels(preamble: Sequence[str], width: int) -> Header | None:
+    """Return the header of lines that number the columns, one each, and name coordinates."""
+    matches = [_LISTED.fullmatch(_COMMENT.sub("", line).strip()) for line in preamble]
+    lines = [match for match in matches if match is not None]
+    numbers = [int(match[1]) for match in lines]
+    if not numbers or numbers not in (list(range(width)), list(range(1, width + 1))):
+        return None
+    parsed = [split_label(match[2]) for match in lines]
+    if not _has_known_roles(parsed):
+        return None
+    return Header(tuple(name for name, _ in parsed), tuple(unit for _, unit in parsed))
 
 
 def _has_known_roles(parsed: Sequence[tuple[str, StatedUnit | None]]) -> bool:

@@ -201,7 +201,7 @@ def _from_brackets(
 
     The unit is None for empty brackets, ``-`` or ``1``, and a remark such as ``(left)``.
     """
-    name = before.strip(" _:-/,") or after.strip(" _:-/,")
+    name = _strip_marks(before) or _strip_marks(after)
     if not inside or inside in ("-", "1"):
         return name, None
     inside = re.sub(r"^in\s+(?=\S)", "", inside)  # "(in um)" states um; "(in)" alone is an inch
@@ -213,6 +213,12 @@ def _from_brackets(
     if stated.unit is None and bracket == "(" and (len(words) > 2 or set(words) <= _REMARKS):
         return name, None
     return name, stated
+
+
+def _strip_marks(name: str) -> str:
+    """Return a name without the marks around it, but with the minus sign of ``-z``."""
+    bare = name.strip(" _:-/,")
+    return f"-{bare}" if re.match(r"[ _:/,]*-[^\W\d_]", name) else bare
 
 
 def _parse_scale(match: re.Match[str]) -> float:

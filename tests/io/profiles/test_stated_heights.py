@@ -58,7 +58,17 @@ def test_a_direction_in_other_words_turns_the_heights(write, line):
 
 
 @pytest.mark.parametrize(
-    "label", ["z (distance from sensor)", "z (away from sensor)", "z [mm] (distance)", "z(range)"]
+    "label",
+    [
+        "z (distance from sensor)",
+        "z (away from sensor)",
+        "z [mm] (distance)",
+        "z(range)",
+        "-z",
+        "-z [mm]",
+        "y_down",
+        "z_neg",
+    ],
 )
 def test_a_remark_behind_the_name_turns_the_heights(write, label):
     assert inspect_profiles(write(f"x,{label}\n{ROWS}")).flipped

@@ -147,6 +147,21 @@ def test_lines_about_other_things_are_none(write, line):
     npt.assert_allclose(file.profiles[0].points, PIPE, atol=ROUNDING_MM)
 
 
+@pytest.mark.parametrize(
+    "head", ["# col 1: x [mm]\n# col 2: z [um]\n", "Export 3\n0) x (mm)\n1) z (um)\n"]
+)
+def test_columns_that_are_listed_one_per_line_have_their_units(write, head):
+    file = inspect_profiles(write(head + "".join(f"{x:.4f},{1000 * z:.4f}\n" for x, z in PIPE)))
+    assert file.units == "mm, um"
+    npt.assert_allclose(file.profiles[0].points, PIPE, atol=ROUNDING_MM)
+
+
+def test_two_units_above_columns_without_names_are_rejected(write):
+    path = write(f"# lateral [mm]\n# vertical [um]\n{rows('um')}")
+    with pytest.raises(UnreadableFile, match="is stated in it and not understood"):
+        inspect_profiles(path)
+
+
 @pytest.mark.parametrize("line", ["# stand-off [m]: 0.4", "Pitch [m];0.05", "# depth [m] = 1e-1"])
 def test_the_unit_of_a_number_is_not_that_of_the_points(write, line):
     points = "".join(f"{x:.4f};{z:.4f}\n" for x, z in PIPE)
