@@ -26,7 +26,7 @@ HEIGHT_ROLES = ("height", "range", "y")
 _AXIS_WORD = rf"(?:{'|'.join(sorted(AXIS_WORDS))})"
 _AXIS_NAME = re.compile(rf"([xyz])[ _-]?{_AXIS_WORD}|{_AXIS_WORD}\.?[ _-]?([xyz])")
 # A height that grows away from the sensor, such as "-z" or "y_down".
-_TURNED = re.compile(r"-\s*(?:z|y|height)|(?:z|y|height)[ _-]?(?:down|away|inverted|neg(?:ative)?)")
+_TURNED = re.compile(r"-\s*(?:z|y|height)|(?:z|y|height)[ _-]?(?:down|away|inverted|neg|negative)")
 # Words beside that of a range, in a name such as "z distance" or "distance to the sensor".
 _RANGE_REMARKS = frozenset(
     "z measured measuring measurement working target object surface sensor laser value wert "  # noqa: SIM905

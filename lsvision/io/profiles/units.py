@@ -190,7 +190,7 @@ def split_label(label: str) -> tuple[str, StatedUnit | None]:
     if suffixed:
         name, mark, suffix = suffixed.groups()
         if parse_unit(suffix) is not None or suffix in NOT_LENGTHS or "/" in mark:
-            return name.strip(" _:-/,"), state_unit(suffix)
+            return _strip_marks(name), state_unit(suffix)
     return word, None
 
 

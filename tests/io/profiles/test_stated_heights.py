@@ -66,6 +66,7 @@ def test_a_direction_in_other_words_turns_the_heights(write, line):
         "z(range)",
         "-z",
         "-z [mm]",
+        "-z_mm",
         "y_down",
         "z_neg",
     ],
