@@ -18,6 +18,7 @@ from lsvision.io.profiles.profile_keys import (
     find_profile_attributes,
     find_scan_key,
     is_profile_key,
+    note_keys,
     note_rounded_attributes,
     numbers_points,
     reject_rounded_keys,
@@ -93,6 +94,7 @@ def profiles_from_table(table: NumberTable, settings: ReadSettings) -> RawProfil
     units = _resolve_all_units(table, choice, settings)
     notes = table.notes + choice.notes + validity_notes + height_notes
     notes += note_resolution(lines, units, settings)
+    notes += note_keys(table, choice.key, is_travel=choice.travel)
     return RawProfiles(
         sections=sections,
         units=units,

@@ -4,9 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lsvision.geometry import FloatArray
-from lsvision.io.profiles.profile_keys import MIN_POINTS_PER_PROFILE
+from lsvision.geometry import FloatArray, IntArray
 
+MIN_POINTS_PER_PROFILE = 5
+"""Smallest mean number of points of the profiles of a key: fewer do not determine an ellipse."""
 _MIN_SWEEP_FRACTION = 0.8
 """Smallest fraction of the width that a profile measured back and forth has in each direction."""
 _MIN_SWEEPS = 3
@@ -28,7 +29,7 @@ def note_order(sections: Sequence[FloatArray]) -> tuple[str, ...]:
         typical = np.median(np.abs(steps))
     if not ((steps > 0).any() and (steps < 0).any()):
         return ()
-    restarts = _count_restarts(steps, span, len(x))
+    restarts = len(find_restarts(x))
     if restarts:
         return (
             f"x starts again {restarts} times: if these are several profiles, add a column of "
@@ -43,14 +44,21 @@ def note_order(sections: Sequence[FloatArray]) -> tuple[str, ...]:
     )
 
 
-def _count_restarts(steps: FloatArray, span: float, count: int) -> int:
-    """Return how often x jumps back by half its range, at least some points apart; else 0."""
+def find_restarts(x: FloatArray) -> IntArray:
+    """Return the indices at which x, without NaN, has jumped back by half its range.
+
+    None if two of them are less than `MIN_POINTS_PER_PROFILE` points apart.
+    """
+    if len(x) <= 2 * MIN_POINTS_PER_PROFILE:
+        return np.array([], dtype=np.intp)
+    with np.errstate(over="ignore", invalid="ignore"):
+        steps, span = np.diff(x), np.ptp(x)
     rising, falling = np.count_nonzero(steps > 0), np.count_nonzero(steps < 0)
     jumps = steps < -0.5 * span if rising >= falling else steps > 0.5 * span
-    restarts = np.flatnonzero(jumps)
-    if len(restarts) == 0 or np.diff([-1, *restarts, count - 1]).min() < MIN_POINTS_PER_PROFILE:
-        return 0
-    return len(restarts)
+    restarts = np.flatnonzero(jumps) + 1
+    if np.diff([0, *restarts, len(x)]).min() < MIN_POINTS_PER_PROFILE:
+        return restarts[:0]
+    return restarts
 
 
 def _count_sweeps(x: FloatArray, span: float) -> int:

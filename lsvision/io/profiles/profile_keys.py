@@ -15,12 +15,11 @@ from lsvision.io.profiles.column_roles import (
     is_part_name,
 )
 from lsvision.io.profiles.number_table import NumberTable
+from lsvision.io.profiles.point_order import MIN_POINTS_PER_PROFILE, find_restarts
 from lsvision.io.profiles.spelled_cells import MAX_EXACT_NUMBER
 
 _TIME_NAMES = frozenset(["t", "time", "timestamp", "zeit", "temps", "tiempo", "tempo", "время"])
 """Names of columns of times, which are no x."""
-MIN_POINTS_PER_PROFILE = 5
-"""Smallest mean number of points of the profiles of a key: fewer do not determine an ellipse."""
 
 
 def reject_rounded_keys(table: NumberTable) -> None:
@@ -80,7 +79,8 @@ def find_scan_key(table: NumberTable, coordinates: Sequence[int]) -> int | None:
 def find_key(table: NumberTable, coordinates: Sequence[int]) -> int | None:
     """Return the column of the profile's number, or else that of parts, sensors or runs.
 
-    The latter must have one run of points for each value.
+    The latter must have one run of points for each value; a column of another name, too, and a
+    run must begin where x starts again.
     """
     scan = find_scan_key(table, coordinates)
     if scan is not None:
@@ -90,7 +90,41 @@ def find_key(table: NumberTable, coordinates: Sequence[int]) -> int | None:
             codes = _without_gaps(table, column, coordinates)
             if len(np.unique(codes)) > 1 and is_profile_key(codes):
                 return column
+    return _find_key_by_restarts(table, coordinates)
+
+
+def _find_key_by_restarts(table: NumberTable, coordinates: Sequence[int]) -> int | None:
+    """Return the first column of any name that changes exactly where x starts again; else None."""
+    x = table.values[:, coordinates[0]]
+    rows = np.flatnonzero(np.isfinite(x))
+    restarts = rows[find_restarts(x[rows])]
+    for column, name in enumerate(table.names) if len(restarts) else ():
+        if column in coordinates or not name or has_known_role(name):
+            continue
+        codes = _fill_gaps(_codes(table, column))
+        starts = np.searchsorted(rows, np.flatnonzero(np.diff(codes)) + 1)
+        if np.array_equal(rows[starts[starts < len(rows)]], restarts) and is_profile_key(codes):
+            return column
     return None
+
+
+def note_keys(table: NumberTable, key: int | None, *, is_travel: bool) -> tuple[str, ...]:
+    """Return a note if a column of another name separates profiles, or one of parts does not."""
+    if key is not None:
+        label = table.label(key)
+        is_known = is_travel or has_known_role(label) or is_part_name(label)
+        return () if is_known else (f"{label} changes where x starts again: it separates profiles",)
+    mixed = [c for c, name in enumerate(table.names) if is_part_name(name) and _varies(table, c)]
+    return tuple(
+        f"{table.label(column)} has several values and separates no profiles: sort the points by "
+        "it, and number the profiles in a column scan"
+        for column in mixed
+    )
+
+
+def _varies(table: NumberTable, column: int) -> bool:
+    codes = _codes(table, column)
+    return len(np.unique(codes[np.isfinite(codes)])) > 1
 
 
 def is_profile_key(column: FloatArray) -> bool:
@@ -220,7 +254,8 @@ def find_profile_attributes(
     by_profile: list[dict[str, float | str]] = [{} for _ in rows]
     ignored = []
     for column in other_columns:
-        values = [_common_value(table, column, r) for r in rows] if table.names else []
+        stated = _rows_that_state_ids(table, column) if table.names else None
+        values = [] if stated is None else [_common_value(table, column, stated[r]) for r in rows]
         has_values = any(value is not None for value in values)
         if (
             has_values
@@ -234,6 +269,20 @@ def find_profile_attributes(
             ignored.append(table.label(column))
     has_attributes = any(by_profile)
     return tuple(by_profile) if has_attributes else (), tuple(ignored)
+
+
+def _rows_that_state_ids(table: NumberTable, column: int) -> IntArray:
+    """Return for each row the one whose cell counts: the row itself, or that of an id above it.
+
+    The latter where ids are in the first rows of parts only.
+    """
+    rows = np.arange(len(table.values))
+    if not identifies_profiles(table.names[column]):
+        return rows
+    known = np.isfinite(_codes(table, column))
+    if known.all() or np.any(known[1:] & known[:-1]):
+        return rows
+    return np.maximum.accumulate(np.where(known, rows, np.argmax(known)))
 
 
 def _common_value(table: NumberTable, column: int, rows: IntArray) -> float | str | None:

@@ -121,3 +121,31 @@ def test_profiles_with_points_of_a_part_and_of_none_are_rejected(write, scans):
     rows = [f"{s},{p},{x},{z}" for s, p, (x, z) in zip(scans, parts, points, strict=True)]
     with pytest.raises(UnreadableFile, match="part is empty in 30 points that may belong to no"):
         inspect_profiles(write("\n".join(["scan,part,x,z", *rows])))
+
+
+@pytest.mark.parametrize("name", ["barcode", "Teil", "id", "sample", "SerialNo"])
+@pytest.mark.parametrize("ids", [("0071", "0072"), ("K-71", "K-72"), ("71", "1e5")])
+def test_a_column_of_any_name_that_changes_where_x_starts_again_separates(write, name, ids):
+    file = inspect_profiles(write(text_of(ids, name)))
+    assert [row[name.lower()] for row in file.attributes] == list(ids)
+    assert all(np.allclose(profile.points, PIPE) for profile in file.profiles)
+    assert f"{name.lower()} changes where x starts again: it separates profiles" in file.notes
+
+
+def test_a_column_that_changes_elsewhere_separates_no_profiles(write):
+    file = inspect_profiles(write(text_of_rows(["A"] * 50 + ["B"] * 70).replace("part_id", "lane")))
+    assert len(file.profiles) == 1
+    assert any("x starts again 1 times" in note for note in file.notes)
+
+
+@pytest.mark.parametrize("parts", [["A", "B"] * 60, ["A"] * 30 + ["B"] * 60 + ["A"] * 30])
+def test_parts_that_separate_no_profiles_are_noted(write, parts):
+    notes = inspect_profiles(write(text_of_rows(parts))).notes
+    assert any("part_id has several values and separates no profiles" in note for note in notes)
+
+
+def test_an_id_in_the_first_row_of_its_part_is_that_of_all_its_profiles(write):
+    ids = iter(["A"] + [""] * 119)
+    rows = [f"{next(ids)},{k},{x},{z}" for k in (1, 2) for x, z in PIPE.tolist()]
+    file = inspect_profiles(write("\n".join(["part,frame,x,z", *rows])))
+    assert file.attributes == ({"part": "A", "frame": 1.0}, {"part": "A", "frame": 2.0})
