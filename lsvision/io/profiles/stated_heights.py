@@ -25,10 +25,12 @@ _STATED_OFFSET = re.compile(
     rf"|\b(?:add|subtract)\s+({_NUMBER}).*\b(?:to|from)\s+{_AXIS}\b"
     rf"|\b{_AXIS}\b.*\brelative\s+to\s+({_NUMBER})"
 )
-# "resolution: 0.01" or "z resolution [um]; 10"; not "x resolution" or "resolution 640 x 480".
+# "resolution: 0.01", "pixel size 0.1 mm" or "z resolution [um]; 10"; not "x resolution" or
+# "resolution 640 x 480".
 _RESOLUTION = re.compile(
-    r"^(?!.*\b(?:x|y|lateral|pixels?|px|time|angle|angular)\b).*\bresolution\b\D*(?:0?[.,][0-9]+|[0-9.,]+\s*"
-    r"(?:[uµμ]m|mm))\W*$"
+    r"^(?!.*\b(?:x|y|lateral|time|angle|angular)\b).*\b(?:resolution|(?:pixel|voxel)\s?size"
+    r"|increments?|normali[sz]\w*|conversion)\b\D*(?:0?[.,][0-9]+|[0-9.,]+\s*(?:[uµμ]m|mm))"
+    r"(?:\s*(?:[uµμ]m|mm))?(?:\s+per\s+unit)?\W*$|\bfixed[ -]?point\b"
 )
 _ABOUT_X = re.compile(r"\b(?:x|lateral)\b")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])|_")

@@ -34,7 +34,7 @@ _UNIT_ENDS = ("unit", "units")
 _UNIT_REMARKS = frozenset("system measure measurement used name symbol".split())  # noqa: SIM905
 """Words behind that of a unit in a key that is about it."""
 _SCALE_KEYS = frozenset(
-    "scale scaling scalefactor factor multiplier lsb skalierung skalierungsfaktor faktor "  # noqa: SIM905
+    "scale scaling scalefactor factor multiplier lsb exponent skalierung skalierungsfaktor faktor "  # noqa: SIM905
     "maßstab massstab umrechnungsfaktor échelle facteur escala scala fattore divisor teiler".split()
 )
 """Words of a key whose value is the length of a count."""
@@ -159,7 +159,9 @@ _CONVERSION = re.compile(
     rf"|\b(?:units|multiples|increments|counts)\s+of\s+[0-9]"
     r"|\bmm[\])]?\s*=.*[*/·×]|=\s*\(?\s*(?:raw|counts?|digits?|values?|[xz])\w*\)?\s*[*/·×]"
     rf"|\bin\s+{_LENGTH}\s*[*/^·×]\s*[0-9(]|\bmm\s*(?:/|per)\s*(?:px|pixel)"
-    r"|\bquanti[sz]\w*\b.*[0-9]|\bquantum\b.*[0-9]|\bexponent\b"
+    r"|\bquanti[sz]\w*\b.*[0-9]|\bquantum\b.*[0-9]|\b(?:tenths|hundredths|thousandths|dmm)\b"
+    r"|^\W*[x*×]\s*10+\s*mm\b|(?<![0-9] )(?<![0-9])\bmm\s*[x×]\s*10+\b(?!\s*mm)|\btimes\s+mm\b"
+    r"|\b[0-9]+\s*(?:/|per)\s*mm\b|\b10\s*(?:\^|\*\*)\s*-[0-9]\s*mm\b|\bmm\s*[*·]\s*[0-9]"
     rf"|\b(?:z|x|heights?)\s*=\s*[^=]*(?:[a-z]\w*\)?\s*[*·×]|[*·×]\s*\(?\s*[a-z])"
     r"|\b(?:pixel|image)\s+coordinates\b|\bin\s+pixels?\b|\buncalibrated\b"
     r"|\b(?:scale|scaling|multiplier|(?:conversion|unit|calibration)\s+factor|\w*faktor"

@@ -167,19 +167,26 @@ def test_a_setting_in_json_that_may_turn_the_heights_is_noted(write, entries):
 
 
 @pytest.mark.parametrize(
-    "entries", [{"resolution_mm": 0.01}, {"z_resolution": 0.01}, {"resolution": {"z": "10 um"}}]
+    "entries",
+    [
+        {"resolution_mm": 0.01},
+        {"z_resolution": 0.01},
+        {"resolution": {"z": "10 um"}},
+        {"encoding": "fixed-point", "resolution": 0.5},
+    ],
 )
 def test_a_resolution_without_a_unit_of_the_heights_is_noted(write, entries):
     x, z = PIPE.round(4).T.tolist()
     document = {**entries, "x": x, "z": z}
     path = write(json.dumps(document), "a.json")
     (note,) = inspect_profiles(path).notes
-    assert "resolution" in note
+    assert "resolution" in note or "fixed-point" in note
     assert "may state the length of a count: state --units" in note
     assert not inspect_profiles(path, units="mm").notes
     assert not inspect_profiles(write(json.dumps({"unit": "mm", **document}), "a.json")).notes
-    (note,) = read(write, "# resolution: 0.01 mm").notes
-    assert "may state the length of a count" in note
+    for line in ("# resolution: 0.01 mm", "# pixel size 0.1 mm", "# increments: 0.1"):
+        (note,) = read(write, line).notes
+        assert "may state the length of a count" in note
     for line in ("# x resolution: 0.1 mm", "# resolution: 640 x 480", "# resolution 1280"):
         assert not read(write, line).notes
 
