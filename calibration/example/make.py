@@ -28,10 +28,10 @@ from lsvision.simulate import Scene, SectionSettings, Tube, simulate_section
 from lsvision.simulate.hand_eye import (
     SectionView,
     TargetMotion,
-    noisy_pose,
+    draw_section_poses_about,
+    perturb_pose,
     rotation_from_vector,
-    section_poses_about,
-    sphere_profile,
+    simulate_sphere_profile,
 )
 from lsvision.simulate.imaging_rig import ImagingRig
 from lsvision.simulate.solids import Rays
@@ -153,13 +153,13 @@ def write_sphere(folder: Path, rng: np.random.Generator) -> None:
     view = SectionView(columns=320, width=100.0, range_std=0.04)
     flanges, number = [], 0
     while number < 12:
-        (section,) = section_poses_about(SPHERE, 1, motion, rng)
-        profile = sphere_profile(section.inverse().apply_one(SPHERE), RADIUS, view, rng)
+        (section,) = draw_section_poses_about(SPHERE, 1, motion, rng)
+        profile = simulate_sphere_profile(section.inverse().apply_one(SPHERE), RADIUS, view, rng)
         if len(profile) - profile.lost < 50:
             continue
         write_profile(folder / "sphere" / f"pose_{number:02d}.csv", profile, "sphere of 20 mm")
         flange = section @ FLANGE_FROM_SECTION.inverse()
-        flanges.append(noisy_pose(flange, *ROBOT_STD, rng))
+        flanges.append(perturb_pose(flange, *ROBOT_STD, rng))
         number += 1
     write_poses(folder / "sphere_poses.csv", flanges)
 
@@ -186,7 +186,7 @@ def write_pipe(folder: Path, rng: np.random.Generator) -> None:
             Scene((Tube(PIPE),)), sensor, SectionSettings(), rng=rng, base_from_section=section
         )
         write_profile(folder / "pipe" / f"pipe_{number}.csv", simulated.profile, "pipe of 15 mm")
-        flanges.append(noisy_pose(section @ FLANGE_FROM_SECTION.inverse(), *ROBOT_STD, rng))
+        flanges.append(perturb_pose(section @ FLANGE_FROM_SECTION.inverse(), *ROBOT_STD, rng))
     write_poses(folder / "pipe_poses.csv", flanges)
 
 

@@ -54,7 +54,7 @@ def run_on_cluster(
     except _TaskError as failure:
         raise failure.error from None
     except OSError as error:  # also TimeoutError
-        raise _scheduler_lost_error(address, error) from None
+        raise _build_scheduler_lost_error(address, error) from None
     finally:
         client.close(timeout=CLOSE_TIMEOUT_S)
 
@@ -99,7 +99,7 @@ def _run_tasks(
         if not in_flight:
             return
         for future in _wait_for_any(client, list(in_flight)):
-            yield Finished(in_flight.pop(future), _result_of_future(client, future))
+            yield Finished(in_flight.pop(future), _collect_result(client, future))
 
 
 def _count_threads(client: Any) -> int:
@@ -126,7 +126,7 @@ def _wait_for_any(client: Any, futures: list[Any]) -> list[Any]:
         _count_threads(client)
 
 
-def _result_of_future(client: Any, future: Any) -> Any:
+def _collect_result(client: Any, future: Any) -> Any:
     """Return the result of a future, or `EndedProcess` if its task has ended several workers."""
     import distributed
 
@@ -136,7 +136,7 @@ def _result_of_future(client: Any, future: Any) -> Any:
         except distributed.KilledWorker:
             return EndedProcess()
         except distributed.CancelledError as error:
-            raise _scheduler_lost_error(client.scheduler.address, error) from None
+            raise _build_scheduler_lost_error(client.scheduler.address, error) from None
         except OSError as error:
             if future.status == "error":  # raised by the task itself
                 raise _TaskError(error) from None
@@ -147,7 +147,7 @@ def _result_of_future(client: Any, future: Any) -> Any:
             _count_threads(client)
 
 
-def _scheduler_lost_error(address: str, error: Exception) -> LsvisionError:
+def _build_scheduler_lost_error(address: str, error: Exception) -> LsvisionError:
     """Return the error of a lost connection to the scheduler."""
     return LsvisionError(
         f"{address}: the connection to the scheduler is lost ({type(error).__name__}): start the "

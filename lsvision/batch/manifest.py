@@ -14,7 +14,7 @@ from lsvision.batch.measure_file import (
     BatchJob,
     FileOutcome,
     FileTask,
-    file_version,
+    read_file_version,
 )
 from lsvision.batch.written_file import WrittenFile, describe_change
 from lsvision.errors import LsvisionError, UnreadableFile, UnwritableFile
@@ -56,10 +56,10 @@ class Status:
         return [outcome for outcome in self.outcomes.values() if outcome.error]
 
     def is_done(self, task: FileTask) -> bool:
-        """Return whether a file need not be measured; see `reason_to_measure`."""
-        return self.reason_to_measure(task) is None
+        """Return whether a file need not be measured; see `find_reason_to_measure`."""
+        return self.find_reason_to_measure(task) is None
 
-    def reason_to_measure(self, task: FileTask) -> str | None:
+    def find_reason_to_measure(self, task: FileTask) -> str | None:
         """Return why a file must be measured, again or for the first time; None if it need not.
 
         It need not if it was measured, or is set aside, has not changed since, and its results are
@@ -70,7 +70,7 @@ class Status:
             return ""
         if not task.source.exists():  # reported by measuring it
             return ""
-        if outcome.version != file_version(task.source):
+        if outcome.version != read_file_version(task.source):
             return "measured again: it has changed"
         if outcome.written is None:  # set aside
             return None

@@ -14,17 +14,17 @@ from typing import TYPE_CHECKING, Any
 
 from lsvision import __version__
 from lsvision.batch.measure_group import measure_group, require_measurement
-from lsvision.batch.result_table import name_file_columns, result_table
+from lsvision.batch.result_table import build_result_table, name_file_columns
 from lsvision.batch.written_file import WrittenFile, mark_schema, read_state
 from lsvision.ellipse.section import precompute_intervals
 from lsvision.errors import LsvisionError, UnreadableFile, UnwritableFile
-from lsvision.files.limited_reading import MAX_FILE_BYTES, size_limit
+from lsvision.files.limited_reading import MAX_FILE_BYTES, limit_file_size
 from lsvision.io.profiles.plausibility import count_empty_profiles, note_empty_profiles
 from lsvision.io.profiles.reading import ProfileFile, require_plausible_units
 from lsvision.io.profiles.settings import ReadOptions, ReadSettings
-from lsvision.io.profiles.streaming import ProfilePart, iterate_profiles
+from lsvision.io.profiles.streaming import ProfileChunk, iterate_profiles
 from lsvision.measure import Measurement, measure_profiles
-from lsvision.results.quantities import plain_value
+from lsvision.results.quantities import convert_to_plain
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -70,9 +70,9 @@ class BatchJob:
         that differ from their defaults; with an inspection ``job`` and ``job_hash``.
         """
         settings: dict[str, Any] = {"measure": self.measure.func.__name__}
-        settings |= {name: plain_value(value) for name, value in self.measure.keywords.items()}
+        settings |= {name: convert_to_plain(value) for name, value in self.measure.keywords.items()}
         settings["reading"] = {
-            name: plain_value(value)
+            name: convert_to_plain(value)
             for name, value in self.reading.items()
             if value != _READING_DEFAULTS[name]
         }
@@ -108,8 +108,9 @@ class FileOutcome:
     """Outcome of a file; one that could not be measured has only its name and the error.
 
     `name` is that of the source in the results and the manifest, `seconds` the time that reading
-    and measuring took, `version` that of `file_version`; `rejections` counts rejected arcs, `notes`
-    are assumptions and omissions in reading the file, `written` is the state of its results.
+    and measuring took, `version` that of `read_file_version`; `rejections` counts rejected arcs,
+    `notes` are assumptions and omissions in reading the file, `written` is the state of its
+    results.
     """
 
     name: str
@@ -138,10 +139,10 @@ def measure_file(task: FileTask) -> FileOutcome:
     _require_version(task.lsvision_version)
     start = time.monotonic()
     try:
-        version = file_version(task.source)
-        with size_limit(task.max_size):
+        version = read_file_version(task.source)
+        with limit_file_size(task.max_size):
             outcome = _write_results(task)
-        if file_version(task.source) != version:
+        if read_file_version(task.source) != version:
             task.output.unlink(missing_ok=True)
             raise UnreadableFile(f"{task.source}: it changed while it was read: run again")
     except UnwritableFile:
@@ -163,7 +164,7 @@ def _require_version(wanted: str) -> None:
         )
 
 
-def file_version(path: Path) -> tuple[int, int]:
+def read_file_version(path: Path) -> tuple[int, int]:
     """Return size in bytes and time of the last change in ns; either differs if the file changed.
 
     Raises
@@ -181,17 +182,17 @@ def file_version(path: Path) -> tuple[int, int]:
 
 
 def _write_results(task: FileTask) -> FileOutcome:
-    """Measure a file part by part, write its output, and return the counts and notes."""
+    """Measure a file chunk by chunk, write its output, and return the counts and notes."""
     profiles = empty = cylinders = rejections = 0
     notes: dict[str, None] = {}  # in place of a set, which has no order
     temporary = task.output.with_name(f"{TEMPORARY_PREFIX}{secrets.token_hex(8)}.part")
     writer = None
     try:
-        for part in iterate_profiles(task.source, **task.job.reading):
-            require_plausible_units(part.file)
-            notes |= dict.fromkeys(_list_notes_of_part(task, part))
-            measured = _measure_part(task, part)
-            table = result_table(task.name, part, measured, task.job.inspection)
+        for chunk in iterate_profiles(task.source, **task.job.reading):
+            require_plausible_units(chunk.file)
+            notes |= dict.fromkeys(_list_notes_of_chunk(task, chunk))
+            measured = _measure_chunk(task, chunk)
+            table = build_result_table(task.name, chunk, measured, task.job.inspection)
             if writer is None:
                 schema = mark_schema(table.schema, task.lsvision_version, task.job.hash)
                 writer = _open_writer(temporary, schema)
@@ -216,31 +217,31 @@ def list_notes(file: ProfileFile) -> Iterator[str]:
     yield from file.notes
 
 
-def _list_notes_of_part(task: FileTask, part: ProfilePart) -> Iterator[str]:
-    """Yield the notes on a part, also on columns with another name in the results, or not there.
+def _list_notes_of_chunk(task: FileTask, chunk: ProfileChunk) -> Iterator[str]:
+    """Yield the notes on a chunk, also on columns with another name in the results, or not there.
 
     Its empty profiles are left out, because those of the file are noted.
     """
-    profiles = part.file.profiles
+    profiles = chunk.file.profiles
     counted = note_empty_profiles(count_empty_profiles(profiles), len(profiles))
-    yield from (note for note in list_notes(part.file) if note not in counted)
-    if part.point_columns:
-        yield f"{', '.join(part.point_columns)}: one value per point, not repeated in the results"
-    names = name_file_columns(part, judged=task.job.inspection is not None)
+    yield from (note for note in list_notes(chunk.file) if note not in counted)
+    if chunk.point_columns:
+        yield f"{', '.join(chunk.point_columns)}: one value per point, not repeated in the results"
+    names = name_file_columns(chunk, judged=task.job.inspection is not None)
     for name, new_name in names.items():
         if new_name != name:
             yield f"{name} is a column of the results: that of the file is {new_name} there"
 
 
-def _measure_part(task: FileTask, part: ProfilePart) -> "list[Measurement | None]":
-    """Measure the profiles of a part, with all intervals; None for one without a valid point."""
-    profiles = part.file.profiles
+def _measure_chunk(task: FileTask, chunk: ProfileChunk) -> "list[Measurement | None]":
+    """Measure the profiles of a chunk, with all intervals; None for one without a valid point."""
+    profiles = chunk.file.profiles
     valid = [k for k, profile in enumerate(profiles) if profile.lost < len(profile)]
     measured: list[Measurement | None] = [None] * len(profiles)
     for k, result in zip(
         valid, measure_group(task.job.measure, [profiles[k] for k in valid]), strict=True
     ):
-        measured[k] = require_measurement(result, task.source, part.first + k)
+        measured[k] = require_measurement(result, task.source, chunk.first + k)
     precompute_intervals(c for m in measured if m is not None for c in m.cylinders)
     return measured
 
@@ -252,7 +253,7 @@ def _open_writer(path: Path, schema: "pa.Schema") -> "pa.parquet.ParquetWriter":
     try:
         return parquet.ParquetWriter(path, schema, compression="zstd")
     except OSError as error:
-        raise _unwritable_error(path.parent, error) from None
+        raise _build_unwritable_error(path.parent, error) from None
 
 
 def _write_table(writer: "pa.parquet.ParquetWriter", table: "pa.Table", output: Path) -> None:
@@ -260,7 +261,7 @@ def _write_table(writer: "pa.parquet.ParquetWriter", table: "pa.Table", output: 
     try:
         writer.write_table(table.cast(writer.schema))
     except OSError as error:
-        raise _unwritable_error(output, error) from None
+        raise _build_unwritable_error(output, error) from None
 
 
 def _finish_output(
@@ -274,11 +275,11 @@ def _finish_output(
         written = read_state(temporary)
         temporary.replace(output)
     except OSError as error:
-        raise _unwritable_error(output, error) from None
+        raise _build_unwritable_error(output, error) from None
     return written
 
 
-def _unwritable_error(path: Path, error: OSError) -> UnwritableFile:
+def _build_unwritable_error(path: Path, error: OSError) -> UnwritableFile:
     """Return the error that a file cannot be written."""
     reason = error.strerror or str(error)
     return UnwritableFile(

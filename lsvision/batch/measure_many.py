@@ -6,7 +6,7 @@ from itertools import islice
 from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
-from lsvision.batch.process_pool import EndedProcess, default_jobs, run_tasks
+from lsvision.batch.process_pool import EndedProcess, count_usable_cores, run_tasks
 from lsvision.errors import LsvisionError
 from lsvision.measure import PROFILES_AT_ONCE, Measurement, measure_profiles
 from lsvision.profile import Profile, as_profile, require_several
@@ -54,7 +54,7 @@ def measure_many(
     >>> [len(measurement.cylinders) for measurement in measure_many(profiles, jobs=1)]
     [1, 1]
     """
-    given: object = default_jobs() if jobs is None else jobs
+    given: object = count_usable_cores() if jobs is None else jobs
     if isinstance(given, bool) or not isinstance(given, Integral):
         raise TypeError(f"expected jobs as a whole number, got {type(given).__name__} {given!r}")
     count = int(given)

@@ -82,7 +82,7 @@ class _Worker(Generic[Task]):
     ready: bool = False
 
 
-def default_jobs() -> int:
+def count_usable_cores() -> int:
     """Return the number of cores that this process may use."""
     try:
         return len(os.sched_getaffinity(0))
@@ -108,7 +108,7 @@ def start_fork_server(preloaded: str) -> None:
     multiprocessing.set_start_method("forkserver")
     forkserver.set_forkserver_preload([preloaded])
     try:
-        with _worker_settings():
+        with _apply_worker_settings():
             forkserver.ensure_running()
     except OSError:
         multiprocessing.set_start_method("spawn", force=True)
@@ -281,14 +281,14 @@ def _start_worker(function: Callable[[Any], Any]) -> _Worker[Any]:
     new_process = multiprocessing.get_context("forkserver" if forked else "spawn").Process  # type: ignore[attr-defined]
     connection, other_end = multiprocessing.Pipe()
     process = new_process(target=_run_worker, args=(function, other_end), daemon=True)
-    with _worker_settings():
+    with _apply_worker_settings():
         process.start()
     other_end.close()  # otherwise the end of the process would not close the connection
     return _Worker(process, connection)
 
 
 @contextmanager
-def _worker_settings() -> Iterator[None]:
+def _apply_worker_settings() -> Iterator[None]:
     """Set what a new process inherits: one thread for linear algebra, and blocked interrupts.
 
     An interrupt from the keyboard reaches all processes, also those that are still starting.

@@ -3,9 +3,9 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from lsvision.ellipse.section_table import SECTION_COLUMNS, section_row
+from lsvision.ellipse.section_table import SECTION_COLUMNS, build_section_row
 from lsvision.io.profiles.column_roles import identifies_profiles
-from lsvision.io.profiles.streaming import ProfilePart
+from lsvision.io.profiles.streaming import ProfileChunk
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -20,9 +20,9 @@ INTEGER_COLUMNS, FLAG_COLUMNS = ("profile", "cylinder", "points"), ("theta_deter
 `SECTION_COLUMNS`, `source` is text and the rest are numbers."""
 
 
-def result_table(
+def build_result_table(
     source: str,
-    part: ProfilePart,
+    chunk: ProfileChunk,
     measurements: Sequence["Measurement | None"],
     inspection: "Job | None" = None,
 ) -> "pa.Table":
@@ -41,20 +41,22 @@ def result_table(
     rows: list[dict[str, Any]] = []
     for index, measurement in enumerate(measurements):
         for row in _list_rows(measurement):
-            rows.append(row | {"source": source, "profile": part.first + index})
+            rows.append(row | {"source": source, "profile": chunk.first + index})
             indices.append(index)
     columns = {
-        name: pa.array([row.get(name) for row in rows], type=_type_of(name))
+        name: pa.array([row.get(name) for row in rows], type=_select_type(name))
         for name in (*LOCATION_COLUMNS, *SECTION_COLUMNS)
     }
-    repeated = _file_table(part).take(pa.array(indices, type=pa.int64()))
-    names = name_file_columns(part, judged=inspection is not None)
+    repeated = _build_file_table(chunk).take(pa.array(indices, type=pa.int64()))
+    names = name_file_columns(chunk, judged=inspection is not None)
     columns |= {names[name]: repeated[name] for name in repeated.column_names}
     if inspection is not None:
         decisions = [_decide(measurement, inspection) for measurement in measurements]
         columns["decision"] = pa.array([decisions[index] for index in indices], type=pa.string())
     columns["reason"] = pa.array([row["reason"] for row in rows], type=pa.string())
-    columns["rejections"] = pa.array([row["rejections"] for row in rows], type=_rejections_type())
+    columns["rejections"] = pa.array(
+        [row["rejections"] for row in rows], type=_build_rejections_type()
+    )
     return pa.table(columns)
 
 
@@ -75,11 +77,11 @@ def _list_rows(measurement: "Measurement | None") -> Iterator[dict[str, Any]]:
     if not measurement.cylinders:
         yield {"reason": measurement.reason, "rejections": rejections}
     for number, cylinder in enumerate(measurement.cylinders):
-        row = section_row(cylinder.to_dict())
+        row = build_section_row(cylinder.to_dict())
         yield row | {"cylinder": number, "reason": None, "rejections": [] if number else rejections}
 
 
-def name_file_columns(part: ProfilePart, *, judged: bool) -> dict[str, str]:
+def name_file_columns(chunk: ProfileChunk, *, judged: bool) -> dict[str, str]:
     """Return the names in the results of the other columns of a file, by their names in the file.
 
     That of a column of the results gets the suffix ``_in_file``, twice if the file has a column of
@@ -87,7 +89,7 @@ def name_file_columns(part: ProfilePart, *, judged: bool) -> dict[str, str]:
     """
     taken = {*LOCATION_COLUMNS, *SECTION_COLUMNS, "reason", "rejections"}
     taken |= {"decision"} if judged else set()
-    names = dict.fromkeys(_file_table(part).column_names, "")
+    names = dict.fromkeys(_build_file_table(chunk).column_names, "")
     for name in names:
         new_name = name
         while new_name in taken or (new_name != name and new_name in names):
@@ -96,12 +98,12 @@ def name_file_columns(part: ProfilePart, *, judged: bool) -> dict[str, str]:
     return names
 
 
-def _file_table(part: ProfilePart) -> "pa.Table":
+def _build_file_table(chunk: ProfileChunk) -> "pa.Table":
     """Return the other columns of a file, one row per profile."""
-    return _attribute_table(part.file.attributes) if part.columns is None else part.columns
+    return _build_attribute_table(chunk.file.attributes) if chunk.columns is None else chunk.columns
 
 
-def _attribute_table(attributes: Sequence[Mapping[str, Any]]) -> "pa.Table":
+def _build_attribute_table(attributes: Sequence[Mapping[str, Any]]) -> "pa.Table":
     """Return the attributes of profiles as a table; values of different types become text.
 
     Whole numbers that identify profiles or parts, read as floats, are integers again.
@@ -127,7 +129,7 @@ def _is_whole(value: Any) -> bool:
     )
 
 
-def _type_of(name: str) -> "pa.DataType":
+def _select_type(name: str) -> "pa.DataType":
     """Return the type of a column of `LOCATION_COLUMNS` or `SECTION_COLUMNS`."""
     import pyarrow as pa
 
@@ -138,7 +140,7 @@ def _type_of(name: str) -> "pa.DataType":
     return pa.bool_() if name in FLAG_COLUMNS else pa.float64()
 
 
-def _rejections_type() -> "pa.DataType":
+def _build_rejections_type() -> "pa.DataType":
     """Return the type of the column of rejections: a list of start, stop and reason in each row."""
     import pyarrow as pa
 

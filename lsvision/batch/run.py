@@ -13,15 +13,15 @@ from lsvision.batch.measure_file import (
     BatchJob,
     FileOutcome,
     FileTask,
-    file_version,
     measure_file,
+    read_file_version,
 )
 from lsvision.batch.process_pool import EndedProcess, run_tasks
 from lsvision.batch.written_file import has_mark
 from lsvision.errors import LsvisionError, UnwritableFile
 from lsvision.files.file_kinds import exists
-from lsvision.files.limited_reading import current_size_limit
-from lsvision.files.printable import printable_name
+from lsvision.files.limited_reading import get_size_limit
+from lsvision.files.printable import escape_name
 
 MAX_NAME_BYTES, KEPT_NAME_BYTES = 255, 200
 """Longest name of a file on the usual file systems, and the part of a longer name that is kept in
@@ -60,7 +60,7 @@ def plan_tasks(sources: Sequence[Path], root: Path, folder: Path, job: BatchJob)
     for source in map(Path.absolute, sources):
         # Without "..", which would name a file outside of the folder of the results.
         relative_path = Path(os.path.abspath(source)).relative_to(root)  # noqa: PTH100
-        output = folder / relative_path.with_name(_output_name(relative_path.name))
+        output = folder / relative_path.with_name(_build_output_name(relative_path.name))
         if source.resolve().is_relative_to(folder.resolve()):
             raise LsvisionError(
                 f"{source}: it lies in the folder of the results: give another folder as --out"
@@ -70,12 +70,12 @@ def plan_tasks(sources: Sequence[Path], root: Path, folder: Path, job: BatchJob)
                 f"{source} and {tasks[output].source}: the results of both would be written to "
                 f"{output}: rename one of the two"
             )
-        name = printable_name(relative_path)
-        tasks[output] = FileTask(source, output, name, job, current_size_limit())
+        name = escape_name(relative_path)
+        tasks[output] = FileTask(source, output, name, job, get_size_limit())
     return list(tasks.values())
 
 
-def _output_name(name: str) -> str:
+def _build_output_name(name: str) -> str:
     """Return the name of the file with the results of the file `name`."""
     output = name if name.lower().endswith(".parquet") else f"{name}.parquet"
     encoded = os.fsencode(name)
@@ -134,7 +134,9 @@ def run_batch(
             finished = run_on_cluster(measure_file, remaining_tasks, scheduler)
         for task, value in finished:
             is_set_aside = isinstance(value, EndedProcess)
-            outcome = value if isinstance(value, FileOutcome) else _outcome_of_ended_process(task)
+            outcome = (
+                value if isinstance(value, FileOutcome) else _build_outcome_of_ended_process(task)
+            )
             # The results, if there are any, are those of an earlier version of the file: they are
             # deleted. Those of a file that was removed since are still right, and stay.
             if outcome.error and exists(task.source):
@@ -155,7 +157,7 @@ def run_batch(
 def _find_reasons(tasks: Sequence[FileTask], status: Status | None) -> dict[str, str]:
     """Return why files must be measured, by name, without those that need not be."""
     reasons = {
-        task.name: "" if status is None else status.reason_to_measure(task) for task in tasks
+        task.name: "" if status is None else status.find_reason_to_measure(task) for task in tasks
     }
     return {name: reason for name, reason in reasons.items() if reason is not None}
 
@@ -186,11 +188,11 @@ def _make_folder(folder: Path) -> None:
         ) from None
 
 
-def _outcome_of_ended_process(task: FileTask) -> FileOutcome:
+def _build_outcome_of_ended_process(task: FileTask) -> FileOutcome:
     """Return the outcome of a file whose measurement ended its process twice."""
     return FileOutcome(
         task.name,
-        version=file_version(task.source) if exists(task.source) else (0, 0),
+        version=read_file_version(task.source) if exists(task.source) else (0, 0),
         error=f"{task.source}: it ended its process twice (out of memory, or a crash): set aside, "
         "and not tried again until it changes; with another --out it is",
     )

@@ -62,7 +62,7 @@ def solve_least_squares(
     """
     boundaries = range(BLOCK_STATES, len(states), BLOCK_STATES)
     blocks = [
-        _solve_block(observations, states.select(block), _rows(whitening, block), max_steps)
+        _solve_block(observations, states.select(block), _select_rows(whitening, block), max_steps)
         for block in np.split(np.arange(len(states)), boundaries)
     ]
     rotations, translations, targets, costs = (
@@ -76,13 +76,13 @@ def _solve_block(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return rotations, translations, targets and costs of the solutions; changes `states`."""
     damping = np.full(len(states), INITIAL_DAMPING)
-    system = _whitened_system(observations, states, whitening)
+    system = _linearise_and_whiten(observations, states, whitening)
     active = np.arange(len(states))
     for _ in range(max_steps):
         jacobian, residual, costs = (array[active] for array in system)
-        steps = _damped_steps(jacobian, residual, damping[active])
+        steps = _solve_damped_steps(jacobian, residual, damping[active])
         trial = _apply_steps(observations, states.select(active), steps)
-        trial_system = _whitened_system(observations, trial, _rows(whitening, active))
+        trial_system = _linearise_and_whiten(observations, trial, _select_rows(whitening, active))
         improved = trial_system[2] < costs
         factors = np.where(improved, 1 / DAMPING_DECREASE, DAMPING_INCREASE)
         damping[active] = np.clip(damping[active] * factors, MIN_DAMPING, MAX_DAMPING)
@@ -123,15 +123,15 @@ def search_whitening(observations: Observations, masks: FloatArray) -> FloatArra
     """
     robot_std = SEARCH_ROBOT_STD_MM / observations.mm_per_residual
     covariances = observations.covariances + np.diag(robot_std**2)
-    return masks[..., None, None] * whitening_matrices(covariances)
+    return masks[..., None, None] * build_whitening_matrices(covariances)
 
 
-def whitening_matrices(covariances: FloatArray) -> FloatArray:
+def build_whitening_matrices(covariances: FloatArray) -> FloatArray:
     """Return matrices W with W C W' = 1 for a stack of covariances C."""
     return np.linalg.inv(np.linalg.cholesky(covariances))
 
 
-def _whitened_system(
+def _linearise_and_whiten(
     observations: Observations, states: States, whitening: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return Jacobian (s, r, p), residuals (s, r) and costs (s,), the prior included."""
@@ -168,7 +168,9 @@ def _expand_target_columns(jacobian: FloatArray, groups: IntArray, count: int) -
     return flat
 
 
-def _damped_steps(jacobian: FloatArray, residual: FloatArray, damping: FloatArray) -> FloatArray:
+def _solve_damped_steps(
+    jacobian: FloatArray, residual: FloatArray, damping: FloatArray
+) -> FloatArray:
     """Return the Levenberg-Marquardt step of each state."""
     transposed = np.swapaxes(jacobian, -1, -2)
     gram = transposed @ jacobian
@@ -198,6 +200,6 @@ def _replace(states: States, indices: IntArray, new_states: States) -> None:
     states.targets[indices] = new_states.targets
 
 
-def _rows(whitening: FloatArray, indices: IntArray) -> FloatArray:
+def _select_rows(whitening: FloatArray, indices: IntArray) -> FloatArray:
     """Return the whitening matrices at some indices; the only ones if all states share them."""
     return whitening if len(whitening) == 1 else whitening[indices]

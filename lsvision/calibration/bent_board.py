@@ -76,7 +76,7 @@ def fit_bent_board(
     covariance = invert_normal_matrix(normal.reduced) * (normal.chi2 / max(dof, 1))
     free_intrinsics = free_jacobian.shape[1]
     return BentBoardFit(
-        state.camera(camera),
+        state.build_camera(camera),
         [Pose(cv2.Rodrigues(vector[:3])[0], vector[3:]) for vector in state.poses],
         free_jacobian @ covariance[:free_intrinsics, :free_intrinsics] @ free_jacobian.T,
         shape,
@@ -103,7 +103,7 @@ class _State:
         ]
         return cls(np.array(numbers), np.array(vectors), np.zeros(SHAPE_TERMS))
 
-    def camera(self, like: Camera) -> Camera:
+    def build_camera(self, like: Camera) -> Camera:
         """Return a camera with these intrinsics and the image size of another one."""
         matrix = like.matrix.copy()
         matrix[[0, 1, 0, 1], [0, 1, 2, 2]] = self.intrinsics[:4]
@@ -130,7 +130,7 @@ class _NormalEquations:
     pose_equations: list[tuple[FloatArray, FloatArray, FloatArray]]
     chi2: float
 
-    def step(self, damping: float) -> tuple[FloatArray, FloatArray]:
+    def solve_step(self, damping: float) -> tuple[FloatArray, FloatArray]:
         """Return the step of the common parameters, and of the poses (v, 6)."""
         scale = 1 / np.sqrt(np.diag(self.reduced))  # to a unit diagonal
         damped = self.reduced * np.outer(scale, scale) + damping * np.eye(len(scale))
@@ -179,7 +179,7 @@ class _Problem:
             points, vector[:3], vector[3:], matrix, state.intrinsics[4:]
         )
         height_jacobian = jacobian[:, 3:6] @ cv2.Rodrigues(vector[:3])[0][:, 2]
-        terms = np.repeat(self.shape.terms(view.points[:, :2]), 2, axis=0)
+        terms = np.repeat(self.shape.evaluate_terms(view.points[:, :2]), 2, axis=0)
         intrinsics_jacobian = jacobian[:, 6 : 6 + len(state.intrinsics)] @ self.free_jacobian
         common_jacobian = np.column_stack([intrinsics_jacobian, height_jacobian[:, None] * terms])
         error = view.pixels.ravel() - np.asarray(projected).ravel()
@@ -202,7 +202,7 @@ def _minimise(problem: _Problem, state: _State) -> tuple[_State, _NormalEquation
     """
     normal, damping = problem.linearise(state), 0.0
     for _ in range(MAX_STEPS):
-        trial = problem.apply_step(state, normal.step(damping))
+        trial = problem.apply_step(state, normal.solve_step(damping))
         trial_normal = problem.linearise(trial)
         if trial_normal.chi2 < normal.chi2:
             decrease, state, normal = normal.chi2 - trial_normal.chi2, trial, trial_normal

@@ -17,11 +17,11 @@ from lsvision.calibration.board_pose import (
     estimate_board_pose,
     guess_camera_from_board,
 )
-from lsvision.calibration.target import Target, TargetView, board_homography, find_target
+from lsvision.calibration.target import Target, TargetView, find_target, fit_board_homography
 from lsvision.calibration.views import require_size, rms_distance
 from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import FloatArray, Plane, Pose
-from lsvision.results.quantities import Record, json_numbers
+from lsvision.results.quantities import Record, convert_numbers_to_json
 from lsvision.results.result import Result
 from lsvision.sensors.camera import Camera
 from lsvision.sensors.light_section import LightSection
@@ -61,16 +61,16 @@ class BoardInPlane(Result):
         """
         plane = self.light_section.laser_plane
         return {
-            "normal": json_numbers(plane.normal),
+            "normal": convert_numbers_to_json(plane.normal),
             "distance_mm": plane.distance,
             "rms_px": self.rms_px,
             "points": len(self.residuals),
         }
 
-    def _summary(self) -> str:
+    def _summarise(self) -> str:
         return f"{len(self.residuals)} points of the board, rms {self.rms_px:.3f} px"
 
-    def _cells(self) -> list[tuple[str, ...]]:
+    def _list_cells(self) -> list[tuple[str, ...]]:
         """Return the header and one row of the printed table."""
         plane = self.light_section.laser_plane
         normal = ", ".join(f"{value:.4f}" for value in plane.normal)
@@ -126,7 +126,7 @@ def calibrate_board_in_plane(
         require_size(camera, image, "image")
     view = find_target(image, target)
     if camera is None:
-        camera, pose = _equivalent_pinhole_camera(view)
+        camera, pose = _solve_equivalent_pinhole_camera(view)
         method = (
             "board in the laser plane; camera unknown, replaced by an equivalent pinhole camera"
         )
@@ -139,10 +139,10 @@ def calibrate_board_in_plane(
     return BoardInPlane(LightSection(camera, plane, {"method": method}), residuals)
 
 
-def _equivalent_pinhole_camera(view: TargetView) -> tuple[Camera, Pose]:
+def _solve_equivalent_pinhole_camera(view: TargetView) -> tuple[Camera, Pose]:
     """Return a pinhole camera and ``camera_from_board`` that reproduce the board's homography."""
-    homography = board_homography(view)
-    centre = _camera_centre(homography, view)
+    homography = fit_board_homography(view)
+    centre = _compute_camera_centre(homography, view)
     a, b, h = centre
     if not abs(h) > 1e-6:
         raise DegenerateGeometry(
@@ -151,11 +151,11 @@ def _equivalent_pinhole_camera(view: TargetView) -> tuple[Camera, Pose]:
     # A board point (X, Y, 0), seen along d = (X, Y, 0) - centre, has (X, Y, 1) = B d. Hence its
     # pixel ~ H (X, Y, 1) = H B d, and H B ~ K R.
     B = np.array([[1, 0, -a / h], [0, 1, -b / h], [0, 0, -1 / h]])
-    K, R = _rq_decomposition(homography @ B)
+    K, R = _decompose_rq(homography @ B)
     return Camera(K, np.empty(0), view.size), Pose(R, -R @ centre)
 
 
-def _camera_centre(homography: FloatArray, view: TargetView) -> FloatArray:
+def _compute_camera_centre(homography: FloatArray, view: TargetView) -> FloatArray:
     """Return the centre (3,) of a camera with square pixels whose axis meets the image's middle.
 
     Board frame. Units: mm.
@@ -177,7 +177,7 @@ def _camera_centre(homography: FloatArray, view: TargetView) -> FloatArray:
     return pose.inverse().translation
 
 
-def _rq_decomposition(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _decompose_rq(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return K and R of the RQ decomposition, K with positive diagonal and K[2, 2] = 1."""
     from scipy.linalg import rq
 

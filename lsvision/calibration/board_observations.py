@@ -14,8 +14,8 @@ from lsvision.calibration.observations import (
     FlangePoses,
     Linearisation,
     States,
-    masked_least_squares,
-    points_in_sensor_frame,
+    solve_masked_least_squares,
+    transform_to_sensor_frame,
 )
 from lsvision.calibration.rotations import (
     find_nearest_rotations,
@@ -69,7 +69,7 @@ class BoardObservations:
         """
         targets = states.targets[:, self.groups]
         board = targets[..., 3:].reshape(*targets.shape[:-1], 3, 3)
-        in_sensor, mount_jacobian, point_jacobian, flange_jacobian = points_in_sensor_frame(
+        in_sensor, mount_jacobian, point_jacobian, flange_jacobian = transform_to_sensor_frame(
             self.flanges, states, targets[..., :3]
         )
         predicted = point_jacobian @ board
@@ -103,7 +103,7 @@ class BoardObservations:
         """Return the distance of the origins. Units: mm."""
         return float(np.linalg.norm((first - second)[:3]))
 
-    def initial_guesses(self, masks: FloatArray) -> States:
+    def estimate_initial_guesses(self, masks: FloatArray) -> States:
         """Return the solution of Park and Martin for each selection of poses."""
         first, second = np.triu_indices(len(self.groups), k=1)
         same = self.groups[first] == self.groups[second]
@@ -122,7 +122,7 @@ class BoardObservations:
         flange_shift = np.einsum("kji,kj->ki", RB[first], tB[second] - tB[first])
         camera_shift = self.origins[first] - np.einsum("kij,kj->ki", camera, self.origins[second])
         rhs = np.einsum("qij,kj->qki", rotations, camera_shift) - flange_shift
-        translations = masked_least_squares(flange - np.eye(3), rhs, weights)
+        translations = solve_masked_least_squares(flange - np.eye(3), rhs, weights)
         return self._with_boards(rotations, translations, masks)
 
     def _with_boards(

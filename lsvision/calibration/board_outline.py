@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from lsvision.calibration.target import Target, TargetView, board_homography
+from lsvision.calibration.target import Target, TargetView, fit_board_homography
 from lsvision.errors import CalibrationFailed
 from lsvision.geometry import BoolArray, FloatArray, Points
 from lsvision.geometry.plane import apply_homography
 
 
-def target_pitch(target: Target) -> float:
+def compute_target_pitch(target: Target) -> float:
     """Return the distance of neighbouring points of the target. Units: mm."""
     points = target.points[:, :2]
     return float(np.sort(np.hypot(*(points - points[0]).T))[1])
@@ -20,16 +20,16 @@ def target_bounds(target: Target) -> tuple[FloatArray, FloatArray]:
     return points.min(axis=0), points.max(axis=0)
 
 
-def board_outline(view: TargetView, target: Target, margin: float) -> Points:
+def project_board_outline(view: TargetView, target: Target, margin: float) -> Points:
     """Return the corners (4, 2) of the board's flat part in the image. Units: px.
 
     CalibrationFailed if one of them is beyond the horizon of the board's plane, and has no image.
     """
-    border = margin * target_pitch(target)
+    border = margin * compute_target_pitch(target)
     low, high = target_bounds(target)
     low, high = low - border, high + border
     corners = np.array([low, (high[0], low[1]), high, (low[0], high[1])])
-    homography = board_homography(view)
+    homography = fit_board_homography(view)
     # The third homogeneous coordinate changes its sign at the horizon.
     depths = np.vstack([corners, view.points[:, :2]]) @ homography[2, :2] + homography[2, 2]
     if np.ptp(np.sign(depths)) > 0:
@@ -40,7 +40,7 @@ def board_outline(view: TargetView, target: Target, margin: float) -> Points:
     return apply_homography(homography, corners)
 
 
-def inside_outline(pixels: Points, outline: Points) -> BoolArray:
+def mask_inside_outline(pixels: Points, outline: Points) -> BoolArray:
     """Return the mask of pixels inside a convex quadrilateral."""
     edges = np.roll(outline, -1, axis=0) - outline
     cross_products = [

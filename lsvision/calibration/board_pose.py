@@ -100,7 +100,7 @@ def estimate_board_pose(
     # Probability of the other pose by the ratio of the likelihoods.
     excess = (other.chi2 - best.chi2) / max(variance, COVARIANCE_FLOOR)
     probability = 1 / (1 + np.exp(min(excess / 2, 700.0)))
-    shift = pose_difference(other.pose, best.pose)
+    shift = compute_pose_difference(other.pose, best.pose)
     return BoardPoseEstimate(best.pose, covariance + probability * np.outer(shift, shift))
 
 
@@ -190,7 +190,7 @@ def _mirror(camera_from_board: Pose, points: FloatArray) -> Pose:
     return Pose(rotation, in_camera - rotation @ middle)
 
 
-def pose_difference(pose: Pose, reference: Pose) -> FloatArray:
+def compute_pose_difference(pose: Pose, reference: Pose) -> FloatArray:
     """Return the difference (6,) of two poses: origin (mm) and left-hand rotation (rad)."""
     rotation = vectors_from_rotations((pose.rotation @ reference.rotation.T)[None])[0]
     return np.append(pose.translation - reference.translation, rotation)

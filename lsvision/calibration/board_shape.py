@@ -28,7 +28,8 @@ class BoardShape:
     Examples
     --------
     >>> shape = BoardShape.of(np.array([[0.0, 0.0, 0.0], [40.0, 20.0, 0.0]]))
-    >>> shape.heights(np.array([[20.0, 10.0], [40.0, 20.0]]), np.array([0.1, 0.2, 0.5])).tolist()
+    >>> points = np.array([[20.0, 10.0], [40.0, 20.0]])
+    >>> shape.compute_heights(points, np.array([0.1, 0.2, 0.5])).tolist()
     [0.30000000000000004, 0.5]
     """
 
@@ -41,16 +42,16 @@ class BoardShape:
         low, high = corners[:, :2].min(axis=0), corners[:, :2].max(axis=0)
         return cls((low + high) / 2, (high - low) / 2)
 
-    def terms(self, points: Points) -> FloatArray:
+    def evaluate_terms(self, points: Points) -> FloatArray:
         """Return the derivatives (n, 3) of the heights at points (n, 2) by the parameters."""
         scaled = (points - self.middle) / self.half_extent
         return np.column_stack([1 - scaled**2, scaled.prod(axis=1)])
 
-    def heights(self, points: Points, parameters: FloatArray) -> FloatArray:
+    def compute_heights(self, points: Points, parameters: FloatArray) -> FloatArray:
         """Return z of the board at points (n, 2). Units: mm."""
-        return self.terms(points) @ parameters
+        return self.evaluate_terms(points) @ parameters
 
-    def slopes(self, points: Points, parameters: FloatArray) -> FloatArray:
+    def compute_slopes(self, points: Points, parameters: FloatArray) -> FloatArray:
         """Return dz/dx and dz/dy of the board at points (n, 2)."""
         scaled = (points - self.middle) / self.half_extent
         scaled_slopes = -2 * parameters[:2] * scaled + parameters[2] * scaled[:, ::-1]
@@ -60,13 +61,13 @@ class BoardShape:
     def bend(self, corners: Points, parameters: FloatArray) -> Points:
         """Return corners (n, 3) of the flat pattern, moved to the bent board. Units: mm."""
         bent = corners.copy()
-        bent[:, 2] += self.heights(corners[:, :2], parameters)
+        bent[:, 2] += self.compute_heights(corners[:, :2], parameters)
         return bent
 
 
 def is_shape_determined(corners: Points) -> bool:
     """Return whether corners (n, 3) determine all parameters: not those of two rows or columns."""
-    terms = BoardShape.of(corners).terms(corners[:, :2])
+    terms = BoardShape.of(corners).evaluate_terms(corners[:, :2])
     return bool(np.linalg.matrix_rank(terms) == SHAPE_TERMS)
 
 

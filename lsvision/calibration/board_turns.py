@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.calibration.rotations import cross_matrices, vectors_from_rotations
+from lsvision.calibration.rotations import build_cross_matrices, vectors_from_rotations
 from lsvision.calibration.target import Chessboard, CircleGrid, Target
 from lsvision.errors import CalibrationFailed
 from lsvision.geometry import FloatArray, IntArray, Pose
@@ -25,7 +25,7 @@ MAX_SWEEPS = 20
 """Maximum number of sweeps over the views; two or three are needed."""
 
 
-def pattern_turns(target: Target) -> tuple[Pose, ...]:
+def list_pattern_turns(target: Target) -> tuple[Pose, ...]:
     """Return the turns of a board after which its pattern looks the same.
 
     ``board_from_turned`` about the middle of the board: half a turn, or a quarter, half and three
@@ -33,8 +33,8 @@ def pattern_turns(target: Target) -> tuple[Pose, ...]:
 
     Examples
     --------
-    >>> len(pattern_turns(Chessboard(7, 6, 10.0))), len(pattern_turns(Chessboard(9, 7, 10.0)))
-    (0, 1)
+    >>> [len(list_pattern_turns(Chessboard(columns, 7, 10.0))) for columns in (6, 9)]
+    [0, 1]
     """
     match target:
         case Chessboard():
@@ -81,7 +81,7 @@ class TurnedBoards:
         """Return the covariances (n, 6, 6) of `poses` from those of the original poses."""
         return self.jacobians @ original @ np.swapaxes(self.jacobians, 1, 2)
 
-    def shifts(self, original: FloatArray) -> FloatArray:
+    def compute_shifts(self, original: FloatArray) -> FloatArray:
         """Return shifts (m, n, 6) of `poses`, by m errors, from those of the original poses."""
         shifts: FloatArray = np.einsum("nij,mnj->mni", self.jacobians, original)
         return shifts
@@ -107,8 +107,8 @@ def turn_boards(
     """Return the board poses of all views, numbered from the same end by the robot's poses.
 
     The boards are numbered from either end; `flanges` are ``base_from_flange`` of each view, the
-    inverse where the board is on the flange, and `turns` those of `pattern_turns`. Fewer than two
-    views are returned as they are.
+    inverse where the board is on the flange, and `turns` those of `list_pattern_turns`. Fewer than
+    two views are returned as they are.
 
     Raises
     ------
@@ -124,13 +124,13 @@ def turn_boards(
     if len(flanges) < 2:
         return TurnedBoards(tuple(camera_from_boards), np.tile(np.eye(6), (len(flanges), 1, 1)), ())
     group = [Pose(), *turns]
-    costs = _angle_differences(camera_from_boards, flanges, group)
+    costs = _subtract_angles(camera_from_boards, flanges, group)
     # The label of a view is the index of its turn in the group. Each view in turn is the one from
     # which the initial labels of the others follow.
     views = np.arange(len(flanges))
     labels = min(
-        (_consistent_labels(costs, costs[view].argmin(axis=1)) for view in views),
-        key=lambda labels: _label_costs(costs, labels)[views, labels].sum(),
+        (_find_consistent_labels(costs, costs[view].argmin(axis=1)) for view in views),
+        key=lambda labels: _compute_label_costs(costs, labels)[views, labels].sum(),
     )
     _require_certain(costs, labels)
     # The turns are a cyclic group, in the order of their angles.
@@ -140,12 +140,12 @@ def turn_boards(
         poses.append(pose @ group[label])
         lever_arm = pose.rotation @ group[label].translation
         jacobian = np.eye(6)
-        jacobian[:3, 3:] = -cross_matrices(lever_arm)
+        jacobian[:3, 3:] = -build_cross_matrices(lever_arm)
         jacobians.append(jacobian)
     return TurnedBoards(tuple(poses), np.array(jacobians), tuple(np.flatnonzero(labels).tolist()))
 
 
-def _angle_differences(
+def _subtract_angles(
     boards: Sequence[Pose], flanges: Sequence[Pose], group: Sequence[Pose]
 ) -> FloatArray:
     """Return the clipped differences (n, n, g) of two angles between views i and j. Units: rad.
@@ -170,7 +170,7 @@ def _angles(rotations: FloatArray) -> FloatArray:
     return angles
 
 
-def _label_costs(costs: FloatArray, labels: IntArray) -> FloatArray:
+def _compute_label_costs(costs: FloatArray, labels: IntArray) -> FloatArray:
     """Return the mean cost (n, g) of each turn of each view, the others turned by `labels`."""
     count, _, size = costs.shape
     others = np.arange(count)
@@ -182,12 +182,12 @@ def _label_costs(costs: FloatArray, labels: IntArray) -> FloatArray:
     return mean_costs
 
 
-def _consistent_labels(costs: FloatArray, labels: IntArray) -> IntArray:
+def _find_consistent_labels(costs: FloatArray, labels: IntArray) -> IntArray:
     """Return the turns after sweeps in which each view takes the turn that fits the others."""
     for _ in range(MAX_SWEEPS):
         previous = labels.copy()
         for view in range(len(labels)):
-            labels[view] = _label_costs(costs, labels)[view].argmin()
+            labels[view] = _compute_label_costs(costs, labels)[view].argmin()
         if np.array_equal(previous, labels):
             break
     return labels
@@ -195,7 +195,7 @@ def _consistent_labels(costs: FloatArray, labels: IntArray) -> IntArray:
 
 def _require_certain(costs: FloatArray, labels: IntArray) -> None:
     """Raise an error unless every other turn of every view fits worse by `MIN_MARGIN`."""
-    label_costs, views = _label_costs(costs, labels), np.arange(len(labels))
+    label_costs, views = _compute_label_costs(costs, labels), np.arange(len(labels))
     selected_costs = label_costs[views, labels]
     label_costs[views, labels] = np.inf
     margins = label_costs.min(axis=1) - selected_costs

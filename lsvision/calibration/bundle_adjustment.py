@@ -15,7 +15,7 @@ from lsvision.calibration.bundle_adjustment_problem import (
     BundleAdjustmentState,
     LaserView,
     Refinement,
-    tilt_axes,
+    build_tilt_axes,
 )
 from lsvision.calibration.laser_plane_initial_guess import (
     fit_plane,
@@ -135,7 +135,7 @@ def adjust_bundle(
         return _solve_plane_only(views, corner_fit.state)
     covariance, bow_std = _plane_covariance_and_bow_std(problem, information)
     return BundleAdjustmentResult(
-        problem.state(vector),
+        problem.unpack_state(vector),
         problem.split_corners(corner_residuals),
         problem.split_lines(line_residuals),
         covariance,
@@ -182,10 +182,10 @@ def _fit_corners(
     vector, _ = _minimise(problem, CORNER_TOLERANCE)
     corner_residuals, line_residuals = problem.residuals_in_pixels(vector)
     # Poses, camera and bow absorb a part of the noise, a large one where there are few corners.
-    fitted = problem.size - len(problem.plane_columns())
+    fitted = problem.size - len(problem.find_plane_columns())
     dof_factor = np.sqrt(corner_residuals.size / max(corner_residuals.size - fitted, 1))
     return _CornerFit(
-        problem.state(vector),
+        problem.unpack_state(vector),
         _mad_std(corner_residuals),
         [dof_factor * _huber_std(values) for values in problem.split_corners(corner_residuals)],
         estimate_line_noise(views, problem.split_lines(line_residuals)),
@@ -239,7 +239,7 @@ def _cluster_robust_covariance(
     `BundleAdjustmentResult.plane_covariance`.
     """
     design = [
-        np.column_stack([points @ tilt_axes(state).T, -np.ones(len(points))])
+        np.column_stack([points @ build_tilt_axes(state).T, -np.ones(len(points))])
         for points in laser_points
     ]
     mean_squares = [
@@ -257,7 +257,7 @@ def _plane_covariance_and_bow_std(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the covariance of the plane, and the std of the bow (0 where fixed)."""
     covariance: FloatArray = np.asarray(np.linalg.pinv(information, hermitian=True))
-    plane, bow = problem.plane_columns(), problem.bow_columns()
+    plane, bow = problem.find_plane_columns(), problem.find_bow_columns()
     bow_std = np.zeros(SHAPE_TERMS)
     if len(bow):
         bow_std = np.sqrt(covariance[bow, bow])
@@ -272,7 +272,7 @@ def _minimise(
     `scipy.optimize.least_squares` needs twice the iterations here, with an SVD in each.
     """
     vector, damping = np.zeros(problem.size), INITIAL_DAMPING
-    cost = _huber(problem(vector))
+    cost = _sum_huber_losses(problem(vector))
     for _ in range(MAX_STEPS):
         residuals, jacobian = problem(vector), problem.jacobian(vector)
         weights = np.minimum(1.0, HUBER_THRESHOLD / np.maximum(np.abs(residuals), 1e-300))
@@ -282,7 +282,7 @@ def _minimise(
         while damping < MAX_DAMPING and not decrease > 0:
             damped = information + damping * np.diag(np.diag(information))
             trial = vector - np.linalg.solve(damped, gradient)
-            decrease = cost - _huber(problem(trial))
+            decrease = cost - _sum_huber_losses(problem(trial))
             damping = damping / DAMPING_FACTOR if decrease > 0 else damping * DAMPING_FACTOR
         if not decrease > 0:
             break
@@ -292,7 +292,7 @@ def _minimise(
     return vector, information
 
 
-def _huber(residuals: FloatArray) -> float:
+def _sum_huber_losses(residuals: FloatArray) -> float:
     """Return the sum of the Huber loss of normalised residuals; the square of a small one."""
     size = np.abs(residuals)
     return float(

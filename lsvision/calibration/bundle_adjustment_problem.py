@@ -157,8 +157,8 @@ class BundleAdjustmentProblem:
         self._corner_std = np.asarray(corner_stds, dtype=np.float64)[self._corner_view, None]
         self._line_std = line_std[:, 0]
         self._shape = BoardShape.of(self._corners)
-        self._axes = tilt_axes(initial_guess)
-        self.free = np.flatnonzero(_refined_mask(initial_guess.camera, refinement))
+        self._axes = build_tilt_axes(initial_guess)
+        self.free = np.flatnonzero(_mask_refined(initial_guess.camera, refinement))
         self._cached_camera, self._cached_rays = b"", np.empty((0, 3))
         self._rows_of_view = np.concatenate([np.repeat(self._corner_view, 2), self._line_view])
 
@@ -167,17 +167,17 @@ class BundleAdjustmentProblem:
         """Length of the parameter vector."""
         return len(self.free) + 6 * self._count
 
-    def state(self, vector: FloatArray) -> BundleAdjustmentState:
+    def unpack_state(self, vector: FloatArray) -> BundleAdjustmentState:
         """Return the unknowns at a parameter vector."""
-        camera, plane, bow = self._common_parameters(vector)
-        rotations, translations = self._poses(vector)
+        camera, plane, bow = self._unpack_common_parameters(vector)
+        rotations, translations = self._unpack_poses(vector)
         poses = tuple(Pose(R, t) for R, t in zip(rotations, translations, strict=True))
         return BundleAdjustmentState(camera, plane, poses, bow)
 
     def residuals_in_pixels(self, vector: FloatArray) -> tuple[Points, FloatArray]:
         """Return corner residuals (n, 2) and laser residuals (m,) of all views. Units: px."""
-        camera, plane, bow = self._common_parameters(vector)
-        rotations, translations = self._poses(vector)
+        camera, plane, bow = self._unpack_common_parameters(vector)
+        rotations, translations = self._unpack_poses(vector)
         return (
             self._corner_residuals(camera, bow, rotations, translations),
             self._line_residuals(camera, plane, bow, rotations, translations),
@@ -186,7 +186,7 @@ class BundleAdjustmentProblem:
     def __call__(self, vector: FloatArray) -> FloatArray:
         """Return the whitened residuals, those of the priors last (0 for one without a prior)."""
         corner, line = self.residuals_in_pixels(vector)
-        prior = vector[: len(self.free)] / _priors(self.initial_guess.camera)[self.free]
+        prior = vector[: len(self.free)] / _list_prior_stds(self.initial_guess.camera)[self.free]
         return np.concatenate([(corner / self._corner_std).ravel(), line / self._line_std, prior])
 
     def jacobian(self, vector: FloatArray) -> FloatArray:
@@ -208,11 +208,11 @@ class BundleAdjustmentProblem:
             jacobian[:, column] = (self(vector + increment) - residuals) / step
         return jacobian
 
-    def plane_columns(self) -> IntArray:
+    def find_plane_columns(self) -> IntArray:
         """Return the indices of the plane's tilt about X, about Y, and distance."""
         return np.flatnonzero((self.free >= TILT.start) & (self.free <= DISTANCE))
 
-    def bow_columns(self) -> IntArray:
+    def find_bow_columns(self) -> IntArray:
         """Return the indices of the bow; empty where it is fixed."""
         return np.flatnonzero(self.free >= BOW.start)
 
@@ -224,7 +224,7 @@ class BundleAdjustmentProblem:
         """Return values of the line points of all views as one array per view."""
         return tuple(values[self._line_view == index] for index in range(self._count))
 
-    def _common_parameters(self, vector: FloatArray) -> tuple[Camera, Plane, FloatArray]:
+    def _unpack_common_parameters(self, vector: FloatArray) -> tuple[Camera, Plane, FloatArray]:
         """Return camera, laser plane and bow at a parameter vector."""
         change = np.zeros(len(DIFFERENCE_STEPS))
         change[self.free] = vector[: len(self.free)]
@@ -243,7 +243,7 @@ class BundleAdjustmentProblem:
             initial_guess.bow + change[BOW],
         )
 
-    def _poses(self, vector: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _unpack_poses(self, vector: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return rotations (v, 3, 3) and translations (v, 3) of the boards."""
         from scipy.spatial.transform import Rotation
 
@@ -279,13 +279,13 @@ class BundleAdjustmentProblem:
         To first order: the height over the board of the point in which the pixel's ray meets the
         laser plane, divided by the gradient of this height by the pixel.
         """
-        rays, view = self._rays(camera), self._line_view
+        rays, view = self._compute_rays(camera), self._line_view
         ray_dot_normal = rays @ plane.normal
         laser_points = rays * (plane.distance / ray_dot_normal)[:, None]
         R = rotations[view]
         on_board = np.einsum("nij,ni->nj", R, laser_points - translations[view])
-        height = on_board[:, 2] - self._shape.heights(on_board[:, :2], bow)
-        slopes = self._shape.slopes(on_board[:, :2], bow)
+        height = on_board[:, 2] - self._shape.compute_heights(on_board[:, :2], bow)
+        slopes = self._shape.compute_slopes(on_board[:, :2], bow)
         up = R[:, :, 2] - np.einsum("nij,nj->ni", R[:, :, :2], slopes)
         # A laser point is z m with the ray m and z = D / (n . m), D and n the plane's distance and
         # normal: d height / d m_j = z (up_j - (up . m) n_j / (n . m)).
@@ -295,7 +295,7 @@ class BundleAdjustmentProblem:
         residuals: FloatArray = camera.focal_length * height / np.hypot(*gradient.T)
         return residuals
 
-    def _rays(self, camera: Camera) -> Points:
+    def _compute_rays(self, camera: Camera) -> Points:
         """Return the rays of all line points, cached for the last camera: undistortion is slow."""
         key = camera.matrix.tobytes() + camera.distortion.tobytes()
         if key != self._cached_camera:
@@ -303,14 +303,14 @@ class BundleAdjustmentProblem:
         return self._cached_rays
 
 
-def tilt_axes(initial_guess: BundleAdjustmentState) -> FloatArray:
+def build_tilt_axes(initial_guess: BundleAdjustmentState) -> FloatArray:
     """Return the changes (2, 3) of the plane's normal per rad of tilt about the section's X, Y."""
     x, y, z = LightSection(initial_guess.camera, initial_guess.plane).camera_from_section.rotation.T
     axes: FloatArray = np.stack([-y, x]) * np.sign(float(z @ initial_guess.plane.normal))
     return axes
 
 
-def _refined_mask(camera: Camera, refinement: Refinement) -> BoolArray:
+def _mask_refined(camera: Camera, refinement: Refinement) -> BoolArray:
     """Return the mask of the parameters that are refined."""
     free = np.zeros(len(DIFFERENCE_STEPS), dtype=bool)
     if refinement.camera:
@@ -324,7 +324,7 @@ def _refined_mask(camera: Camera, refinement: Refinement) -> BoolArray:
     return free
 
 
-def _priors(camera: Camera) -> FloatArray:
+def _list_prior_stds(camera: Camera) -> FloatArray:
     """Return the standard deviation of the prior on each shared parameter; infinite: no prior."""
     focal = camera.focal_length
     return np.concatenate(

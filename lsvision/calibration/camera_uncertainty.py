@@ -11,7 +11,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from lsvision.calibration.board_pose import estimate_board_pose, pose_difference
+from lsvision.calibration.board_pose import compute_pose_difference, estimate_board_pose
 from lsvision.calibration.covariance_check import check_covariance
 from lsvision.calibration.target import TargetView
 from lsvision.geometry import BoolArray, FloatArray, Pose
@@ -61,7 +61,7 @@ def free_intrinsics_jacobian(camera: Camera, free: BoolArray) -> FloatArray:
     return jacobian
 
 
-def camera_modes(camera: Camera, covariance: FloatArray) -> list[Camera]:
+def compute_camera_modes(camera: Camera, covariance: FloatArray) -> list[Camera]:
     """Return cameras, each changed by one standard deviation along a principal axis.
 
     The axes are those of the correlation matrix of the intrinsics; the sum over the cameras of the
@@ -96,7 +96,7 @@ def check_intrinsics_covariance(camera: Camera, covariance: FloatArray) -> None:
     check_covariance(covariance)
 
 
-def board_pose_modes(
+def compute_board_pose_modes(
     views: Sequence[TargetView], camera: Camera, covariance: FloatArray
 ) -> FloatArray:
     """Return the shift (m, n, 6) of the poses of n boards by m independent errors of the camera.
@@ -105,7 +105,7 @@ def board_pose_modes(
     exp([w]x) R. `covariance` (4 + k, 4 + k) is that of fx, fy, cx, cy (px) and the k coefficients,
     from `CameraCalibration`.
     """
-    modes = camera_modes(camera, covariance)
+    modes = compute_camera_modes(camera, covariance)
     shifts = np.zeros((len(modes), len(views), 6))
     for index, view in enumerate(views):
         pose = estimate_board_pose(view.pixels, view.points, camera).camera_from_board
@@ -113,7 +113,7 @@ def board_pose_modes(
             changed_pose = estimate_board_pose(
                 view.pixels, view.points, changed_camera
             ).camera_from_board
-            shifts[mode, index] = pose_difference(changed_pose, pose)
+            shifts[mode, index] = compute_pose_difference(changed_pose, pose)
     return shifts
 
 
@@ -125,7 +125,7 @@ def covariance_by_camera(
     `solve` returns the result (p,) for a camera; `covariance` is that of the intrinsics.
     """
     nominal = solve(camera)
-    cameras = camera_modes(camera, covariance)
+    cameras = compute_camera_modes(camera, covariance)
     differences = np.array([solve(changed) - nominal for changed in cameras]).reshape(
         -1, len(nominal)
     )

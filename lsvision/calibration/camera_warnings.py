@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from lsvision.calibration.target import TargetView
-from lsvision.calibration.views import RECOMMENDED_TILT, RECOMMENDED_VIEWS, max_tilt
+from lsvision.calibration.views import RECOMMENDED_TILT, RECOMMENDED_VIEWS, compute_max_tilt
 from lsvision.geometry import BoolArray, FloatArray, Pose
 from lsvision.sensors.camera import Camera
 
@@ -35,15 +35,15 @@ def check_camera(
     `poses` are ``camera_from_board`` of each view.
     """
     warnings = [
-        *_view_warnings(len(views), max_tilt(poses)),
-        *_coverage_warnings(camera, views),
-        *_scale_warnings(camera, poses),
-        *_model_warnings(camera, std),
+        *_check_views(len(views), compute_max_tilt(poses)),
+        *_check_coverage(camera, views),
+        *_check_scale(camera, poses),
+        *_check_model(camera, std),
     ]
     return tuple(warnings)
 
 
-def _view_warnings(count: int, tilt: float) -> list[str]:
+def _check_views(count: int, tilt: float) -> list[str]:
     """Return warnings about the number of views and their tilt."""
     warnings = []
     if count < RECOMMENDED_VIEWS:
@@ -68,7 +68,7 @@ def find_covered_cells(size: tuple[int, int], views: Sequence[TargetView]) -> Bo
     return covered
 
 
-def _coverage_warnings(camera: Camera, views: Sequence[TargetView]) -> list[str]:
+def _check_coverage(camera: Camera, views: Sequence[TargetView]) -> list[str]:
     """Return a warning if the corners cover too little of the image."""
     covered = float(find_covered_cells(camera.size, views).mean())
     if covered >= RECOMMENDED_COVERAGE:
@@ -79,7 +79,7 @@ def _coverage_warnings(camera: Camera, views: Sequence[TargetView]) -> list[str]
     ]
 
 
-def _scale_warnings(camera: Camera, poses: Sequence[Pose]) -> list[str]:
+def _check_scale(camera: Camera, poses: Sequence[Pose]) -> list[str]:
     """Return warnings about implausible distance or aspect ratio."""
     warnings = []
     distance = float(np.median([np.linalg.norm(pose.translation) for pose in poses]))
@@ -98,7 +98,7 @@ def _scale_warnings(camera: Camera, poses: Sequence[Pose]) -> list[str]:
     return warnings
 
 
-def _model_warnings(camera: Camera, std: FloatArray) -> list[str]:
+def _check_model(camera: Camera, std: FloatArray) -> list[str]:
     """Return warnings about focal length, principal point and distortion."""
     warnings = []
     focal = camera.focal_length

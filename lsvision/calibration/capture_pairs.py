@@ -119,7 +119,7 @@ class CaptureState:
     pending: tuple[Image, TargetView] | None = None
 
 
-def next_state(
+def advance_state(
     state: CaptureState, frame: Image, target: Target, settings: CaptureSettings
 ) -> tuple[CaptureState, str, Pair | None]:
     """Return the state after a frame, the instruction to the user, and a complete pair.
@@ -131,7 +131,9 @@ def next_state(
     grey = convert_to_grey(interpolate_grey(frame, extraction.bayer))
     view = _find_board(grey, target)
     pending = state.pending
-    if pending is not None and (view is None or movement(pending[1], view) <= settings.still_px):
+    if pending is not None and (
+        view is None or measure_movement(pending[1], view) <= settings.still_px
+    ):
         if _shows_line(frame, view, pending, target, settings):
             completed = CaptureState(pairs=(*state.pairs, pending[1]))
             instruction = f"pair {len(completed.pairs)} taken: move the board"
@@ -140,27 +142,31 @@ def next_state(
     searching = CaptureState(pairs=state.pairs, previous_view=view)
     if view is None:
         return searching, "no board: show it whole, sharp and evenly lit", None
-    problem = _view_problem(state, grey, view, target, settings)
+    problem = _find_view_problem(state, grey, view, target, settings)
     if problem:
         return searching, problem, None
     return replace(searching, pending=(frame, view)), LASER_ON, None
 
 
-def _view_problem(
+def _find_view_problem(
     state: CaptureState, grey: Image, view: TargetView, target: Target, settings: CaptureSettings
 ) -> str | None:
     """Return the instruction for a board that is not accepted yet; None if it is."""
-    if any(movement(pair, view) < settings.min_change * view.size[0] for pair in state.pairs):
+    if any(
+        measure_movement(pair, view) < settings.min_change * view.size[0] for pair in state.pairs
+    ):
         return "as in an earlier pair: move the board"
-    movement_px = np.inf if state.previous_view is None else movement(state.previous_view, view)
+    movement_px = (
+        np.inf if state.previous_view is None else measure_movement(state.previous_view, view)
+    )
     if movement_px > settings.still_px:
         return "board seen: hold it still"
     if isinstance(target, CircleGrid):  # no straight edges
         return None
-    return _focus_problem(grey, view, settings.max_blur_px)
+    return _find_focus_problem(grey, view, settings.max_blur_px)
 
 
-def movement(first: TargetView, second: TargetView) -> float:
+def measure_movement(first: TargetView, second: TargetView) -> float:
     """Return the median distance in px of the corners that two views of a target share.
 
     Infinite if they share none. Each may lack corners, for example under a laser line.
@@ -179,7 +185,7 @@ def _find_board(frame: Image, target: Target) -> TargetView | None:
         return None
 
 
-def _focus_problem(grey: Image, view: TargetView, max_blur_px: float) -> str | None:
+def _find_focus_problem(grey: Image, view: TargetView, max_blur_px: float) -> str | None:
     """Return the instruction for a board whose edges are blurred; None if they are sharp."""
     sigmas = []
     for along in ("u", "v"):
@@ -201,7 +207,7 @@ def _shows_line(
         return False
     try:
         line = find_laser_view(
-            rough_camera(board_view.size), target, board, frame, settings.line
+            guess_camera(board_view.size), target, board, frame, settings.line
         ).line_pixels
     except LsvisionError:
         return False
@@ -221,7 +227,7 @@ def _shows_line(
     return contrast > max(settings.min_contrast, NOISE_SIGMAS * noise)
 
 
-def missing_views(views: Sequence[TargetView], pairs: int) -> tuple[str, ...]:
+def list_missing_views(views: Sequence[TargetView], pairs: int) -> tuple[str, ...]:
     """Return instructions for the next views; empty if none are missing.
 
     They name missing pairs (of `pairs`, each an image of the board and one of the laser line on
@@ -233,9 +239,9 @@ def missing_views(views: Sequence[TargetView], pairs: int) -> tuple[str, ...]:
         missing.append(f"{pairs - len(views)} more")
     if not views:
         return tuple(missing)
-    if areas := _empty_areas(views):
+    if areas := _find_empty_areas(views):
         missing.append(f"board into the image's {', '.join(areas)}")
-    camera = rough_camera(views[0].size)
+    camera = guess_camera(views[0].size)
     poses = [guess_camera_from_board(view, camera.rays(view.pixels)) for view in views]
     sides = [
         name
@@ -250,7 +256,7 @@ def missing_views(views: Sequence[TargetView], pairs: int) -> tuple[str, ...]:
     return tuple(missing)
 
 
-def rough_camera(size: tuple[int, int]) -> Camera:
+def guess_camera(size: tuple[int, int]) -> Camera:
     """Return an approximate camera without distortion, of `DEFAULT_FOCAL_RATIO`."""
     width, height = size
     focal = DEFAULT_FOCAL_RATIO * width
@@ -258,7 +264,7 @@ def rough_camera(size: tuple[int, int]) -> Camera:
     return Camera(matrix, np.zeros(0), size)
 
 
-def _empty_areas(views: Sequence[TargetView]) -> list[str]:
+def _find_empty_areas(views: Sequence[TargetView]) -> list[str]:
     """Return the corners, sides and the middle of the image without any corner of a board."""
     covered = find_covered_cells(views[0].size, views)
     # Blocks of cells along a side: the first cell, all between, and the last cell.

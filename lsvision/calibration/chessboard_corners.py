@@ -65,7 +65,9 @@ RAYLEIGH_MEDIAN = float(np.sqrt(2 * np.log(2)))
 """Median length of a vector of two normal coordinates of standard deviation 1."""
 
 
-def initial_corners(image: npt.NDArray[np.uint8], columns: int, rows: int) -> Iterator[Points]:
+def detect_initial_corners(
+    image: npt.NDArray[np.uint8], columns: int, rows: int
+) -> Iterator[Points]:
     """Yield the corners (rows, columns, 2) in px that OpenCV's detectors find, one set for each.
 
     Which corner is the first is not defined. The classic detector is fast. The others also find
@@ -98,11 +100,11 @@ def locate_corners(
     about a tenth of a square, of which some may be wrong. The mask (rows, columns) is False for a
     corner that is off the grid of the others. None if too few corners fit one grid.
     """
-    initial_size = max(square_size(initial), MIN_SQUARE_PX)  # 0 if two corners are equal
+    initial_size = max(measure_square_size(initial), MIN_SQUARE_PX)  # 0 if two corners are equal
     grid = _Grid.fit(initial, image.shape, GRID_TOLERANCE * initial_size)
     corners, inliers = initial, np.ones(initial.shape[:2], dtype=bool)
     for _ in range(SEARCH_ROUNDS):
-        size = square_size(grid.corners)
+        size = measure_square_size(grid.corners)
         if not size > MIN_SQUARE_PX:
             return None
         distances = np.linalg.norm(corners - grid.corners, axis=-1)
@@ -121,7 +123,7 @@ def locate_corners(
     return corners, inliers
 
 
-def square_size(corners: Points) -> float:
+def measure_square_size(corners: Points) -> float:
     """Return the smallest height, over the longer side, of the squares between corners.
 
     `corners` are (rows, columns, 2). Units: px.
@@ -176,7 +178,7 @@ class _Grid:
         observed = (corners.reshape(-1, 2) - middle) / half_side
 
         def residuals(parameters: FloatArray) -> FloatArray:
-            error = (_distorted_grid(parameters, nodes) - observed) * half_side / scale
+            error = (_distort_grid(parameters, nodes) - observed) * half_side / scale
             return np.append(error.ravel(), parameters[8:] / RADIAL_PRIOR)
 
         if start is None:
@@ -189,11 +191,11 @@ class _Grid:
         else:
             guess = start.parameters
         solution = least_squares(residuals, guess, loss="soft_l1", x_scale="jac", max_nfev=100).x
-        predicted = middle + half_side * _distorted_grid(solution, nodes)
+        predicted = middle + half_side * _distort_grid(solution, nodes)
         return _Grid(predicted.reshape(corners.shape), solution)
 
 
-def _distorted_grid(parameters: FloatArray, nodes: Points) -> Points:
+def _distort_grid(parameters: FloatArray, nodes: Points) -> Points:
     """Return the image points of grid nodes (n, 2), in the units of `_Grid.parameters`."""
     homography = np.append(parameters[:8], 1.0).reshape(3, 3)
     ideal = apply_homography(homography, nodes)
@@ -208,13 +210,13 @@ def _refine(image: npt.NDArray[np.uint8], start: Points, grid: Points) -> tuple[
     Where there is none within the radius of the window, the initial position is returned. `start`
     and the predicted corners `grid` are (rows, columns, 2) in px.
     """
-    size = square_size(grid)
+    size = measure_square_size(grid)
     smooth = cv2.GaussianBlur(
         image.astype(np.float32), (0, 0), max(SMOOTHING_FRACTION * size, MIN_SMOOTHING_PX)
     )
     levels = _Levels.fit(smooth, grid)
     radius = max(RADIUS_FRACTION * size, MIN_RADIUS_PX)
-    x, y = _disc_offsets(radius)
+    x, y = _list_disc_offsets(radius)
     fit_paraboloid = np.linalg.pinv(np.column_stack([x * x, x * y, y * y, x, y, np.ones_like(x)]))
     start_points = start.reshape(-1, 2)
     corners, is_saddle = start_points.copy(), np.ones(len(start_points), dtype=bool)
@@ -237,7 +239,7 @@ def _refine(image: npt.NDArray[np.uint8], start: Points, grid: Points) -> tuple[
     return corners.reshape(start.shape), exists.reshape(start.shape[:2])
 
 
-def _disc_offsets(radius: float) -> tuple[FloatArray, FloatArray]:
+def _list_disc_offsets(radius: float) -> tuple[FloatArray, FloatArray]:
     """Return the offsets x and y of the pixels within a radius. Units: px."""
     steps = np.arange(-np.ceil(radius), np.ceil(radius) + 1)
     x, y = (axis.ravel() for axis in np.meshgrid(steps, steps))
@@ -273,7 +275,7 @@ class _Levels:
 
         `grid` are the corners (rows, columns, 2) in px.
         """
-        middles = cell_middles(grid)
+        middles = compute_cell_middles(grid)
         odd = np.indices(middles.shape[:2]).sum(axis=0) % 2 == 1
         # Twice as many squares of each colour as the polynomial has terms.
         degree = int(np.searchsorted([12, 24], odd.size, side="right"))
@@ -281,14 +283,16 @@ class _Levels:
         middle, extent = positions.mean(axis=0), float(np.ptp(positions, axis=0).max()) / 2
         values = sample(image, middles)
         first, second = (
-            _robust_solution(_terms((middles[colour] - middle) / extent, degree), values[colour])
+            _solve_robustly(
+                _evaluate_terms((middles[colour] - middle) / extent, degree), values[colour]
+            )
             for colour in (~odd, odd)
         )
         return _Levels(middle, extent, degree, first, second)
 
     def normalise(self, image: npt.NDArray[np.float32], positions: Points) -> FloatArray:
         """Return the image at positions (..., 2): 0 in squares like the first, 1 in the others."""
-        terms = _terms((positions - self.middle) / self.extent, self.degree)
+        terms = _evaluate_terms((positions - self.middle) / self.extent, self.degree)
         contrast = terms @ (self.second - self.first)
         median = np.median(contrast)
         sign, min_contrast = np.sign(median), MIN_CONTRAST_FRACTION * abs(median)
@@ -297,7 +301,7 @@ class _Levels:
         return normalised
 
 
-def cell_middles(corners: Points) -> Points:
+def compute_cell_middles(corners: Points) -> Points:
     """Return the middles (rows - 1, columns - 1, 2) of the squares between corners."""
     pairs = corners[:-1] + corners[1:]
     return (pairs[:, :-1] + pairs[:, 1:]) / 4
@@ -314,14 +318,14 @@ def sample(image: npt.NDArray[np.float32], positions: Points) -> FloatArray:
     return np.concatenate(samples, axis=1).reshape(positions.shape[:-1]).astype(np.float64)
 
 
-def _terms(positions: Points, degree: int) -> FloatArray:
+def _evaluate_terms(positions: Points, degree: int) -> FloatArray:
     """Return the 1, 3 or 6 terms (last axis) of a polynomial of degree 0, 1 or 2 in x and y."""
     x, y = positions[..., 0], positions[..., 1]
     terms = [np.ones_like(x), x, y, x * x, x * y, y * y]
     return np.stack(terms[: (1, 3, 6)[degree]], axis=-1)
 
 
-def _robust_solution(design: FloatArray, values: FloatArray) -> FloatArray:
+def _solve_robustly(design: FloatArray, values: FloatArray) -> FloatArray:
     """Return the solution of least squares with Huber weights (a laser line brightens a few)."""
     weights = np.ones(len(values))  # of the residuals: roots of those of their squares
     for _ in range(5):

@@ -18,8 +18,8 @@ from lsvision.calibration.observations import MM_PER_RADIAN, Observations, State
 from lsvision.calibration.robot_std import (
     STATED_ROBOT,
     RobotStdPosterior,
+    compute_robot_whitening,
     infer_robot_std,
-    robot_whitening,
 )
 from lsvision.errors import FitFailed
 from lsvision.geometry import FloatArray
@@ -60,7 +60,7 @@ class ErrorsInVariablesFit:
     chi2 : float
         Sum of squared whitened residuals of the used poses and the prior.
     dof : float
-        Degrees of freedom of `chi2`; see `degrees_of_freedom`.
+        Degrees of freedom of `chi2`; see `count_degrees_of_freedom`.
     variance_factor : float
         Factor on the covariance, at least 1.
     """
@@ -108,7 +108,7 @@ class ErrorsInVariablesFit:
         eye = np.eye(self.residuals.shape[1])
         return eye - self.mask[:, None, None] * self.prediction_covariances
 
-    def steps_by_shifts(self, shifts: FloatArray) -> FloatArray:
+    def propagate_shifts(self, shifts: FloatArray) -> FloatArray:
         """Return the change (k, p) of the solution by shifts (k, n, m) of the observations.
 
         The first six of the p numbers are translation (mm) and left-hand rotation (rad) of the
@@ -153,7 +153,7 @@ def fit_errors_in_variables(
                 posterior = infer_robot_std(observations, states, mask)
             except np.linalg.LinAlgError as error:
                 raise FitFailed(SINGULAR) from error
-        whitening = robot_whitening(observations, states, posterior.mean_scales)
+        whitening = compute_robot_whitening(observations, states, posterior.mean_scales)
         states = solve_least_squares(
             observations, states, mask[:, None, None] * whitening, max_steps=STEPS_PER_ITERATION
         ).states
@@ -169,7 +169,7 @@ def _build_fit(
     posterior: RobotStdPosterior,
 ) -> ErrorsInVariablesFit:
     """Return the fit at a state, with its cofactors and statistics."""
-    whitening = robot_whitening(observations, states, posterior.mean_scales)
+    whitening = compute_robot_whitening(observations, states, posterior.mean_scales)
     jacobian, residuals = whitened_jacobian_and_residuals(observations, states, whitening)
     prior, prior_residuals = prior_jacobian_and_residuals(observations, states)
     try:
@@ -194,7 +194,7 @@ def _build_fit(
     )
 
 
-def degrees_of_freedom(
+def count_degrees_of_freedom(
     observations: Observations, states: States, mask: FloatArray, whitening: FloatArray
 ) -> float:
     """Return the number of observations minus the number of unknowns that they determine.
@@ -215,7 +215,7 @@ def degrees_of_freedom(
 def _count_degrees_of_freedom(
     observations: Observations, mask: FloatArray, prior: FloatArray, cofactors: FloatArray
 ) -> float:
-    """Return `degrees_of_freedom` from the prior's rows of the Jacobian and the cofactors."""
+    """Return `count_degrees_of_freedom` from the prior's rows of the Jacobian and the cofactors."""
     observed = mask.sum() * observations.covariances.shape[-1]
     determined_by_prior = float(np.trace(prior @ cofactors @ prior.T))
     return float(observed - len(cofactors) + determined_by_prior)
@@ -236,7 +236,9 @@ def find_least_determined_direction(
     One radian counts as 100 mm. The std does not depend on the residuals: it is predicted for the
     stated or nominal robot. It is infinite where the normal matrix is singular.
     """
-    whitening = fit.mask[:, None, None] * robot_whitening(observations, fit.states, (1.0, 1.0))
+    whitening = fit.mask[:, None, None] * compute_robot_whitening(
+        observations, fit.states, (1.0, 1.0)
+    )
     jacobian, _ = whitened_jacobian_and_residuals(observations, fit.states, whitening)
     rows = jacobian.reshape(-1, jacobian.shape[-1])
     mount, target = rows[:, :6] / ([1.0] * 3 + [MM_PER_RADIAN] * 3), rows[:, 6:]

@@ -100,12 +100,12 @@ def calibrate_hand_eye_sphere(
     Examples
     --------
     >>> from lsvision.simulate.hand_eye import SectionView, TargetMotion
-    >>> from lsvision.simulate.hand_eye import section_poses_about, sphere_profile
+    >>> from lsvision.simulate.hand_eye import draw_section_poses_about, simulate_sphere_profile
     >>> rng, ball = np.random.default_rng(0), np.array([800.0, 0.0, 300.0])
-    >>> sections = section_poses_about(ball, 12, TargetMotion(working_y=-150.0), rng)
+    >>> sections = draw_section_poses_about(ball, 12, TargetMotion(working_y=-150.0), rng)
     >>> mount = Pose(translation=(0.0, 80.0, 120.0))
     >>> centres = [pose.inverse().apply_one(ball) for pose in sections]
-    >>> profiles = [sphere_profile(centre, 20.0, SectionView(), rng) for centre in centres]
+    >>> profiles = [simulate_sphere_profile(centre, 20.0, SectionView(), rng) for centre in centres]
     >>> flanges = [pose @ mount.inverse() for pose in sections]
     >>> calibration = calibrate_hand_eye_sphere(profiles, flanges)
     >>> calibration.flange_from_section.translation.round(0) + 0.0
@@ -180,13 +180,13 @@ def calibrate_hand_eye_plane(
     Examples
     --------
     >>> from lsvision.simulate.hand_eye import SectionView, TargetMotion
-    >>> from lsvision.simulate.hand_eye import plane_profile, section_poses_about
+    >>> from lsvision.simulate.hand_eye import draw_section_poses_about, simulate_plane_profile
     >>> rng, position = np.random.default_rng(0), np.array([800.0, 0.0, 300.0])
     >>> motion = TargetMotion(working_y=-150.0, tilt=np.radians(40.0), offset=0.0)
-    >>> sections = section_poses_about(position, 10, motion, rng)
+    >>> sections = draw_section_poses_about(position, 10, motion, rng)
     >>> mount, plane = Pose(translation=(0.0, 80.0, 120.0)), Plane((0, 0, 1), 300.0)
     >>> planes = [plane.transformed(pose.inverse()) for pose in sections]
-    >>> profiles = [plane_profile(section_plane, SectionView(), rng) for section_plane in planes]
+    >>> profiles = [simulate_plane_profile(seen, SectionView(), rng) for seen in planes]
     >>> flanges = [pose @ mount.inverse() for pose in sections]
     >>> calibration = calibrate_hand_eye_plane(profiles, flanges)
     >>> calibration.flange_from_section.translation.round(0) + 0.0
@@ -237,8 +237,8 @@ def calibrate_hand_eye_board(
         are attributed to the robot.
     camera_modes : (m, n, 6) array_like, optional
         Shifts of the boards' origins (mm) and left-hand rotations (rad) by each of m independent
-        errors of the camera, one standard deviation each, from `board_pose_modes`. Without them
-        the camera is taken as exact.
+        errors of the camera, one standard deviation each, from `compute_board_pose_modes`. Without
+        them the camera is taken as exact.
     mounting, settings
         As in `calibrate_hand_eye_sphere`.
 
@@ -255,9 +255,10 @@ def calibrate_hand_eye_board(
 
     Examples
     --------
-    >>> from lsvision.simulate.hand_eye import TargetMotion, section_poses_about
+    >>> from lsvision.simulate.hand_eye import TargetMotion, draw_section_poses_about
     >>> rng, position = np.random.default_rng(0), np.array([800.0, 0.0, 300.0])
-    >>> base_from_cameras = section_poses_about(position, 8, TargetMotion(working_y=-150.0), rng)
+    >>> motion = TargetMotion(working_y=-150.0)
+    >>> base_from_cameras = draw_section_poses_about(position, 8, motion, rng)
     >>> mount, base_from_board = Pose(translation=(0.0, 80.0, 120.0)), Pose(translation=position)
     >>> boards = [pose.inverse() @ base_from_board for pose in base_from_cameras]
     >>> flanges = [pose @ mount.inverse() for pose in base_from_cameras]
@@ -321,7 +322,7 @@ def _with_camera_and_board_errors(
         camera_modes,
         robot_is_stated=settings.robot_std is not None,
     )
-    errors = fit.steps_by_shifts(camera_modes)[:, :6]
+    errors = fit.propagate_shifts(camera_modes)[:, :6]
     if scale is not None:
         scale.require_plausible()
         if scale.significant:

@@ -138,7 +138,7 @@ def estimate_board_scale(
     # An error e of the size shifts the board's poses by e times this.
     scale_shift = np.concatenate([origins, np.zeros_like(origins)], axis=1)
     shifts = np.concatenate([scale_shift[None], camera_modes])
-    steps = fit.steps_by_shifts(shifts)
+    steps = fit.propagate_shifts(shifts)
     # Change of the whitened residuals by each shift, of which the solution absorbs a part.
     whitened_shifts = fit.mask[:, None] * np.einsum("nij,knj->kni", fit.whitening, shifts)
     whitened_changes = whitened_shifts + fit.mask[:, None] * np.einsum(

@@ -16,7 +16,7 @@ from lsvision.files.atomic_files import write_atomic
 from lsvision.files.json_text import parse_json
 from lsvision.files.limited_reading import read_text
 from lsvision.geometry import Plane, Pose
-from lsvision.results.quantities import finite_or_none
+from lsvision.results.quantities import replace_nonfinite
 
 if TYPE_CHECKING:
     from lsvision.calibration.hand_eye_result import HandEye
@@ -50,14 +50,14 @@ def write_hand_eye(
         "residuals": _replace_nan_by_null(hand_eye.residuals),
         "held_out": _replace_nan_by_null(hand_eye.leave_one_out_residuals),
         "rejected": [{"index": r.index, "reason": r.reason} for r in hand_eye.rejected],
-        "target": _target_document(hand_eye.target),
+        "target": _build_target_document(hand_eye.target),
         "robot_std": list(hand_eye.robot_std),
         "ambiguity": hand_eye.ambiguity_ratio if np.isfinite(hand_eye.ambiguity_ratio) else None,
         "weakness": hand_eye.least_determined_std,
         "weakest": hand_eye.least_determined_direction,
         "height_factor": hand_eye.height_scale,
         "target_factor": hand_eye.target_scale,
-        "degrees_of_freedom": finite_or_none(hand_eye.degrees_of_freedom),
+        "degrees_of_freedom": replace_nonfinite(hand_eye.degrees_of_freedom),
     }
     write_atomic(path, json.dumps(document, indent=2) + "\n")
 
@@ -185,7 +185,7 @@ def _dof_from_document(value: Any) -> float:
     return dof
 
 
-def _target_document(target: Sphere | Plane | Pose) -> dict[str, Any]:
+def _build_target_document(target: Sphere | Plane | Pose) -> dict[str, Any]:
     """Return a target as a JSON object with its kind. Units: mm."""
     if isinstance(target, Sphere):
         return {
@@ -200,7 +200,7 @@ def _target_document(target: Sphere | Plane | Pose) -> dict[str, Any]:
 
 
 def _target_from_document(document: dict[str, Any]) -> Sphere | Plane | Pose:
-    """Return the target of a JSON object from `_target_document`."""
+    """Return the target of a JSON object from `_build_target_document`."""
     kind = document["kind"]
     if kind == "sphere":
         return Sphere(document["centre"], document["radius"], document["radius_std"])

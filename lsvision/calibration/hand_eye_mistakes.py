@@ -7,10 +7,10 @@ import numpy as np
 
 from lsvision.calibration.batched_least_squares import search_whitening, solve_least_squares
 from lsvision.calibration.board_observations import BoardObservations
-from lsvision.calibration.errors_in_variables import ErrorsInVariablesFit, degrees_of_freedom
-from lsvision.calibration.observations import Observations, States, residual_norms
+from lsvision.calibration.errors_in_variables import ErrorsInVariablesFit, count_degrees_of_freedom
+from lsvision.calibration.observations import Observations, States, compute_residual_norms
 from lsvision.calibration.pose_outliers import solve_from_all_guesses
-from lsvision.calibration.robot_std import robot_whitening
+from lsvision.calibration.robot_std import compute_robot_whitening
 from lsvision.geometry import FloatArray
 
 MAX_RMS_RATIO = 0.35
@@ -38,7 +38,7 @@ def detect_moved_target(
     are the indices of the poses in the message. Without `fit` all initial guesses are tried,
     weighted by `search_whitening`.
     """
-    initial_guess = fit.states if fit else _best_state(observations, mask)
+    initial_guess = fit.states if fit else _find_best_state(observations, mask)
     one_target = _fit_hypothesis(observations, initial_guess, mask, fit)
     two_targets = {
         first_moved: _fit_two_targets(observations, first_moved, mask, fit)
@@ -82,7 +82,7 @@ class _TargetHypothesis:
     target_distance: float
 
 
-def _best_state(observations: Observations, mask: FloatArray) -> States:
+def _find_best_state(observations: Observations, mask: FloatArray) -> States:
     """Return the state of lowest cost from all initial guesses."""
     return solve_from_all_guesses(observations, mask)[0].select(np.array([0]))
 
@@ -97,7 +97,7 @@ def _fit_two_targets(
     groups = (np.arange(len(mask)) >= first_moved).astype(np.int64)
     observations = replace(observations, groups=groups)
     if fit is None:
-        guess = _best_state(observations, mask)
+        guess = _find_best_state(observations, mask)
     else:
         guess = replace(fit.states, targets=np.repeat(fit.states.targets[:, :1], 2, axis=1))
     return _fit_hypothesis(observations, guess, mask, fit)
@@ -113,7 +113,7 @@ def _fit_hypothesis(
     if fit is None:
         whitening = search_whitening(observations, mask[None])
     else:
-        whitening = mask[:, None, None] * robot_whitening(
+        whitening = mask[:, None, None] * compute_robot_whitening(
             observations, initial_guess, fit.robot_std_scales
         )
     solution = solve_least_squares(observations, initial_guess, whitening)
@@ -121,7 +121,7 @@ def _fit_hypothesis(
     return _TargetHypothesis(
         _residual_rms(observations, solution.states, mask),
         float(solution.costs[0]),
-        degrees_of_freedom(observations, solution.states, mask, whitening),
+        count_degrees_of_freedom(observations, solution.states, mask, whitening),
         observations.target_distance(targets[0], targets[-1]),
     )
 
@@ -168,5 +168,5 @@ def detect_mispaired_poses(observations: Observations, rms: float) -> str | None
 
 def _residual_rms(observations: Observations, states: States, mask: FloatArray) -> float:
     """Return the root mean square residual of the masked poses. Units: mm."""
-    norms = residual_norms(observations, observations.linearise(states).residuals[0])
+    norms = compute_residual_norms(observations, observations.linearise(states).residuals[0])
     return float(np.sqrt((norms**2 * mask).sum() / mask.sum()))

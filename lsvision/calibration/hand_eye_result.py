@@ -23,8 +23,12 @@ from lsvision.calibration.hand_eye_checks import (
 from lsvision.calibration.hand_eye_json import read_hand_eye, write_hand_eye
 from lsvision.calibration.observations import Mounting, RejectedPose, Sensor, Sphere
 from lsvision.calibration.pose_outliers import OutlierSettings
-from lsvision.calibration.result_tables import cells_from_rows, hand_eye_record, hand_eye_rows
-from lsvision.calibration.rotations import cross_matrices
+from lsvision.calibration.result_tables import (
+    build_hand_eye_record,
+    cells_from_rows,
+    format_hand_eye_rows,
+)
+from lsvision.calibration.rotations import build_cross_matrices
 from lsvision.calibration.sphere_arc import SphereArcSettings
 from lsvision.geometry import FloatArray, Plane, Pose
 from lsvision.geometry.arguments import as_numbers
@@ -288,7 +292,7 @@ class HandEye(Result):
             raise ValueError(f"expected a point of shape (3,) or (2,), got {coordinates.shape}")
         p[: len(coordinates)] = coordinates
         lever_arm = self.mount_from_sensor.rotation @ p
-        point_jacobian = np.concatenate([np.eye(3), -cross_matrices(lever_arm)], axis=1)
+        point_jacobian = np.concatenate([np.eye(3), -build_cross_matrices(lever_arm)], axis=1)
         covariance: FloatArray = point_jacobian @ self.covariance @ point_jacobian.T
         return covariance
 
@@ -365,19 +369,19 @@ class HandEye(Result):
         dict
             Lengths in ``*_mm``, angles in ``*_deg``; `save` writes what `load` reads again.
         """
-        return hand_eye_record(self)
+        return build_hand_eye_record(self)
 
-    def _summary(self) -> str:
+    def _summarise(self) -> str:
         used = len(self.residuals) - len(self.rejected)
         return (
             f"{self.sensor}, {self.mounting.replace('_', ' ')}, {self.working_point_std:.3f} mm "
             f"at the working point, from {used} of {len(self.residuals)} poses"
         )
 
-    def _cells(self) -> list[tuple[str, ...]]:
-        return cells_from_rows(hand_eye_rows(self))
+    def _list_cells(self) -> list[tuple[str, ...]]:
+        return cells_from_rows(format_hand_eye_rows(self))
 
-    def _notes(self) -> list[str]:
+    def _list_notes(self) -> list[str]:
         left_out = [f"left out: pose {pose.index}: {pose.reason}" for pose in self.rejected]
         return left_out + [f"warning: {text}" for text in self.warnings]
 

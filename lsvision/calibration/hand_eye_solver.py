@@ -22,8 +22,8 @@ from lsvision.calibration.observations import (
     RejectedPose,
     Sensor,
     Sphere,
+    compute_residual_norms,
     require_rotation,
-    residual_norms,
 )
 from lsvision.calibration.pose_outliers import (
     ambiguity_ratio,
@@ -133,9 +133,9 @@ def _require_consistent_poses(
     CalibrationFailed states the most likely cause.
     """
     inliers = int(fit.mask.sum())
-    norms = residual_norms(observations, observations.linearise(fit.states).residuals[0])
+    norms = compute_residual_norms(observations, observations.linearise(fit.states).residuals[0])
     inlier_rms = float(np.sqrt((norms**2 * fit.mask).sum() / max(inliers, 1)))
-    min_inliers = settings.outliers.min_inliers(len(norms), min_poses)
+    min_inliers = settings.outliers.compute_min_inliers(len(norms), min_poses)
     limit, limit_name = settings.max_residual_rms, "the limit of {:.2g} mm"
     if limit is None:
         limit = _explained_residual_rms(observations, fit, settings)
@@ -205,8 +205,8 @@ def build_hand_eye(
     """Return the result; DegenerateGeometry if another solution fits nearly as well."""
     settings, p_values = context.settings, outlier_p_values(fit)
     residuals = observations.linearise(fit.states).residuals[0]
-    norms = residual_norms(observations, residuals)
-    leave_one_out = residual_norms(observations, fit.leave_one_out_residuals())
+    norms = compute_residual_norms(observations, residuals)
+    leave_one_out = compute_residual_norms(observations, fit.leave_one_out_residuals())
     ratio = ambiguity_ratio(observations, fit)
     if ratio < settings.min_ambiguity_ratio:
         raise DegenerateGeometry(

@@ -32,7 +32,7 @@ from lsvision.calibration.views import (
     RejectedView,
     ViewSources,
     collect_views,
-    outlier_views,
+    find_outlier_views,
     require_tilted,
     require_views,
     rms_distance,
@@ -192,17 +192,17 @@ class CameraCalibration(Result):
         for name, (value, std) in self.parameters.items():
             unit = "_px" if name in ("fx", "fy", "cx", "cy") else ""
             record |= {f"{name}{unit}": value, f"{name}_std{unit}": std}
-        return record | {"rms_px": self.rms_px, **result_tables.common_record(self)}
+        return record | {"rms_px": self.rms_px, **result_tables.build_common_record(self)}
 
-    def _summary(self) -> str:
+    def _summarise(self) -> str:
         width, height = self.camera.size
         return f"{width} x {height} px from {len(self.views)} views, rms {self.rms_px:.3f} px"
 
-    def _cells(self) -> list[tuple[str, ...]]:
-        return result_tables.cells_from_rows(result_tables.camera_rows(self))
+    def _list_cells(self) -> list[tuple[str, ...]]:
+        return result_tables.cells_from_rows(result_tables.format_camera_rows(self))
 
-    def _notes(self) -> list[str]:
-        return result_tables.rejection_lines(self.rejected, self.outliers, self.warnings)
+    def _list_notes(self) -> list[str]:
+        return result_tables.format_rejections(self.rejected, self.outliers, self.warnings)
 
 
 def calibrate_camera(
@@ -249,7 +249,7 @@ def calibrate_camera(
         images, lambda image: find_target(image, target), lambda view: view.pixels.tobytes()
     )
     calibration = fit_camera(views, settings, sources)
-    left_out = list_left_out_warnings(target, views, sources.image_indices(len(views)))
+    left_out = list_left_out_warnings(target, views, sources.list_image_indices(len(views)))
     return replace(calibration, warnings=(*calibration.warnings, *left_out))
 
 
@@ -264,16 +264,16 @@ def fit_camera(
     """
     sources = sources or ViewSources()
     require_views(len(views), MIN_VIEWS, "the target", "add images of the board", sources)
-    _require_equal_sizes([view.size for view in views], sources.image_indices(len(views)))
+    _require_equal_sizes([view.size for view in views], sources.list_image_indices(len(views)))
     settings = settings or CameraSettings()
     solution, std = _solve(views, settings)
-    camera, poses, indices = solution.camera, solution.poses, sources.image_indices(len(views))
+    camera, poses, indices = solution.camera, solution.poses, sources.list_image_indices(len(views))
     bent = [solution.shape.bend(view.points, solution.bow) for view in views]
     calibrated_views = tuple(
         CalibratedView(index, view, pose, camera.project(pose.apply(points)) - view.pixels)
         for index, view, pose, points in zip(indices, views, poses, bent, strict=True)
     )
-    outliers = outlier_views(
+    outliers = find_outlier_views(
         indices,
         [view.rms_px for view in calibrated_views],
         OUTLIER_FACTOR,
@@ -315,7 +315,7 @@ def _solve(
 
 
 @contextmanager
-def _one_opencv_thread() -> Iterator[None]:
+def _limit_opencv_to_one_thread() -> Iterator[None]:
     """Limit OpenCV to one thread: with more, the last digits of its sums differ between runs."""
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)
@@ -338,7 +338,7 @@ def _solve_from_initial_guesses(views: Sequence[TargetView], flags: int) -> list
         try:
             # Without the flag OpenCV uses only the ratio of fx and fy.
             guess = cv2.initCameraMatrix2D(points, pixels, size, 1.0) if guess_flag else np.eye(3)
-            with _one_opencv_thread():
+            with _limit_opencv_to_one_thread():
                 solution = cv2.calibrateCameraExtended(
                     points, pixels, size, guess, None, flags=flags | guess_flag
                 )

@@ -9,18 +9,18 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.calibration.board_outline import (
-    board_outline,
-    inside_outline,
+    compute_target_pitch,
+    mask_inside_outline,
+    project_board_outline,
     target_bounds,
-    target_pitch,
 )
 from lsvision.calibration.bundle_adjustment_problem import MIN_POINTS, LaserView
 from lsvision.calibration.target import (
     CircleGrid,
     Target,
     TargetView,
-    board_homography,
     find_target,
+    fit_board_homography,
 )
 from lsvision.calibration.views import ViewSources, collect_views, require_size
 from lsvision.errors import CalibrationFailed, LsvisionError, NoLaserLine
@@ -158,10 +158,10 @@ def find_laser_view(
     LsvisionError
         If no laser line lies on it, or `margin` reaches beyond the horizon of its plane.
     """
-    bayer = _extraction_settings(settings).bayer
+    bayer = _choose_extraction_settings(settings).bayer
     board_grey = convert_to_grey(interpolate_grey(as_image(board_image), bayer))
     view = find_target(board_grey, target)
-    outline = board_outline(view, target, settings.margin)
+    outline = project_board_outline(view, target, settings.margin)
     outside = _find_line_outside(camera, target, view, line_image, settings)
     try:
         low = np.maximum(np.floor(outline.min(axis=0)), 0).astype(int)
@@ -174,10 +174,10 @@ def find_laser_view(
     except LsvisionError as error:
         if outside is None:
             raise
-        raise CalibrationFailed(outside.message(settings.margin)) from error
+        raise CalibrationFailed(outside.format_message(settings.margin)) from error
     intensity = float(np.median(line.intensity[indices]))
     if outside and outside.intensity > MIN_OUTSIDE_BRIGHTNESS_RATIO * intensity:
-        raise CalibrationFailed(outside.message(settings.margin))
+        raise CalibrationFailed(outside.format_message(settings.margin))
     indices = indices[:: math.ceil(len(indices) / settings.max_points)]
     return LaserView(view.points, view.pixels, line.pixels[indices] + low, line.std[indices])
 
@@ -185,13 +185,13 @@ def find_laser_view(
 def _extract(window: npt.ArrayLike, settings: LineOnBoardSettings) -> LaserLine:
     """Return the line in a window of the image; an error has the remedy for a calibration."""
     try:
-        return extract_laser_line(window, _extraction_settings(settings))
+        return extract_laser_line(window, _choose_extraction_settings(settings))
     except NoLaserLine as error:
         # An empty remedy means that the finding itself says what to do.
         raise NoLaserLine(error.finding, error.remedy and LINE_REMEDY) from error
 
 
-def _extraction_settings(settings: LineOnBoardSettings) -> LineSettings:
+def _choose_extraction_settings(settings: LineOnBoardSettings) -> LineSettings:
     """Return settings that use the laser's colour channel, in which the pattern disturbs less."""
     return replace(settings.extraction or LineSettings(), luminance=False)
 
@@ -203,7 +203,7 @@ class _LineOutside:
     distance_squares: float
     intensity: float
 
-    def message(self, margin: float) -> str:
+    def format_message(self, margin: float) -> str:
         """Return the message that the line is outside of `margin` squares, with the remedy."""
         distance = self.distance_squares
         return (
@@ -222,11 +222,13 @@ def _find_line_outside(
 ) -> _LineOutside | None:
     """Return the laser line of the image if it is straight and outside the board, else None."""
     try:
-        line = extract_laser_line(line_image, _extraction_settings(settings))
+        line = extract_laser_line(line_image, _choose_extraction_settings(settings))
     except LsvisionError:
         return None
     indices = np.flatnonzero(np.isfinite(line.pixels).all(axis=1))
-    indices = indices[_line_inliers(camera, line.pixels[indices], settings.max_line_deviation_px)]
+    indices = indices[
+        _find_line_inliers(camera, line.pixels[indices], settings.max_line_deviation_px)
+    ]
     if len(indices) < settings.min_points:
         return None
     distances = _distances_outside(line.pixels[indices], view, target)
@@ -242,7 +244,7 @@ def _distances_outside(pixels: Points, view: TargetView, target: Target) -> Floa
     on_board = _map_to_board(pixels, view)
     low, high = target_bounds(target)
     distance: FloatArray = np.maximum(low - on_board, on_board - high).max(axis=1)
-    return distance / target_pitch(target)
+    return distance / compute_target_pitch(target)
 
 
 def _find_indices_on_board(
@@ -259,18 +261,18 @@ def _find_indices_on_board(
     are the line in a window of the image, and the window's first pixel (u, v).
     """
     line, low = line_and_corner
-    pixels, outline = line.pixels + low, board_outline(board_view, target, settings.margin)
+    pixels, outline = line.pixels + low, project_board_outline(board_view, target, settings.margin)
     usable: BoolArray = np.asarray(np.isfinite(pixels).all(axis=1))
-    usable[usable] &= inside_outline(pixels[usable], outline)
+    usable[usable] &= mask_inside_outline(pixels[usable], outline)
     usable[usable] &= _is_clear_of_edges(
         pixels[usable], board_view, target, settings.edge_clearance
     )
     if background is not None:
-        change = _change_across_line(background, line, usable)
+        change = _measure_change_across_line(background, line, usable)
         usable[usable] &= _is_on_uniform_background(
             background, change, pixels[usable], settings.max_background_variation
         )
-    usable[usable] &= _line_inliers(camera, pixels[usable], settings.max_line_deviation_px)
+    usable[usable] &= _find_line_inliers(camera, pixels[usable], settings.max_line_deviation_px)
     indices = np.flatnonzero(usable)
     if len(indices) < settings.min_points:
         raise CalibrationFailed(
@@ -284,7 +286,7 @@ def _find_indices_on_board(
 
 def _map_to_board(pixels: Points, view: TargetView) -> Points:
     """Return the points (n, 2) of the board plane that pixels show. Units: mm."""
-    inverse: FloatArray = np.linalg.inv(board_homography(view)).astype(np.float64)
+    inverse: FloatArray = np.linalg.inv(fit_board_homography(view)).astype(np.float64)
     return apply_homography(inverse, pixels)
 
 
@@ -292,7 +294,7 @@ def _is_clear_of_edges(
     pixels: Points, view: TargetView, target: Target, clearance: float
 ) -> BoolArray:
     """Return the mask of points far from the edges of squares or discs, or outside the pattern."""
-    pitch = target_pitch(target)
+    pitch = compute_target_pitch(target)
     on_board = _map_to_board(pixels, view)
     if isinstance(target, CircleGrid):
         offset = on_board[:, None] - target.points[:, :2]
@@ -309,7 +311,7 @@ def _is_clear_of_edges(
     return clear
 
 
-def _change_across_line(
+def _measure_change_across_line(
     grey: npt.NDArray[np.uint8], line: LaserLine, usable: BoolArray
 ) -> npt.NDArray[np.int16]:
     """Return the change of the image around each pixel, across the line and within its width.
@@ -343,7 +345,7 @@ def _is_on_uniform_background(
     return uniform if uniform.mean() > MIN_UNIFORM_FRACTION else np.ones(len(pixels), dtype=bool)
 
 
-def _line_inliers(camera: Camera, pixels: Points, tolerance: float) -> BoolArray:
+def _find_line_inliers(camera: Camera, pixels: Points, tolerance: float) -> BoolArray:
     """Return the mask of the largest set of points on one straight line, distortion removed.
 
     `tolerance` is the largest distance of a point from the line. Units: px.

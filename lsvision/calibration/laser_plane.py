@@ -19,7 +19,7 @@ from lsvision.calibration.bundle_adjustment_problem import (
     BundleAdjustmentState,
     LaserView,
     Refinement,
-    tilt_axes,
+    build_tilt_axes,
 )
 from lsvision.calibration.camera_uncertainty import (
     check_intrinsics_covariance,
@@ -47,7 +47,7 @@ from lsvision.calibration.target import Target, TargetView, list_left_out_warnin
 from lsvision.calibration.views import (
     RejectedView,
     ViewSources,
-    max_tilt,
+    compute_max_tilt,
     require_tilted,
     require_views,
 )
@@ -142,11 +142,11 @@ def calibrate_laser_plane(
     corner_warnings = list_left_out_warnings(
         target,
         [TargetView(view.points, view.pixels, camera.size) for view in views],
-        sources.image_indices(len(views)),
+        sources.list_image_indices(len(views)),
     )
     outside = list_outside_warnings(views, settings.line.margin)
     calibration = replace(calibration, warnings=(*calibration.warnings, *outside, *corner_warnings))
-    used_images = [board_images[k] for k in sources.image_indices(len(views))]
+    used_images = [board_images[k] for k in sources.list_image_indices(len(views))]
     return _with_line_blur(
         calibration, used_images, views, settings.line.extraction or LineSettings()
     )
@@ -175,12 +175,12 @@ def fit_laser_plane(
         "one line alone lies in many planes; add poses of the board",
         sources,
     )
-    image_indices = sources.image_indices(len(views))
+    image_indices = sources.list_image_indices(len(views))
     poses = guess_board_poses(camera, views)
     laser_points = intersect_laser_rays_with_boards(camera, poses, views)
     inlier_mask, distances = find_plane_inlier_views(laser_points, camera.focal_length)
     inliers = np.flatnonzero(inlier_mask).tolist()
-    rejected = _rejected_views(image_indices, inlier_mask, distances)
+    rejected = _list_rejected_views(image_indices, inlier_mask, distances)
     plane = fit_plane(np.concatenate([laser_points[k] for k in inliers]))
     views, boards = [views[k] for k in inliers], tuple(poses[k] for k in inliers)
     refinement = _select_refinement(views, settings)
@@ -188,7 +188,7 @@ def fit_laser_plane(
         require_tilted(boards, "camera and distance")
     initial_guess = BundleAdjustmentState(camera, plane, boards, np.zeros(SHAPE_TERMS))
     solution = adjust_bundle(views, initial_guess, refinement)
-    calibrated_views = _calibrated_views([image_indices[k] for k in inliers], views, solution)
+    calibrated_views = _list_calibrated_views([image_indices[k] for k in inliers], views, solution)
     require_one_plane(calibrated_views)
     return LaserPlaneCalibration(
         LightSection(
@@ -202,7 +202,7 @@ def fit_laser_plane(
         solution.bow_std,
         (*sources.rejected, *rejected),
         find_outliers(calibrated_views),
-        tuple(list_warnings(solution, len(views), max_tilt(boards))),
+        tuple(list_warnings(solution, len(views), compute_max_tilt(boards))),
     )
 
 
@@ -240,11 +240,11 @@ def _refit_plane(
     state = solution.state
     guess = BundleAdjustmentState(camera, state.plane, guess_board_poses(camera, views), state.bow)
     plane = adjust_bundle(views, guess, Refinement(camera=False, bow=False)).state.plane
-    tilts = tilt_axes(state) @ (plane.normal - state.plane.normal)
+    tilts = build_tilt_axes(state) @ (plane.normal - state.plane.normal)
     return np.append(tilts, plane.distance - state.plane.distance)
 
 
-def _rejected_views(
+def _list_rejected_views(
     image_indices: Sequence[int], inlier_mask: BoolArray, distances: FloatArray
 ) -> tuple[RejectedView, ...]:
     """Return the views whose line is not in the plane of the others, with the reason."""
@@ -291,7 +291,7 @@ def _with_line_blur(
     )
 
 
-def _calibrated_views(
+def _list_calibrated_views(
     image_indices: Sequence[int], views: Sequence[LaserView], solution: BundleAdjustmentResult
 ) -> tuple[CalibratedLaserView, ...]:
     """Return the views with their poses and residuals."""

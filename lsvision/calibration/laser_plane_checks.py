@@ -14,7 +14,7 @@ from lsvision.calibration.views import (
     RECOMMENDED_TILT,
     RECOMMENDED_VIEWS,
     RejectedView,
-    outlier_views,
+    find_outlier_views,
     rms_distance,
 )
 from lsvision.errors import CalibrationFailed
@@ -63,7 +63,7 @@ def find_outliers(views: Sequence[CalibratedLaserView]) -> tuple[RejectedView, .
             ("laser line", [rms(view.line_residuals) for view in views]),
             ("corners", [rms_distance(view.corner_residuals) for view in views]),
         )
-        for outlier in outlier_views(
+        for outlier in find_outlier_views(
             indices, rms_values, OUTLIER_FACTOR, prefix=f"{name} off by ", remedy=remedy
         )
     ]

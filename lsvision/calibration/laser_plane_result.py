@@ -9,17 +9,17 @@ import numpy as np
 
 from lsvision.calibration.bundle_adjustment_problem import LaserView
 from lsvision.calibration.result_tables import (
+    build_common_record,
     cells_from_rows,
-    common_record,
-    laser_plane_rows,
-    rejection_lines,
+    format_laser_plane_rows,
+    format_rejections,
 )
 from lsvision.calibration.views import RejectedView, rms_distance
 from lsvision.geometry import FloatArray, Plane, Pose
 from lsvision.geometry.arrays import rms
 from lsvision.geometry.equality import ComparedByValue
 from lsvision.results.number_format import format_value
-from lsvision.results.quantities import Record, json_numbers
+from lsvision.results.quantities import Record, convert_numbers_to_json
 from lsvision.results.result import Result
 from lsvision.sensors.light_section import LightSection
 
@@ -115,25 +115,25 @@ class LaserPlaneCalibration(Result):
         """
         tilt_x, tilt_y, distance = (math.sqrt(value) for value in self.covariance.diagonal())
         return {
-            "normal": json_numbers(self.plane.normal),
+            "normal": convert_numbers_to_json(self.plane.normal),
             "tilt_x_std_deg": math.degrees(tilt_x),
             "tilt_y_std_deg": math.degrees(tilt_y),
             "distance_mm": self.plane.distance,
             "distance_std_mm": distance,
             "line_rms_px": self.line_rms,
             "corner_rms_px": self.corner_rms,
-            **common_record(self),
+            **build_common_record(self),
         }
 
-    def _summary(self) -> str:
+    def _summarise(self) -> str:
         std = math.sqrt(float(self.covariance[2, 2]))
         return (
             f"distance {format_value(self.plane.distance, std)} mm from {len(self.views)} views, "
             f"laser line rms {self.line_rms:.3f} px"
         )
 
-    def _cells(self) -> list[tuple[str, ...]]:
-        return cells_from_rows(laser_plane_rows(self))
+    def _list_cells(self) -> list[tuple[str, ...]]:
+        return cells_from_rows(format_laser_plane_rows(self))
 
-    def _notes(self) -> list[str]:
-        return rejection_lines(self.rejected, self.outliers, self.warnings)
+    def _list_notes(self) -> list[str]:
+        return format_rejections(self.rejected, self.outliers, self.warnings)

@@ -87,10 +87,10 @@ class LensBlur(Result):
         """
         return {"sigma_px": self.sigma, "std_px": self.std, "edges": self.edges}
 
-    def _summary(self) -> str:
+    def _summarise(self) -> str:
         return f"{format_value(self.sigma, self.std)} px from {self.edges} edges"
 
-    def _cells(self) -> list[tuple[str, ...]]:
+    def _list_cells(self) -> list[tuple[str, ...]]:
         row = (format_value(self.sigma, self.std), str(self.edges))
         return [("blur px", "edges"), row]
 
@@ -165,7 +165,7 @@ def estimate_blur_from_views(
     sigmas = [
         sigma
         for image, view in zip(images, views, strict=True)
-        for sigma in _edge_sigmas(image, view, along)
+        for sigma in _measure_edge_sigmas(image, view, along)
     ]
     if len(sigmas) < MIN_EDGES:
         raise CalibrationFailed(
@@ -179,20 +179,22 @@ def estimate_blur_from_views(
     return LensBlur(median, 1.25 * scatter / len(sigmas) ** 0.5, len(sigmas))
 
 
-def _edge_sigmas(image: npt.ArrayLike, view: TargetView | LaserView, along: str) -> Iterable[float]:
+def _measure_edge_sigmas(
+    image: npt.ArrayLike, view: TargetView | LaserView, along: str
+) -> Iterable[float]:
     """Yield the sigma of each edge of one image that can be measured."""
     grey = convert_to_grey(image).astype(np.float64)
-    chords = _chords(view, 0 if along == "u" else 1)
+    chords = _find_chords(view, 0 if along == "u" else 1)
     step = max(1, math.ceil(len(chords) / MAX_EDGES_PER_IMAGE))
     for start, stop in chords[::step]:
         for fraction in ACROSS_FRACTIONS:
-            sigma = _edge_sigma(grey, start, stop, fraction)
+            sigma = _measure_edge_sigma(grey, start, stop, fraction)
             if sigma is not None:
                 yield sigma
                 break
 
 
-def _chords(view: TargetView | LaserView, axis: int) -> FloatArray:
+def _find_chords(view: TargetView | LaserView, axis: int) -> FloatArray:
     """Return the ends (k, 2, 2) in px of the edges that run across an image axis."""
     distances = np.linalg.norm(view.points[:, None, :2] - view.points[None, :, :2], axis=2)
     pitch = float(np.min(distances[distances > 0]))
@@ -206,12 +208,14 @@ def _chords(view: TargetView | LaserView, axis: int) -> FloatArray:
     return across_axis
 
 
-def _edge_sigma(grey: FloatArray, start: Points, stop: Points, fraction: float) -> float | None:
+def _measure_edge_sigma(
+    grey: FloatArray, start: Points, stop: Points, fraction: float
+) -> float | None:
     """Return the sigma (px) of the blur across an edge; None if other structures disturb it."""
     from scipy.optimize import leastsq
     from scipy.special import ndtr
 
-    values, coordinates, length = _pixels_around_edge(grey, start, stop, fraction)
+    values, coordinates, length = _select_pixels_around_edge(grey, start, stop, fraction)
     half_width = float(np.abs(coordinates[0]).max()) if len(values) else 0.0
     sides = [values[coordinates[0] * sign > SIDE_FRACTION * half_width] for sign in (-1, 1)]
     if min(len(side) for side in sides) < MIN_SIDE_PIXELS:
@@ -239,7 +243,7 @@ def _edge_sigma(grey: FloatArray, start: Points, stop: Points, fraction: float) 
     return sigma if is_plain_edge else None
 
 
-def _pixels_around_edge(
+def _select_pixels_around_edge(
     grey: FloatArray, start: Points, stop: Points, fraction: float
 ) -> tuple[FloatArray, FloatArray, float]:
     """Return the pixels in the window about the middle of an edge.

@@ -16,7 +16,7 @@ from typing import Any, ClassVar, Literal, Protocol, get_args
 
 import numpy as np
 
-from lsvision.calibration.rotations import cross_matrices, vectors_from_rotations
+from lsvision.calibration.rotations import build_cross_matrices, vectors_from_rotations
 from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import FloatArray, IntArray, Pose
 from lsvision.geometry.arrays import TINY, freeze_arrays
@@ -204,7 +204,7 @@ class Observations(Protocol):
         """Return the distance of two targets (k,). Units: mm."""
         ...
 
-    def initial_guesses(self, masks: FloatArray) -> States:
+    def estimate_initial_guesses(self, masks: FloatArray) -> States:
         """Return initial guesses, a fixed number for each selection of poses (q, n)."""
         ...
 
@@ -231,7 +231,7 @@ def stack_flange_poses(
     # (1 - [R'w]x) R'.
     inverse_jacobian = np.zeros((len(t), 1, 6, 6))
     inverse_jacobian[:, 0, :3, :3], inverse_jacobian[:, 0, 3:, 3:] = -inverse, -inverse
-    inverse_jacobian[:, 0, :3, 3:] = -inverse @ cross_matrices(t)
+    inverse_jacobian[:, 0, :3, 3:] = -inverse @ build_cross_matrices(t)
     covariances = inverse_jacobian @ covariances @ np.swapaxes(inverse_jacobian, -1, -2)
     return FlangePoses(inverse, -(inverse @ t[..., None])[..., 0], covariances)
 
@@ -269,7 +269,7 @@ def require_rotation(base_from_flanges: Sequence[Pose]) -> None:
         )
 
 
-def points_in_sensor_frame(
+def transform_to_sensor_frame(
     flanges: FlangePoses, states: States, points: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return points (s, n, 3) of the target frame in the sensor frame, with Jacobians.
@@ -291,21 +291,23 @@ def points_in_sensor_frame(
     point_jacobian = to_sensor @ to_mount
     shape = point_jacobian.shape
     mount_jacobian = np.concatenate(
-        [np.broadcast_to(-to_sensor, shape), to_sensor @ cross_matrices(from_sensor)], axis=-1
+        [np.broadcast_to(-to_sensor, shape), to_sensor @ build_cross_matrices(from_sensor)], axis=-1
     )
     flange_jacobian = np.concatenate(
-        [-point_jacobian, point_jacobian @ cross_matrices(from_mount)], axis=-1
+        [-point_jacobian, point_jacobian @ build_cross_matrices(from_mount)], axis=-1
     )
     return in_sensor, mount_jacobian, point_jacobian, flange_jacobian
 
 
-def residual_norms(observations: Observations, residuals: FloatArray) -> FloatArray:
+def compute_residual_norms(observations: Observations, residuals: FloatArray) -> FloatArray:
     """Return the norms (n,) of residuals (n, m) in mm."""
     norms: FloatArray = np.linalg.norm(residuals * observations.mm_per_residual, axis=-1)
     return norms
 
 
-def masked_least_squares(design: FloatArray, rhs: FloatArray, masks: FloatArray) -> FloatArray:
+def solve_masked_least_squares(
+    design: FloatArray, rhs: FloatArray, masks: FloatArray
+) -> FloatArray:
     """Return the solution (q, p) of linear least squares for each of q selections of poses.
 
     Normal equations with a ridge of 1e-10 of their trace: accurate enough for an initial guess, and

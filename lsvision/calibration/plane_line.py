@@ -69,7 +69,7 @@ def find_plane_line(profile: Profile) -> PlaneLine:
     points = profile.points[np.isfinite(profile.points[:, 0])]
     if len(points) < MIN_POINTS:
         raise TooFewPoints("profile of the plane", len(points), MIN_POINTS, _REMEDY)
-    inliers = select_inliers(points, _least_median_inliers(points))
+    inliers = select_inliers(points, _find_least_median_inliers(points))
     midpoint, direction, normal = _fit_line(points[inliers])
     relative_points = points[inliers] - midpoint
     along, distance = relative_points @ direction, relative_points @ normal
@@ -89,7 +89,7 @@ def find_plane_line(profile: Profile) -> PlaneLine:
     )
 
 
-def _least_median_inliers(points: FloatArray) -> BoolArray:
+def _find_least_median_inliers(points: FloatArray) -> BoolArray:
     """Return the mask of the inliers of the trial line with the least median distance to points.
 
     Each trial line is that through two random points.

@@ -12,10 +12,17 @@ from lsvision.calibration.observations import (
     FlangePoses,
     Linearisation,
     States,
-    masked_least_squares,
+    solve_masked_least_squares,
 )
 from lsvision.calibration.rotations import rotations_from_columns
-from lsvision.geometry import BoolArray, FloatArray, IntArray, Plane, Pose, hemisphere_directions
+from lsvision.geometry import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    Plane,
+    Pose,
+    build_hemisphere_directions,
+)
 
 MAX_LINE_SLOPE = np.radians(60.0)
 """Largest slope of the line from the section's X in a planned pose; steeper planes reflect too
@@ -96,7 +103,7 @@ class PlaneObservations:
         flange_jacobian[..., 0, :3] = normal
         origins = np.zeros_like(vectors_in_target)
         origins[..., 0, :] = self.flanges.origins
-        tangents = _tangent_bases(normal)
+        tangents = _build_tangent_bases(normal)
         tilt_jacobian = (vectors_in_target + origins) @ tangents
         distance_jacobian = np.broadcast_to(
             np.array([[-1.0], [0.0]]), (*tilt_jacobian.shape[:-1], 1)
@@ -111,7 +118,7 @@ class PlaneObservations:
 
     def update_targets(self, targets: FloatArray, steps: FloatArray) -> FloatArray:
         """Return the planes with tilted normal and changed distance."""
-        tilt = (_tangent_bases(targets[..., :3]) @ steps[..., :2, None])[..., 0]
+        tilt = (_build_tangent_bases(targets[..., :3]) @ steps[..., :2, None])[..., 0]
         normals = targets[..., :3] + tilt
         normals = normals / np.linalg.norm(normals, axis=-1, keepdims=True)
         return np.concatenate([normals, targets[..., 3:] + steps[..., 2:]], axis=-1)
@@ -121,15 +128,15 @@ class PlaneObservations:
         distances = self.flanges.origins @ (first - second)[:3] - (first - second)[3]
         return float(np.abs(distances).mean())
 
-    def initial_guesses(self, masks: FloatArray) -> States:
+    def estimate_initial_guesses(self, masks: FloatArray) -> States:
         """Return a linear solution for each selection of poses (k, n) and each of many normals.
 
         With the normal n given, n.(B X p) = d is linear in the first two columns of X's rotation,
         its translation and d; B is the pose of the mount, X that of the sensor on it.
         """
-        normals = hemisphere_directions(INITIAL_NORMALS)
+        normals = build_hemisphere_directions(INITIAL_NORMALS)
         count = int(self.groups.max()) + 1
-        states = [self._states_with_normal(normal, masks, count) for normal in normals]
+        states = [self._solve_states_with_normal(normal, masks, count) for normal in normals]
         rotations = np.stack([state.rotations for state in states], axis=1)
         translations = np.stack([state.translations for state in states], axis=1)
         targets = np.stack([state.targets for state in states], axis=1)
@@ -139,7 +146,9 @@ class PlaneObservations:
             targets.reshape(-1, count, 4),
         )
 
-    def _states_with_normal(self, normal: FloatArray, masks: FloatArray, count: int) -> States:
+    def _solve_states_with_normal(
+        self, normal: FloatArray, masks: FloatArray, count: int
+    ) -> States:
         """Return the linear solution of each selection of poses for one normal.
 
         The normal is given in the target's frame; `count` is the number of planes.
@@ -152,14 +161,14 @@ class PlaneObservations:
         slope = np.concatenate([n * u[:, :1], n * u[:, 1:2], 0 * n, 0 * one_hot], axis=1)
         design = np.stack([offset, slope], axis=1)
         rhs = np.column_stack([-self.flanges.origins @ normal, np.zeros(len(p))])
-        solution = masked_least_squares(design, rhs, masks)
+        solution = solve_masked_least_squares(design, rhs, masks)
         rotations = rotations_from_columns(solution[:, :3], solution[:, 3:6])
         normals = np.broadcast_to(normal, (len(masks), count, 3))
         targets = np.concatenate([normals, solution[:, 9:, None]], axis=-1)
         return States(rotations, solution[:, 6:9], targets)
 
 
-def _tangent_bases(normals: FloatArray) -> FloatArray:
+def _build_tangent_bases(normals: FloatArray) -> FloatArray:
     """Return two unit vectors perpendicular to each normal, as columns (..., 3, 2)."""
     smallest = np.abs(normals).argmin(axis=-1)
     first = np.cross(normals, np.eye(3)[smallest])
@@ -221,7 +230,7 @@ class PlanePlanningTarget:
         """Prior standard deviation of two tilts of the normal (rad) and of the distance (mm)."""
         return (1.0, 1.0, 1000.0)
 
-    def visibility(self, sections: Sequence[Pose]) -> tuple[FloatArray, BoolArray]:
+    def check_visibility(self, sections: Sequence[Pose]) -> tuple[FloatArray, BoolArray]:
         """Return the midpoint of each line, and whether its slope is at most `MAX_LINE_SLOPE`.
 
         The midpoint, (n, 3) in the section frame in mm, is where the plane cuts the section's Y.
@@ -236,7 +245,7 @@ class PlanePlanningTarget:
     def predict_observations(
         self, positions: FloatArray, sections: Sequence[Pose], flanges: FlangePoses
     ) -> PlaneObservations:
-        """Return the lines of the plane without noise, with the midpoints of `visibility`."""
+        """Return the lines of the plane without noise, with the midpoints of `check_visibility`."""
         x, y, _ = self._normals(sections).T
         count = len(sections)
         directions = np.column_stack([y, -x, np.zeros(count)])

@@ -71,7 +71,7 @@ class OutlierSettings:
             if not 0 <= getattr(self, name) < 1:
                 raise ValueError(f"expected {name} from 0 to 1, got {getattr(self, name)}")
 
-    def min_inliers(self, count: int, min_poses: int) -> int:
+    def compute_min_inliers(self, count: int, min_poses: int) -> int:
         """Return the smallest number of inliers among `count` poses, `min_poses` at least."""
         return max(min_poses, count - int(self.max_outlier_fraction * count))
 
@@ -88,7 +88,7 @@ def fit_with_outlier_rejection(
     Least trimmed squares, then leave-one-out F tests; `min_poses` is the smallest number of inlier
     poses; for `estimate_robot_std` see `fit_errors_in_variables`.
     """
-    state = _least_trimmed_squares_guess(observations, settings, min_poses)
+    state = _estimate_by_least_trimmed_squares(observations, settings, min_poses)
     mask = _reject_gross_outliers(observations, state)
     fit = fit_errors_in_variables(observations, state, mask, estimate_robot_std=estimate_robot_std)
     fit = _restore_inliers(observations, fit, settings)
@@ -101,35 +101,35 @@ def solve_from_all_guesses(
 ) -> tuple[States, FloatArray]:
     """Return the minima from all initial guesses and their costs, lowest first."""
     masks = mask[None]
-    states = observations.initial_guesses(masks)
+    states = observations.estimate_initial_guesses(masks)
     solutions = solve_least_squares(observations, states, search_whitening(observations, masks))
     order = np.argsort(solutions.costs, kind="stable")
     return solutions.states.select(order), solutions.costs[order]
 
 
-def _least_trimmed_squares_guess(
+def _estimate_by_least_trimmed_squares(
     observations: Observations, settings: OutlierSettings, min_poses: int
 ) -> States:
     """Return the state with the smallest trimmed sum of squared residuals."""
     count = len(observations.flanges)
-    trimmed_count = settings.min_inliers(count, min_poses)
-    masks = _selections(count, settings, min_poses)
-    states = observations.initial_guesses(masks)
+    trimmed_count = settings.compute_min_inliers(count, min_poses)
+    masks = _draw_selections(count, settings, min_poses)
+    states = observations.estimate_initial_guesses(masks)
     masks_of_states = np.repeat(masks, len(states) // len(masks), axis=0)
     whitening = search_whitening(observations, masks_of_states)
     steps = SEARCH_STEPS if len(masks) > 1 else MAX_STEPS
     states = solve_least_squares(observations, states, whitening, steps).states
-    states = _least_trimmed(observations, states, trimmed_count, CANDIDATES)
+    states = _select_least_trimmed(observations, states, trimmed_count, CANDIDATES)
     for _ in range(CONCENTRATION_STEPS):
         order = np.argsort(_pose_residuals(observations, states), axis=1, kind="stable")
         masks = np.zeros((len(states), count))
         np.put_along_axis(masks, order[:, :trimmed_count], 1.0, axis=1)
         whitening = search_whitening(observations, masks)
         states = solve_least_squares(observations, states, whitening).states
-    return _least_trimmed(observations, states, trimmed_count, 1)
+    return _select_least_trimmed(observations, states, trimmed_count, 1)
 
 
-def _selections(count: int, settings: OutlierSettings, min_poses: int) -> FloatArray:
+def _draw_selections(count: int, settings: OutlierSettings, min_poses: int) -> FloatArray:
     """Return selections (q, n) of 0 and 1: all poses, and random samples of them."""
     rng = np.random.default_rng(settings.seed)
     sample_size = min(max(settings.sample_size, min_poses), max(count - 1, min_poses))
@@ -149,7 +149,7 @@ def _pose_residuals(observations: Observations, states: States) -> FloatArray:
     return norms
 
 
-def _least_trimmed(
+def _select_least_trimmed(
     observations: Observations, states: States, trimmed_count: int, count: int
 ) -> States:
     """Return the `count` states of least trimmed cost, lowest first.
@@ -179,7 +179,7 @@ def _reject_outliers(
 
     No more are rejected, with the gross outliers, than the settings allow, and `min_poses` remain.
     """
-    min_inliers = settings.min_inliers(len(fit.mask), min_poses)
+    min_inliers = settings.compute_min_inliers(len(fit.mask), min_poses)
     while fit.mask.sum() > min_inliers:
         p_values = np.where(fit.mask > 0, outlier_p_values(fit), 1.0)
         rejected = int(p_values.argmin())

@@ -15,8 +15,8 @@ from lsvision.calibration.observations import (
     stack_flange_poses,
 )
 from lsvision.calibration.plane_observations import PlanePlanningTarget
-from lsvision.calibration.robot_std import NOMINAL_ROBOT_STD, robot_whitening
-from lsvision.calibration.rotations import cross_matrices, rotations_from_vectors
+from lsvision.calibration.robot_std import NOMINAL_ROBOT_STD, compute_robot_whitening
+from lsvision.calibration.rotations import build_cross_matrices, rotations_from_vectors
 from lsvision.calibration.sphere_observations import SpherePlanningTarget
 from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import BoolArray, FloatArray, IntArray, Plane, Pose, as_readonly_array
@@ -24,7 +24,7 @@ from lsvision.geometry.arguments import as_numbers
 from lsvision.geometry.arrays import freeze_arrays
 from lsvision.geometry.pose import as_pose, as_poses
 from lsvision.geometry.settings_repr import ShowsChanges
-from lsvision.results.quantities import Record, flat_row, json_numbers
+from lsvision.results.quantities import Record, convert_numbers_to_json, flatten_record
 from lsvision.results.result import Result
 
 UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
@@ -121,23 +121,27 @@ class PosePlan(Result):
         """
         names = ("index", "base_from_flange", "predicted_std_mm", "predicted_origin_std_mm")
         matrices = [pose.matrix.tolist() for pose in self.base_from_flanges]
-        stds = json_numbers(self.predicted_std), json_numbers(self.predicted_origin_std)
+        stds = (
+            convert_numbers_to_json(self.predicted_std),
+            convert_numbers_to_json(self.predicted_origin_std),
+        )
         rows = zip(self.indices, matrices, *stds, strict=True)
         return {"poses": [dict(zip(names, row, strict=True)) for row in rows]}
 
-    def _summary(self) -> str:
+    def _summarise(self) -> str:
         return f"{len(self.indices)} poses, then {self.predicted_std[-1]:.4f} mm at the target"
 
-    def _cells(self) -> list[tuple[str, ...]]:
+    def _list_cells(self) -> list[tuple[str, ...]]:
         rows: list[tuple[str, ...]] = [("", "x mm", "y mm", "z mm", "std after it mm")]
         for number, pose in enumerate(self.base_from_flanges, 1):
             position = (f"{value:.1f}" for value in pose.translation)
             rows.append((str(number), *position, f"{self.predicted_std[number - 1]:.4f}"))
         return rows
 
-    def _rows(self) -> list[Record]:
+    def _list_rows(self) -> list[Record]:
         return [
-            flat_row(record) | flat_row({"flange_mm": json_numbers(pose.translation)})
+            flatten_record(record)
+            | flatten_record({"flange_mm": convert_numbers_to_json(pose.translation)})
             for record, pose in zip(self.to_dict()["poses"], self.base_from_flanges, strict=True)
         ]
 
@@ -270,16 +274,16 @@ def _select_poses(
     """Return the plan of the most informative poses for any target."""
     nominal = as_pose(flange_from_section)
     if candidates is None:
-        candidates = _random_poses(target, nominal, settings)
+        candidates = _draw_random_poses(target, nominal, settings)
     count, poses = settings.count, [*as_poses(measured), *as_poses(candidates)]
-    positions, usable = target.visibility([pose @ nominal for pose in poses])
+    positions, usable = target.check_visibility([pose @ nominal for pose in poses])
     available = usable & (np.arange(len(poses)) >= len(measured))
     if available.sum() < count:
         raise DegenerateGeometry(
             f"{int(available.sum())} candidate poses {target.requirement} and {count} are "
             "requested: give more candidates, or a better nominal pose of the sensor"
         )
-    information_matrices = usable[:, None, None] * _information_matrices(
+    information_matrices = usable[:, None, None] * _compute_information_matrices(
         target, positions, poses, nominal, settings.robot_std
     )
     prior_information = np.diag(np.array([*PRIOR_STD, *target.prior_std]) ** -2)
@@ -292,7 +296,9 @@ def _select_poses(
     return PosePlan(tuple(poses[index] for index in order), indices, *np.array(predicted).T)
 
 
-def _random_poses(target: PlanningTarget, nominal: Pose, settings: PosePlanSettings) -> list[Pose]:
+def _draw_random_poses(
+    target: PlanningTarget, nominal: Pose, settings: PosePlanSettings
+) -> list[Pose]:
     """Return random flange poses within the limits of the settings."""
     rng = np.random.default_rng(settings.seed)
     size = settings.candidates
@@ -314,7 +320,7 @@ def _random_poses(target: PlanningTarget, nominal: Pose, settings: PosePlanSetti
     ]
 
 
-def _information_matrices(
+def _compute_information_matrices(
     target: PlanningTarget,
     positions: FloatArray,
     poses: Sequence[Pose],
@@ -328,7 +334,7 @@ def _information_matrices(
     )
     state = States(nominal.rotation[None], nominal.translation[None], target.state[None, None])
     jacobian = whitened_jacobian_and_residuals(
-        observations, state, robot_whitening(observations, state, (1.0, 1.0))
+        observations, state, compute_robot_whitening(observations, state, (1.0, 1.0))
     )[0][0]
     information: FloatArray = np.swapaxes(jacobian, -1, -2) @ jacobian
     return information
@@ -347,7 +353,7 @@ def _select_greedily(
     """
     available = available.copy()
     weights = np.array([1.0] * 3 + [MM_PER_RADIAN**2] * 3)
-    point_jacobian = np.hstack([np.eye(3), -cross_matrices(lever_arm)])
+    point_jacobian = np.hstack([np.eye(3), -build_cross_matrices(lever_arm)])
     selected, predicted = [], []
     for _ in range(count):
         covariances = np.linalg.inv(information + information_matrices)[:, :6, :6]

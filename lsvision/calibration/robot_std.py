@@ -13,9 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.calibration.batched_least_squares import (
+    build_whitening_matrices,
     prior_jacobian_and_residuals,
     whitened_jacobian_and_residuals,
-    whitening_matrices,
 )
 from lsvision.calibration.observations import Observations, States
 from lsvision.geometry import FloatArray
@@ -76,14 +76,14 @@ STATED_ROBOT = RobotStdPosterior(np.ones((1, 2)), np.ones(1), math.inf)
 """Posterior of a robot whose standard deviations are known."""
 
 
-def robot_whitening(
+def compute_robot_whitening(
     observations: Observations, states: States, scales: npt.ArrayLike
 ) -> FloatArray:
     """Return whitening matrices (s, n, m, m) of observations with errors of the robot.
 
     `scales` (2,) are those of the robot's stated or nominal errors of position and orientation.
     """
-    return whitening_matrices(
+    return build_whitening_matrices(
         observations.covariances + robot_covariances(observations, states, scales)
     )
 
@@ -92,11 +92,11 @@ def robot_covariances(
     observations: Observations, states: States, scales: npt.ArrayLike
 ) -> FloatArray:
     """Return A_i S A_i' (..., s, n, m, m) for scales (..., 2) of the robot's two errors."""
-    parts = _robot_covariance_parts(observations, states)
+    parts = _compute_robot_covariance_parts(observations, states)
     return np.tensordot(np.square(scales), parts, axes=(-1, 2))
 
 
-def _robot_covariance_parts(observations: Observations, states: States) -> FloatArray:
+def _compute_robot_covariance_parts(observations: Observations, states: States) -> FloatArray:
     """Return A_i S_p A_i' and A_i S_r A_i', (s, n, 2, m, m)."""
     jacobian = observations.linearise(states).flange_jacobian[:, :, None]
     return jacobian @ observations.flanges.covariances @ np.swapaxes(jacobian, -1, -2)
@@ -114,7 +114,7 @@ def infer_robot_std(
     The variances of the unknowns, in geometric mean, have a mean m and variance v; those of
     Student's t with k degrees of freedom have v = 2 m^2 / (k - 4).
     """
-    likelihood = _restricted_likelihood(observations, states, mask)
+    likelihood = _build_restricted_likelihood(observations, states, mask)
     # Both scales are the geometric mean times such a factor; the logarithm of their ratio is one of
     # `RATIO_GRID`.
     ratio_factors = ROBOT_RATIO_PRIOR ** (0.5 * np.stack([RATIO_GRID, -RATIO_GRID], axis=-1))
@@ -139,7 +139,7 @@ def infer_robot_std(
     return RobotStdPosterior(scales.reshape(-1, 2), weights.ravel(), covariance_dof)
 
 
-def _restricted_likelihood(
+def _build_restricted_likelihood(
     observations: Observations, states: States, mask: FloatArray
 ) -> Callable[[FloatArray], tuple[FloatArray, FloatArray]]:
     """Return a function of robot scales (..., 2): log-likelihood and log-variance (...).
@@ -147,7 +147,7 @@ def _restricted_likelihood(
     The likelihood is marginalised over the unknowns; the variance is the geometric mean of theirs.
     """
     used = mask > 0
-    parts = _robot_covariance_parts(observations, states)[0, used]
+    parts = _compute_robot_covariance_parts(observations, states)[0, used]
     no_whitening = np.eye(observations.covariances.shape[-1])[None, None]
     jacobian, residual = whitened_jacobian_and_residuals(observations, states, no_whitening)
     prior, prior_residual = prior_jacobian_and_residuals(observations, states)

@@ -13,7 +13,7 @@ import numpy as np
 from lsvision.geometry import FloatArray
 
 
-def cross_matrices(vectors: FloatArray) -> FloatArray:
+def build_cross_matrices(vectors: FloatArray) -> FloatArray:
     """Return the matrices [v] of vectors v with which ``[v] @ w`` is the cross product ``v x w``.
 
     Shapes: (..., 3) to (..., 3, 3); units are those of the vectors.
@@ -49,7 +49,7 @@ def rotation_vector_jacobian(vector: FloatArray) -> FloatArray:
     This is the inverse of the left Jacobian of SO(3); the angle must be below 2 pi. Units: rad.
     """
     angle = float(np.linalg.norm(vector))
-    cross = cross_matrices(vector)
+    cross = build_cross_matrices(vector)
     if angle < 1e-6:
         return np.eye(3) - 0.5 * cross
     factor = 1 / angle**2 - 1 / (2 * angle * np.tan(angle / 2))

@@ -137,24 +137,24 @@ def find_sphere_arc(
     points = profile.points[indices]
     if len(points) < settings.min_points:
         raise TooFewPoints("profile of the sphere", len(points), settings.min_points, _REMEDY)
-    circle = _best_hypothesis(points, max_radius, settings)
+    circle = _find_best_hypothesis(points, max_radius, settings)
     tolerance = settings.tolerance
     variances = np.ones(len(points))
-    inliers = _arc_mask(points, circle, tolerance, settings)
+    inliers = _mask_arc(points, circle, tolerance, settings)
     for _ in range(12):
         _require_arc(points, circle, inliers, settings)
         previous, variances = inliers, _normal_variances(profile, indices, circle)
         circle = _fit_circle(points[inliers], circle, variances[inliers])
         std = mad_std(_residuals(points[inliers], circle))
         tolerance = min(settings.tolerance, max(OUTLIER_SIGMAS * std, 1e-6))
-        inliers = _arc_mask(points, circle, tolerance, settings)
+        inliers = _mask_arc(points, circle, tolerance, settings)
         if np.array_equal(inliers, previous):
             break
     _require_arc(points, circle, inliers, settings)
     return _build_arc(points[inliers], circle, variances[inliers], profile.noise is None)
 
 
-def _best_hypothesis(
+def _find_best_hypothesis(
     points: Points, max_radius: float | None, settings: SphereArcSettings
 ) -> FloatArray:
     """Return the circle through three points with the largest support (RANSAC).
@@ -162,7 +162,9 @@ def _best_hypothesis(
     The support of a point falls with its squared distance from the circle, to 0 at the tolerance.
     """
     rng = np.random.default_rng(settings.seed)
-    circles = _circles_through_triples(points[_near_triples(len(points), settings.trials, rng)])
+    circles = _fit_circles_through_triples(
+        points[_draw_near_triples(len(points), settings.trials, rng)]
+    )
     limit = np.inf if max_radius is None else MAX_NOISE_FACTOR * max_radius + settings.tolerance
     allowed = np.isfinite(circles).all(axis=1)
     allowed &= (circles[:, 2] >= settings.min_radius) & (circles[:, 2] <= limit)
@@ -176,7 +178,7 @@ def _best_hypothesis(
     circles = circles[np.argsort(-support, kind="stable")]
     failure: LsvisionError | None = None
     for circle in circles:
-        inliers = _arc_mask(points, circle, settings.tolerance, settings)
+        inliers = _mask_arc(points, circle, settings.tolerance, settings)
         try:
             _require_arc(points, circle, inliers, settings)
         except (TooFewPoints, CalibrationFailed) as error:
@@ -187,7 +189,7 @@ def _best_hypothesis(
     raise failure or TooFewPoints("best arc of the sphere", 0, settings.min_points, _REMEDY)
 
 
-def _near_triples(count: int, trials: int, rng: np.random.Generator) -> IntArray:
+def _draw_near_triples(count: int, trials: int, rng: np.random.Generator) -> IntArray:
     """Return random triples (k, 3) from windows of `MIN_WINDOW_POINTS` up to the whole profile.
 
     The points of an arc are neighbours in the profile, those of clutter are not.
@@ -200,7 +202,7 @@ def _near_triples(count: int, trials: int, rng: np.random.Generator) -> IntArray
     return np.minimum(triples, count - 1)
 
 
-def _circles_through_triples(triples: FloatArray) -> FloatArray:
+def _fit_circles_through_triples(triples: FloatArray) -> FloatArray:
     """Return the circles (centre x, y, radius) through (k, 3, 2) points; NaN if collinear."""
     first = triples[:, 0]
     b, c = triples[:, 1] - first, triples[:, 2] - first
@@ -219,7 +221,7 @@ def _residuals(points: Points, circle: FloatArray) -> FloatArray:
     return residuals
 
 
-def _arc_mask(
+def _mask_arc(
     points: Points, circle: FloatArray, tolerance: float, settings: SphereArcSettings
 ) -> BoolArray:
     """Return the mask of points that are near the circle and face the sensor."""
@@ -230,7 +232,7 @@ def _arc_mask(
     return on_arc
 
 
-def _angular_coverage(points: Points, circle: FloatArray) -> float:
+def _measure_angular_coverage(points: Points, circle: FloatArray) -> float:
     """Return the angle (rad) between the 2nd and 98th percentile of the points on a circle."""
     angles = np.arctan2(points[:, 0] - circle[0], points[:, 1] - circle[1])
     low, high = np.percentile(angles, [2, 98])
@@ -245,7 +247,7 @@ def _require_arc(
         raise TooFewPoints(
             "best arc of the sphere", int(inliers.sum()), settings.min_points, _REMEDY
         )
-    coverage = _angular_coverage(points[inliers], circle)
+    coverage = _measure_angular_coverage(points[inliers], circle)
     if coverage < settings.min_coverage:
         raise CalibrationFailed(
             f"the best arc of the sphere covers {math.degrees(coverage):.0f} deg and "

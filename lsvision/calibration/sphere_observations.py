@@ -20,8 +20,8 @@ from lsvision.calibration.observations import (
     FlangePoses,
     Linearisation,
     States,
-    masked_least_squares,
-    points_in_sensor_frame,
+    solve_masked_least_squares,
+    transform_to_sensor_frame,
 )
 from lsvision.calibration.rotations import (
     list_cube_rotations,
@@ -98,10 +98,10 @@ class SphereObservations:
         The third is the residual of the radius, r - sqrt(R^2 - q_z^2), to first order.
         """
         targets = states.targets[:, self.groups]
-        q, mount_jacobian, centre_jacobian, flange_jacobian = points_in_sensor_frame(
+        q, mount_jacobian, centre_jacobian, flange_jacobian = transform_to_sensor_frame(
             self.flanges, states, targets[..., :3]
         )
-        circles, scale_jacobian = self._circles_at_scales(targets[..., 4:])
+        circles, scale_jacobian = self._fit_circles_at_scales(targets[..., 4:])
         r = circles[..., 2]
         offset_ratio = q[..., 2] / r
         # d residual / d q: -1, -1 and q_z / r.
@@ -125,7 +125,7 @@ class SphereObservations:
             slopes[..., None] * flange_jacobian,
         )
 
-    def _circles_at_scales(self, scales: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _fit_circles_at_scales(self, scales: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return circles (s, n, 3) at height scales (s, n, 1), and their derivatives."""
         first, second = self.height_scale_gradients[:, 0], self.height_scale_gradients[:, 1]
         return (
@@ -141,7 +141,7 @@ class SphereObservations:
         """Return the distance of the centres. Units: mm."""
         return float(np.linalg.norm((first - second)[:3]))
 
-    def initial_guesses(self, masks: FloatArray) -> States:
+    def estimate_initial_guesses(self, masks: FloatArray) -> States:
         """Return guesses for each selection: a linear solution, and many rotations.
 
         The rotations are the 24 of a cube, and 192 for a single selection, where no other selection
@@ -153,30 +153,30 @@ class SphereObservations:
         distances average out where they are balanced. It needs four poses; with the rotation given,
         X's translation and c need three.
         """
-        linear = self._linear_rotations(masks)[:, None]
+        linear = self._solve_linear_rotations(masks)[:, None]
         grid = list_dense_rotations() if len(masks) == 1 else list_cube_rotations()
         rotations = np.concatenate([linear, np.tile(grid, (len(masks), 1, 1, 1))], axis=1)
-        return self._states_with_rotations(rotations, masks)
+        return self._solve_states_with_rotations(rotations, masks)
 
-    def _linear_rotations(self, masks: FloatArray) -> FloatArray:
+    def _solve_linear_rotations(self, masks: FloatArray) -> FloatArray:
         """Return the rotation of the linear solution of each selection."""
         xy, R = self.circles[:, :2], self.flanges.rotations
-        columns = [R * xy[:, :1, None], R * xy[:, 1:, None], R, *self._centre_columns()]
+        columns = [R * xy[:, :1, None], R * xy[:, 1:, None], R, *self._build_centre_columns()]
         design = np.concatenate(columns, axis=-1)
-        solution = masked_least_squares(design, -self.flanges.origins, masks)
+        solution = solve_masked_least_squares(design, -self.flanges.origins, masks)
         return rotations_from_columns(solution[:, :3], solution[:, 3:6])
 
-    def _states_with_rotations(self, rotations: FloatArray, masks: FloatArray) -> States:
+    def _solve_states_with_rotations(self, rotations: FloatArray, masks: FloatArray) -> States:
         """Return states with given rotations (q, k, 3, 3), all else by linear least squares."""
         count = rotations.shape[1]
         R = self.flanges.rotations
-        design = np.concatenate([R, *self._centre_columns()], axis=-1)
+        design = np.concatenate([R, *self._build_centre_columns()], axis=-1)
         centres_in_sensor = np.column_stack([self.circles[:, :2], np.zeros(len(self.circles))])
         centres_in_target_frame = np.einsum("nij,qkjl,nl->qkni", R, rotations, centres_in_sensor)
         rhs = -(self.flanges.origins + centres_in_target_frame).reshape(
             -1, len(centres_in_sensor), 3
         )
-        solution = masked_least_squares(design, rhs, np.repeat(masks, count, axis=0))
+        solution = solve_masked_least_squares(design, rhs, np.repeat(masks, count, axis=0))
         groups = int(self.groups.max()) + 1
         radius = (
             self.radius_prior[0] if np.isfinite(self.radius_prior[1]) else self.circles[:, 2].max()
@@ -186,7 +186,7 @@ class SphereObservations:
         targets = np.concatenate([centres, sizes], axis=-1)
         return States(rotations.reshape(-1, 3, 3), solution[:, :3], targets)
 
-    def _centre_columns(self) -> list[FloatArray]:
+    def _build_centre_columns(self) -> list[FloatArray]:
         """Return the columns (n, 3, 3) of the design matrix for the centre of each sphere."""
         groups = range(int(self.groups.max()) + 1)
         return [-np.eye(3) * (self.groups == group)[:, None, None] for group in groups]
@@ -279,7 +279,7 @@ class SpherePlanningTarget:
         """Prior standard deviation of centre and radius (mm) and of the height scale."""
         return (1000.0, 1000.0, 1000.0, 10.0, HEIGHT_SCALE_PRIOR_STD)
 
-    def visibility(self, sections: Sequence[Pose]) -> tuple[FloatArray, BoolArray]:
+    def check_visibility(self, sections: Sequence[Pose]) -> tuple[FloatArray, BoolArray]:
         """Return the centre in each section frame, and whether the cut is large enough."""
         centres_in_sections = np.array([pose.inverse().apply_one(self.centre) for pose in sections])
         centres_in_sections = centres_in_sections.reshape(-1, 3)

@@ -16,8 +16,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.calibration.chessboard_corners import initial_corners, locate_corners
-from lsvision.calibration.chessboard_numbering import corner_order, reading_order
+from lsvision.calibration.chessboard_corners import detect_initial_corners, locate_corners
+from lsvision.calibration.chessboard_numbering import find_corner_order, find_reading_order
 from lsvision.errors import CalibrationFailed
 from lsvision.geometry import FloatArray, Points, as_readonly_array
 from lsvision.geometry.arrays import freeze_arrays
@@ -61,7 +61,7 @@ class TargetView(ComparedByValue):
             )
 
 
-def board_homography(view: TargetView) -> FloatArray:
+def fit_board_homography(view: TargetView) -> FloatArray:
     """Return the homography (3, 3) from the board plane (mm) to the image (px)."""
     points = np.ascontiguousarray(view.points[:, :2])
     homography, _ = cv2.findHomography(points, np.ascontiguousarray(view.pixels))
@@ -170,19 +170,19 @@ class ChArUco(PrintedTarget):
     @property
     def points(self) -> Points:
         """Inner corners (n, 3), board frame, z = 0. Units: mm."""
-        return _grid(self.squares_x - 1, self.squares_y - 1, self.square)
+        return _build_grid(self.squares_x - 1, self.squares_y - 1, self.square)
 
     @property
     def board(self) -> Any:
         """OpenCV's board of this pattern."""
-        return self._board(self.legacy)
+        return self._build_board(self.legacy)
 
     @property
     def _dictionary(self) -> Any:
         """OpenCV's dictionary of the markers."""
         return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
 
-    def _board(self, legacy: bool) -> Any:
+    def _build_board(self, legacy: bool) -> Any:
         """Return OpenCV's board with or without the legacy pattern."""
         size = (self.squares_x, self.squares_y)
         board = cv2.aruco.CharucoBoard(size, self.square, self.marker, self._dictionary)
@@ -193,7 +193,9 @@ class ChArUco(PrintedTarget):
         """Return the visible inner corners, at least six and not all in one row or column."""
         patterns = (self.legacy, not self.legacy) if self.squares_y % 2 == 0 else (self.legacy,)
         for legacy in patterns:
-            corners, ids, _, _ = cv2.aruco.CharucoDetector(self._board(legacy)).detectBoard(image)
+            corners, ids, _, _ = cv2.aruco.CharucoDetector(self._build_board(legacy)).detectBoard(
+                image
+            )
             if ids is not None:
                 break
         if ids is None or len(ids) < MIN_CHARUCO_CORNERS:
@@ -239,15 +241,15 @@ class Chessboard(PrintedTarget):
     @property
     def points(self) -> Points:
         """Inner corners (n, 3), board frame, z = 0. Units: mm."""
-        return _grid(self.columns, self.rows, self.square)
+        return _build_grid(self.columns, self.rows, self.square)
 
     def _find(self, image: npt.NDArray[np.uint8]) -> tuple[Points, Points] | None:
         """Return the inner corners that are on the grid of the others."""
-        for initial in initial_corners(image, self.columns, self.rows):
+        for initial in detect_initial_corners(image, self.columns, self.rows):
             detection = locate_corners(image, initial)
             if detection is not None:
                 corners, inliers = detection
-                order = corner_order(image, corners).ravel()
+                order = find_corner_order(image, corners).ravel()
                 visible = inliers.ravel()[order]
                 return self.points[visible], corners.reshape(-1, 2)[order[visible]]
         return None
@@ -306,7 +308,7 @@ class CircleGrid(PrintedTarget):
     def points(self) -> Points:
         """Centres of the discs (n, 3), board frame, z = 0. Units: mm."""
         if not self.asymmetric:
-            return _grid(self.columns, self.rows, self.spacing)
+            return _build_grid(self.columns, self.rows, self.spacing)
         row, column = np.divmod(np.arange(self.columns * self.rows), self.columns)
         x = (2 * column + row % 2) * self.spacing
         return np.column_stack([x, row * self.spacing, np.zeros(len(row))])
@@ -325,7 +327,7 @@ class CircleGrid(PrintedTarget):
             )
             if found:
                 grid = np.asarray(centres, dtype=np.float64).reshape(self.rows, self.columns, 2)
-                grid = grid if self.asymmetric else grid.reshape(-1, 2)[reading_order(grid)]
+                grid = grid if self.asymmetric else grid.reshape(-1, 2)[find_reading_order(grid)]
                 return self.points, grid.reshape(-1, 2)
         return None
 
@@ -383,7 +385,7 @@ def list_left_out_warnings(
     ]
 
 
-def _grid(columns: int, rows: int, step: float) -> Points:
+def _build_grid(columns: int, rows: int, step: float) -> Points:
     """Return the points (n, 3) of a rectangular grid, row by row."""
     row, column = np.divmod(np.arange(columns * rows), columns)
     return np.column_stack([column * step, row * step, np.zeros(len(row))])

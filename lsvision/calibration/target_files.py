@@ -73,17 +73,17 @@ class PageLayout:
     text_position: tuple[float, float]
 
 
-def target_svg(target: Target) -> str:
+def render_target_svg(target: Target) -> str:
     """Return a target as an SVG document at true scale: print it at 100 %, "actual size".
 
     Examples
     --------
     >>> from lsvision.calibration.target import Chessboard
-    >>> svg = target_svg(Chessboard(columns=9, rows=6, square=20.0))
+    >>> svg = render_target_svg(Chessboard(columns=9, rows=6, square=20.0))
     >>> svg.splitlines()[1].split(" viewBox")[0]
     '<svg xmlns="http://www.w3.org/2000/svg" width="297mm" height="210mm"'
     """
-    page = layout_target(target)
+    page = lay_out_target(target)
     text_x, text_y = page.text_position
     size = f'width="{page.width:g}mm" height="{page.height:g}mm"'
     lines = [
@@ -98,7 +98,7 @@ def target_svg(target: Target) -> str:
             if isinstance(shape, Disc)
         ),
         # One path: touching squares drawn separately show grey seams.
-        f'<path d="{_svg_rectangles(page)}"/>',
+        f'<path d="{_format_svg_rectangles(page)}"/>',
         "</g>",
         f'<text x="{text_x:g}" y="{text_y:g}" font-family="sans-serif" '
         f'font-size="3.5">{page.text}</text>',
@@ -107,20 +107,20 @@ def target_svg(target: Target) -> str:
     return "\n".join(lines) + "\n"
 
 
-def target_pdf(target: Target) -> bytes:
-    """Return a target as a PDF page at true scale; see `target_svg`.
+def render_target_pdf(target: Target) -> bytes:
+    """Return a target as a PDF page at true scale; see `render_target_svg`.
 
     Examples
     --------
     >>> from lsvision.calibration.target import Chessboard
-    >>> target_pdf(Chessboard())[:8]
+    >>> render_target_pdf(Chessboard())[:8]
     b'%PDF-1.4'
     """
-    page = layout_target(target)
+    page = lay_out_target(target)
     scale = 1 / MM_PER_PDF_POINT
     # The origin of PDF is at the bottom left: flip y once for all shapes.
     content = [f"q {scale:.6f} 0 0 {-scale:.6f} 0 {page.height * scale:.4f} cm 0 g"]
-    content += [_pdf_disc(shape) for shape in page.shapes if isinstance(shape, Disc)]
+    content += [_format_pdf_disc(shape) for shape in page.shapes if isinstance(shape, Disc)]
     # One path, one fill: squares filled separately show grey seams.
     content += [
         f"{shape.x:.5f} {shape.y:.5f} {shape.width:.5f} {shape.height:.5f} re"
@@ -132,7 +132,7 @@ def target_pdf(target: Target) -> bytes:
     content += ["f Q", f"BT /F1 10 Tf {x:.3f} {y:.3f} Td ({text}) Tj ET"]
     stream = "\n".join(content)
     box = f"[0 0 {page.width * scale:.4f} {page.height * scale:.4f}]"
-    return _pdf_file(
+    return _build_pdf_file(
         [
             "<< /Type /Catalog /Pages 2 0 R >>",
             "<< /Type /Pages /Kids [3 0 R] /Count 1 >>",
@@ -144,7 +144,7 @@ def target_pdf(target: Target) -> bytes:
     )
 
 
-def _svg_rectangles(page: PageLayout) -> str:
+def _format_svg_rectangles(page: PageLayout) -> str:
     """Return the SVG path of all rectangles."""
     return " ".join(
         f"M{shape.x:.6g} {shape.y:.6g}h{shape.width:.6g}v{shape.height:.6g}h{-shape.width:.6g}z"
@@ -153,7 +153,7 @@ def _svg_rectangles(page: PageLayout) -> str:
     )
 
 
-def _pdf_disc(disc: Disc) -> str:
+def _format_pdf_disc(disc: Disc) -> str:
     """Return the PDF path of a disc: four cubics."""
     x, y, r = disc.x, disc.y, disc.radius
     k = r * BEZIER_CIRCLE_FACTOR
@@ -167,7 +167,7 @@ def _pdf_disc(disc: Disc) -> str:
     return f"{x + r:.5f} {y:.5f} m {curves} f"
 
 
-def _pdf_file(objects: Sequence[str]) -> bytes:
+def _build_pdf_file(objects: Sequence[str]) -> bytes:
     """Return a PDF of numbered objects with its table of byte offsets (PDF 1.4, section 3.4)."""
     file, offsets = b"%PDF-1.4\n", []
     for number, text in enumerate(objects, start=1):
@@ -181,21 +181,21 @@ def _pdf_file(objects: Sequence[str]) -> bytes:
     return file + tail.encode("latin-1")
 
 
-def layout_target(target: Target) -> PageLayout:
+def lay_out_target(target: Target) -> PageLayout:
     """Return the page of a target of this package, else TypeError, with a bar of 100 mm.
 
     The bar serves to check the print.
     """
     match target:
         case ChArUco():
-            shapes = _charuco(target)
+            shapes = _list_charuco_squares(target)
             size = (target.squares_x * target.square, target.squares_y * target.square)
             text = (
                 f"ChArUco {target.squares_x} x {target.squares_y}, square {target.square:g} mm, "
                 f"marker {target.marker:g} mm, {target.dictionary}"
             )
         case Chessboard():
-            shapes = _checker_squares(target.columns + 1, target.rows + 1, target.square)
+            shapes = _list_checker_squares(target.columns + 1, target.rows + 1, target.square)
             size = ((target.columns + 1) * target.square, (target.rows + 1) * target.square)
             text = (
                 f"chessboard {target.columns} x {target.rows} corners, square {target.square:g} mm"
@@ -211,14 +211,14 @@ def layout_target(target: Target) -> PageLayout:
             )
         case _:
             raise TypeError(f"expected a ChArUco, Chessboard or CircleGrid, got {target!r}")
-    return _layout_page(shapes, size, text)
+    return _lay_out_page(shapes, size, text)
 
 
-def _layout_page(
+def _lay_out_page(
     shapes: Sequence[Rectangle | Disc], size: tuple[float, float], text: str
 ) -> PageLayout:
     """Return the shapes centred on the smallest paper, with bar and text below."""
-    width, height = _smallest_paper(
+    width, height = _select_smallest_paper(
         max(size[0], BAR_LENGTH) + 2 * MARGIN, size[1] + 2 * MARGIN + FOOTER_HEIGHT
     )
     left, top = (width - size[0]) / 2, (height - size[1] - FOOTER_HEIGHT) / 2
@@ -233,7 +233,7 @@ def _layout_page(
     return PageLayout(width, height, (*centred, *bar), text, (MARGIN, bar_top + 8))
 
 
-def _smallest_paper(width: float, height: float) -> tuple[float, float]:
+def _select_smallest_paper(width: float, height: float) -> tuple[float, float]:
     """Return the smallest paper that fits, either way up; the size itself beyond A0. Units: mm."""
     for short, long in PAPERS:
         for sheet in ((short, long), (long, short)):
@@ -242,7 +242,7 @@ def _smallest_paper(width: float, height: float) -> tuple[float, float]:
     return width, height
 
 
-def _checker_squares(
+def _list_checker_squares(
     columns: int, rows: int, edge: float, *, first_is_black: bool = True
 ) -> list[Rectangle | Disc]:
     """Return the black squares of a chessboard whose top left square is black or white."""
@@ -254,12 +254,12 @@ def _checker_squares(
     ]
 
 
-def _charuco(target: ChArUco) -> list[Rectangle | Disc]:
+def _list_charuco_squares(target: ChArUco) -> list[Rectangle | Disc]:
     """Return the black squares, and the black cells of the markers in the white ones."""
     board = target.board
     # In the legacy pattern with an even number of rows the top left square is white.
     first_is_black = not (target.legacy and target.squares_y % 2 == 0)
-    shapes = _checker_squares(
+    shapes = _list_checker_squares(
         target.squares_x, target.squares_y, target.square, first_is_black=first_is_black
     )
     dictionary = board.getDictionary()
@@ -268,14 +268,14 @@ def _charuco(target: ChArUco) -> list[Rectangle | Disc]:
     for number, corners in zip(board.getIds().ravel(), board.getObjPoints(), strict=True):
         left, top = np.asarray(corners)[:, :2].min(axis=0)
         bits = cv2.aruco.generateImageMarker(dictionary, int(number), cells)
-        for row, column, width in _black_runs(bits == 0):
+        for row, column, width in _find_black_runs(bits == 0):
             shapes.append(
                 Rectangle(float(left) + column * edge, float(top) + row * edge, width * edge, edge)
             )
     return shapes
 
 
-def _black_runs(black: BoolArray) -> list[tuple[int, int, int]]:
+def _find_black_runs(black: BoolArray) -> list[tuple[int, int, int]]:
     """Return row, column and length of each horizontal run of black cells."""
     runs = []
     for row, line in enumerate(black):

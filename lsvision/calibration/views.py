@@ -62,7 +62,7 @@ class ViewSources:
     indices: tuple[int, ...] | None = None
     rejected: tuple[RejectedView, ...] = ()
 
-    def image_indices(self, count: int) -> list[int]:
+    def list_image_indices(self, count: int) -> list[int]:
         """Return the image indices of `count` views."""
         return list(range(count)) if self.indices is None else list(self.indices)
 
@@ -173,7 +173,7 @@ def rms_distance(residuals: FloatArray) -> float:
     return float(np.sqrt(np.mean(np.sum(residuals**2, axis=1))))
 
 
-def outlier_views(
+def find_outlier_views(
     indices: Sequence[int],
     rms_values: Sequence[float],
     factor: float,
@@ -196,7 +196,7 @@ def outlier_views(
     ]
 
 
-def max_tilt(poses: Sequence[Pose]) -> float:
+def compute_max_tilt(poses: Sequence[Pose]) -> float:
     """Return the largest angle between a board's normal and the mean normal. Units: rad."""
     normals = np.array([pose.rotation[:, 2] for pose in poses])
     mean = normals.mean(axis=0)

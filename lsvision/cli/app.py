@@ -14,8 +14,8 @@ from typer.main import get_group
 
 from lsvision.cli.messages import FAILED, describe_internal_error, format_usage_message, print_error
 from lsvision.errors import LsvisionError
-from lsvision.files.limited_reading import size_limit
-from lsvision.files.printable import printable
+from lsvision.files.limited_reading import limit_file_size
+from lsvision.files.printable import escape_text
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C, SIGTERM or SIGHUP: that of shells after Ctrl-C."""
@@ -66,14 +66,14 @@ class _OneLineErrors(TyperGroup):
         """Run the command; a `LsvisionError` ends with exit code 1, an interruption with 130."""
         limit = _parse_size(ctx.params["max_size"])
         try:
-            with size_limit(limit):
+            with limit_file_size(limit):
                 return super().invoke(ctx)
         except KeyboardInterrupt:
             raise typer.Exit(INTERRUPTED) from None
         except _USAGE_ERROR as error:
             # A group of commands without a command raises its help, of several lines, as an error.
             if error.ctx is None or error.message != error.ctx.get_help():
-                error.message = printable(format_usage_message(error))
+                error.message = escape_text(format_usage_message(error))
             raise
         except LsvisionError as error:
             print_error(str(error), debug=ctx.params["debug"])

@@ -27,7 +27,7 @@ from lsvision.cli.profile_options import (
     ReadingOptions,
     SensorOptions,
 )
-from lsvision.cli.sources import find_sources, list_left_out, suffixes_of_profiles
+from lsvision.cli.sources import find_sources, list_left_out, list_suffixes_of_profiles
 from lsvision.errors import LsvisionError
 from lsvision.files.file_kinds import STDIN, is_directory
 from lsvision.results.summaries import format_count
@@ -98,7 +98,7 @@ def batch(
     folders are shared):
       lsvision batch /data/profiles --out /data/cylinders --scheduler tcp://HOST:8786
     """  # noqa: D301 - the backspace makes click keep the line breaks
-    if status is not None and _given_options(ctx) == ["status"]:
+    if status is not None and _list_given_options(ctx) == ["status"]:
         _print_status(status)
         return
     if status is not None or not files or out is None:
@@ -109,19 +109,19 @@ def batch(
             "many processes they start"
         )
     from lsvision.batch.manifest import format_summary
-    from lsvision.batch.process_pool import default_jobs
+    from lsvision.batch.process_pool import count_usable_cores
     from lsvision.batch.run import plan_tasks
 
     measure_function = build_measure_function(
         radius, known_radius, known_phi_deg, sensor.parse(), paper=False
     )
     options = reading.parse()
-    job = _batch_job(measure_function, options, job_file)
-    suffixes = suffixes_of_profiles(reading.dx)
+    job = _build_batch_job(measure_function, options, job_file)
+    suffixes = list_suffixes_of_profiles(reading.dx)
     sources, any_missing = _find_sources(files, suffixes)
     print_lines(list_left_out(files, suffixes, out), err=True)
-    tasks = plan_tasks(sources, _root(files), out, job)
-    result = _run(tasks, out, jobs or default_jobs(), scheduler)
+    tasks = plan_tasks(sources, _find_root(files), out, job)
+    result = _run(tasks, out, jobs or count_usable_cores(), scheduler)
     names = [task.name for task in tasks]
     typer.echo(format_summary(result, names))
     if any_missing or any(result.outcomes[name].error for name in names):
@@ -147,7 +147,7 @@ def _run(tasks: "list[FileTask]", out: Path, jobs: int, scheduler: str | None) -
     return status
 
 
-def _given_options(ctx: typer.Context) -> list[str]:
+def _list_given_options(ctx: typer.Context) -> list[str]:
     """Return the names of the arguments and options on the command line."""
     return [
         name
@@ -168,7 +168,7 @@ def _find_sources(names: Sequence[str], suffixes: frozenset[str]) -> tuple[list[
     return sources, bool(missing)
 
 
-def _batch_job(
+def _build_batch_job(
     measure_function: "partial[list[Measurement]]", options: "ReadOptions", path: Path | None
 ) -> "BatchJob":
     """Return the settings of the batch, from the options or from the job file `path`.
@@ -206,15 +206,15 @@ def _batch_job(
     return BatchJob(partial(measure_profiles_of_job, job=job), options, job)
 
 
-def _root(names: Sequence[str]) -> Path:
+def _find_root(names: Sequence[str]) -> Path:
     """Return the folder that holds all files that the names denote, present and future ones.
 
     Results are named relative to it: files that are added to a folder or pattern change no names.
     """
-    return Path(os.path.commonpath([_folder_of(name) for name in names if name]))
+    return Path(os.path.commonpath([_find_folder(name) for name in names if name]))
 
 
-def _folder_of(name: str) -> str:
+def _find_folder(name: str) -> str:
     """Return the absolute folder of a file, folder or pattern; of a pattern the part without it."""
     folder = Path(name) if is_directory(name) else Path(name).parent
     while glob.has_magic(str(folder)) and not is_directory(folder):
@@ -258,13 +258,13 @@ class _Report(StatusLine):
         super().__init__()
         self._total, self._start = total, time.monotonic()
         self._files = self._profiles = 0
-        self._notes: dict[str, list[str]] = {}
+        self._list_notes: dict[str, list[str]] = {}
 
     def __call__(self, outcome: "FileOutcome", left: int) -> None:
         self._files += 1
         self._profiles += outcome.profiles
         for note in outcome.notes:
-            self._notes.setdefault(note, []).append(outcome.name)
+            self._list_notes.setdefault(note, []).append(outcome.name)
         if outcome.error:
             self.clear()
             print_error(outcome.error)
@@ -277,4 +277,4 @@ class _Report(StatusLine):
 
     def print_notes(self) -> None:
         """Print what was assumed in reading the files, each remark once."""
-        print_notes(self._notes)
+        print_notes(self._list_notes)

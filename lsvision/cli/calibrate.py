@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from lsvision.calibration.result_tables import camera_rows, laser_plane_rows
+from lsvision.calibration.result_tables import format_camera_rows, format_laser_plane_rows
 from lsvision.cli.calibrate_capture import capture
 from lsvision.cli.calibrate_hand_eye import hand_eye
 from lsvision.cli.calibrate_inputs import (
@@ -23,7 +23,7 @@ from lsvision.cli.option_groups import build_command_group, expand_option_groups
 from lsvision.cli.outputs import check_outputs
 from lsvision.cli.target_options import TargetOptions
 from lsvision.errors import UnreadableFile
-from lsvision.files.printable import printable
+from lsvision.files.printable import escape_text
 
 calibrate = build_command_group(
     "calibrate", "Camera, laser plane and sensor to robot; each with its uncertainty and a report."
@@ -57,11 +57,13 @@ def target(
         raise typer.BadParameter(f"expected --out F.svg or F.pdf, got {out.name!r}")
     board = target_options.parse()
     check_outputs((out,), ())
-    from lsvision.calibration.target_files import target_pdf, target_svg
+    from lsvision.calibration.target_files import render_target_pdf, render_target_svg
     from lsvision.files.atomic_files import write_atomic
 
     try:
-        page = target_svg(board) if out.suffix.lower() == ".svg" else target_pdf(board)
+        page = (
+            render_target_svg(board) if out.suffix.lower() == ".svg" else render_target_pdf(board)
+        )
     except ValueError as error:
         raise typer.BadParameter(str(error)) from None
     write_atomic(out, page)
@@ -118,7 +120,7 @@ def camera(
     from lsvision.io.calibration import build_provenance, write_calibration
     from lsvision.io.camera_file import write_camera_yaml
 
-    names = [printable(file.name) for file in files]
+    names = [escape_text(file.name) for file in files]
     settings = CameraSettings(
         radial_terms=radial_terms,
         fixed_aspect=fixed_aspect,
@@ -128,7 +130,7 @@ def camera(
     with add_file_names_to_errors(image=names):
         photos = read_images(files)
         calibration = calibrate_camera(photos, board, settings)
-    rows = camera_rows(calibration)
+    rows = format_camera_rows(calibration)
     warnings = format_warning_lines(names, calibration)
     provenance = build_provenance(f"{len(calibration.views)} views of {board}", files)
     if report is not None:
@@ -207,11 +209,11 @@ def laser_plane(
     from lsvision.io.camera_file import read_camera, read_camera_covariance
 
     settings = LaserPlaneSettings(line=line_options.parse())
-    names = [printable(file.name) for file in board_files]
+    names = [escape_text(file.name) for file in board_files]
     model, covariance = read_camera(camera_file), read_camera_covariance(camera_file)
     board_images, line_images = read_images(board_files), line_options.read(line_files)
     with add_file_names_to_errors(
-        image=names, board_image=names, line_image=[printable(file.name) for file in line_files]
+        image=names, board_image=names, line_image=[escape_text(file.name) for file in line_files]
     ):
         calibration = calibrate_laser_plane(
             model, board, board_images, line_images, settings, covariance
@@ -219,7 +221,7 @@ def laser_plane(
     provenance = build_provenance(
         f"laser line on {board} in {len(calibration.views)} poses", dict.fromkeys(files)
     )
-    rows = laser_plane_rows(calibration)
+    rows = format_laser_plane_rows(calibration)
     warnings = format_warning_lines(names, calibration)
     if report is not None:
         combined_photos = [

@@ -7,7 +7,7 @@ import typer
 
 from lsvision.cli.calibrate_inputs import LineOptions
 from lsvision.cli.option_groups import expand_option_groups
-from lsvision.cli.sources import IMAGE_SUFFIXES, true_path
+from lsvision.cli.sources import IMAGE_SUFFIXES, resolve_path
 from lsvision.cli.target_options import TargetOptions
 from lsvision.errors import LsvisionError, UnwritableFile
 
@@ -48,7 +48,7 @@ def capture(
       lsvision calibrate capture --camera genicam:192.168.1.20 --boards boards --lines lines
     """  # noqa: D301 - the backspace makes click keep the line breaks
     board, line = target_options.parse(), line_options.parse()
-    if true_path(boards) == true_path(lines):
+    if resolve_path(boards) == resolve_path(lines):
         raise typer.BadParameter(
             f"expected different folders for --boards and --lines, got {boards}"
         )
@@ -57,25 +57,25 @@ def capture(
     from lsvision.calibration.capture_pairs import (
         CaptureSettings,
         CaptureState,
-        missing_views,
-        next_state,
+        advance_state,
+        list_missing_views,
     )
     from lsvision.io.frames import open_camera
 
     settings, state, printed_instruction = CaptureSettings(line=line), CaptureState(), ""
     for frame in open_camera(camera):
-        state, instruction, pair = next_state(state, frame, board, settings)
+        state, instruction, pair = advance_state(state, frame, board, settings)
         if instruction != printed_instruction:
             typer.echo(instruction)
         printed_instruction = instruction
         if pair is not None:
             _write_pair(pair, len(state.pairs) - 1, boards, lines)
-            typer.echo(f"missing: {'; '.join(missing_views(state.pairs, pairs)) or 'nothing'}")
+            typer.echo(f"missing: {'; '.join(list_missing_views(state.pairs, pairs)) or 'nothing'}")
         if len(state.pairs) == pairs:
             break
     typer.echo(f"{len(state.pairs)} of {pairs} pairs in {boards} and {lines}")
     if len(state.pairs) < pairs:
-        missing = "; ".join(missing_views(state.pairs, pairs))
+        missing = "; ".join(list_missing_views(state.pairs, pairs))
         raise LsvisionError(f"{camera} ended early; still missing: {missing}")
 
 

@@ -21,7 +21,7 @@ from lsvision.cli.option_groups import build_command_group, expand_option_groups
 from lsvision.cli.profile_options import ReadingOptions
 from lsvision.cli.robot_options import RobotOptions, parse_convention, parse_pose_file
 from lsvision.cli.target_options import TargetOptions
-from lsvision.files.printable import printable
+from lsvision.files.printable import escape_text
 
 hand_eye = build_command_group(
     "hand-eye", "Pose of the sensor on the robot, from a sphere, a plane or a board."
@@ -120,7 +120,7 @@ def board(
     options.check_files(inputs)
     from lsvision.calibration.hand_eye import calibrate_hand_eye_board
 
-    names = [printable(file.name) for file in files]
+    names = [escape_text(file.name) for file in files]
     flanges = options.read_flanges("image", names)
     boards = find_boards(files, target, camera)
     names, flanges = [names[k] for k in boards.indices], [flanges[k] for k in boards.indices]

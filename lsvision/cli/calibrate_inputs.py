@@ -9,21 +9,21 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
-from lsvision.calibration.result_tables import Row, rejection_lines
+from lsvision.calibration.result_tables import Row, format_rejections
 from lsvision.cli.image_options import BayerPattern, Laser, parse_line_settings
 from lsvision.cli.image_sources import check_colours
 from lsvision.cli.messages import end_on_failures
 from lsvision.cli.sources import (
     IMAGE_SUFFIXES,
     find_sources,
-    profile_names,
+    list_suffixes_of_profiles,
+    name_profiles,
     read_sources,
-    suffixes_of_profiles,
 )
 from lsvision.errors import LsvisionError, UnreadableFile
 from lsvision.files.file_kinds import STDIN, exists
-from lsvision.files.printable import printable
-from lsvision.results.tables import text_table
+from lsvision.files.printable import escape_text
+from lsvision.results.tables import format_text_table
 
 if TYPE_CHECKING:
     from lsvision.calibration.intrinsics import CameraCalibration
@@ -93,7 +93,7 @@ def find_image_files(names: Sequence[str]) -> list[Path]:
 
 def find_profile_files(names: Sequence[str], dx: float | None) -> list[Path]:
     """Return the profile files, as `find_image_files` does; with ``--dx`` also height maps."""
-    return _find(names, suffixes_of_profiles(dx))
+    return _find(names, list_suffixes_of_profiles(dx))
 
 
 def read_images(paths: Sequence[Path]) -> list[Any]:
@@ -109,7 +109,7 @@ def read_named_profiles(
     """Return the profiles of all files in their order, and a name for each."""
     files = read_sources(paths, options)
     profiles = [profile for file in files for profile in file.profiles]
-    names = [name for file in files for name in profile_names(file, printable(file.path.name))]
+    names = [name for file in files for name in name_profiles(file, escape_text(file.path.name))]
     return profiles, names
 
 
@@ -170,12 +170,12 @@ def _find(names: Sequence[str], suffixes: frozenset[str]) -> list[Path]:
 
 def format_value_lines(rows: Sequence[Row]) -> list[str]:
     """Return names and values as lines, with the unit after each value."""
-    return text_table([(name, f"{value} {unit}") for name, value, unit in rows], left=2)
+    return format_text_table([(name, f"{value} {unit}") for name, value, unit in rows], left=2)
 
 
 def format_warning_lines(
     names: Sequence[str], calibration: "CameraCalibration | LaserPlaneCalibration"
 ) -> list[str]:
     """Return lines on rejected views, outliers and warnings, with the names of the images."""
-    lines = rejection_lines(calibration.rejected, calibration.outliers, calibration.warnings)
+    lines = format_rejections(calibration.rejected, calibration.outliers, calibration.warnings)
     return [add_file_names(line, image=names) for line in lines]

@@ -36,7 +36,7 @@ def demo(
     Into a folder of yours, and open the picture:
       lsvision demo --out /tmp/first-look --open
     """  # noqa: D301 - the backspace makes click keep the line breaks
-    from lsvision.cli.file_part import PartOptions
+    from lsvision.cli.file_chunk import FileOptions
     from lsvision.cli.measure_files import RunOptions, measure_sources
     from lsvision.cli.measure_options import build_measure_function
     from lsvision.cli.outputs import Pictures
@@ -44,8 +44,8 @@ def demo(
     profile, picture = _write_profile(out), out / "profile.png"
     typer.echo(f"$ lsvision measure {_quote_for_shell(profile)} --plot {_quote_for_shell(picture)}")
     pictures = Pictures(picture, several=False)
-    options = PartOptions(measure_function=build_measure_function())
-    failed = measure_sources([profile], RunOptions(part=options, pictures=pictures))
+    options = FileOptions(measure_function=build_measure_function())
+    failed = measure_sources([profile], RunOptions(options=options, pictures=pictures))
     if failed:
         raise typer.Exit(FAILED)
     typer.echo("\n".join(_format_next_lines(profile, picture)))

@@ -9,7 +9,7 @@ import numpy as np
 
 from lsvision.cli.calibrate_inputs import add_file_names, read_images
 from lsvision.errors import LsvisionError
-from lsvision.files.printable import printable
+from lsvision.files.printable import escape_text
 from lsvision.results.summaries import format_count
 
 if TYPE_CHECKING:
@@ -46,9 +46,9 @@ class DetectedBoards:
     `indices` are the positions of these n images among all images. The other fields have an item
     for each of the n images, in the same order. Covariances, (n, 6, 6), are those of
     `estimate_board_pose`. `camera_modes`, (m, n, 6), are the shifts of each pose by each of m
-    independent errors of the camera, one standard deviation each, see `board_pose_modes`; None if
-    the camera's file has no covariance. Warnings are about images and corners that were left out,
-    and boards whose corners were numbered from another end.
+    independent errors of the camera, one standard deviation each, see `compute_board_pose_modes`;
+    None if the camera's file has no covariance. Warnings are about images and corners that were
+    left out, and boards whose corners were numbered from another end.
     """
 
     indices: list[int]
@@ -74,9 +74,9 @@ class DetectedBoards:
         CalibrationFailed
             If the robot's poses do not determine the end.
         """
-        from lsvision.calibration.board_turns import pattern_turns, turn_boards
+        from lsvision.calibration.board_turns import list_pattern_turns, turn_boards
 
-        turns = pattern_turns(target)
+        turns = list_pattern_turns(target)
         if not turns:
             return self
         mount_poses = [_compute_mount_pose(flange, mounting) for flange in flanges]
@@ -95,7 +95,9 @@ class DetectedBoards:
             ],
             poses=turned.poses,
             covariances=turned.covariances(self.covariances),
-            camera_modes=None if self.camera_modes is None else turned.shifts(self.camera_modes),
+            camera_modes=None
+            if self.camera_modes is None
+            else turned.compute_shifts(self.camera_modes),
             warnings=(*self.warnings, turned.warning),
         )
 
@@ -132,7 +134,7 @@ def find_boards(files: Sequence[Path], target: "Target", camera_file: Path) -> D
         If fewer than `MIN_BOARDS` images show the board (the message has the reason for the first
         image without it), or an image does not have the size of the camera's images.
     """
-    from lsvision.calibration.camera_uncertainty import board_pose_modes
+    from lsvision.calibration.camera_uncertainty import compute_board_pose_modes
     from lsvision.calibration.target import list_left_out_warnings
     from lsvision.io.camera_file import read_camera, read_camera_covariance
 
@@ -146,7 +148,7 @@ def find_boards(files: Sequence[Path], target: "Target", camera_file: Path) -> D
     views = [detection.view for detection in detections]
     camera_modes = None
     if camera_covariance is not None:
-        camera_modes = board_pose_modes(views, camera, camera_covariance)
+        camera_modes = compute_board_pose_modes(views, camera, camera_covariance)
     warnings = [f"image and its robot pose left out: {reason}" for reason in left_out]
     # Warnings number the images with a board; `build_report_data` replaces numbers by file names.
     numbers = range(len(views))
@@ -182,12 +184,12 @@ def _detect_boards(
     detections: list[_Detection] = []
     left_out: list[str] = []
     for index, (file, image) in enumerate(zip(files, images, strict=True)):
-        require_size(camera, image, printable(str(file)))
+        require_size(camera, image, escape_text(str(file)))
         try:
             view = find_target(image, target)
             estimate = estimate_board_pose(view.pixels, view.points, camera)
         except LsvisionError as error:
-            left_out.append(f"{printable(str(file))}: {error}")
+            left_out.append(f"{escape_text(str(file))}: {error}")
         else:
             detections.append(_Detection(index, view, estimate))
     return detections, left_out

@@ -21,7 +21,7 @@ from lsvision.cli.outputs import check_outputs
 from lsvision.cli.profile_options import ReadingOptions
 from lsvision.cli.robot_frame import PoseFile
 from lsvision.cli.robot_options import parse_convention
-from lsvision.results.tables import text_table
+from lsvision.results.tables import format_text_table
 
 if TYPE_CHECKING:
     from lsvision.calibration.hand_eye_result import HandEye, HandEyeSettings
@@ -254,14 +254,14 @@ def report_hand_eye(
     `flanges` are ``base_from_flange`` of each observation, `names` their names, `inputs` all files
     that were read, for the provenance.
     """
-    from lsvision.calibration.result_tables import accuracy_rows
+    from lsvision.calibration.result_tables import format_accuracy_rows
     from lsvision.io.calibration import build_provenance
     from lsvision.io.hand_eye_file import export_easy_handeye
-    from lsvision.io.pose_numbers import frame_rows
+    from lsvision.io.pose_numbers import format_frame_rows
 
     convention = options.convention if isinstance(options, HandEyeOptions) else None
     frame_convention = options.frame_convention or convention or "ros"
-    rows = frame_rows(hand_eye, frame_convention) + accuracy_rows(hand_eye)
+    rows = format_frame_rows(hand_eye, frame_convention) + format_accuracy_rows(hand_eye)
     warnings = [f"left out: {names[pose.index]}: {pose.reason}" for pose in hand_eye.rejected]
     warnings += [f"warning: {text}" for text in (*hand_eye.warnings, *report_data.warnings)]
     used = len(names) - len(hand_eye.rejected)
@@ -281,7 +281,7 @@ def report_hand_eye(
         robot, sensor = options.frame_names
         export_easy_handeye(hand_eye, options.easy_handeye, robot_frame=robot, sensor_frame=sensor)
     heading = f"{options.out}: sensor to robot from {used} of {len(names)} poses"
-    table = text_table(
+    table = format_text_table(
         [("pose", "residual mm", "leave-one-out mm", ""), *_list_pose_rows(hand_eye, names)], left=1
     )
     print_lines([heading, *format_value_lines(rows), "", *table, *warnings])
@@ -336,7 +336,7 @@ def _report_pose_plan(plan: "PosePlan", out: Path | None) -> None:
     from lsvision.files.atomic_files import write_atomic
 
     header = ("next pose", "x mm", "y mm", "z mm", "std after it mm")
-    typer.echo("\n".join(["", *text_table([header, *_plan_rows(plan)], left=1)]))
+    typer.echo("\n".join(["", *format_text_table([header, *_plan_rows(plan)], left=1)]))
     if out is not None:
         rows = [
             ",".join(f"{value:.6f}" for value in pose.matrix.flat)

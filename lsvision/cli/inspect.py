@@ -18,14 +18,14 @@ from lsvision.cli.profile_options import JsonFile, ReadingOptions
 from lsvision.cli.sources import (
     MEASURED_SUFFIXES,
     find_sources,
+    list_suffixes_of_profiles,
     read_sources,
     require_points_of_scan,
-    suffixes_of_profiles,
 )
 from lsvision.cli.verdict_outputs import VerdictOutputs, VerdictPaths, make_page
 from lsvision.errors import LsvisionError
 from lsvision.files.file_kinds import STDOUT, is_directory
-from lsvision.files.printable import printable, printable_name
+from lsvision.files.printable import escape_name, escape_text
 from lsvision.results.summaries import format_count
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def inspect(
       lsvision inspect fixtures/jobs/scan_welded_pair.toml fixtures/scan_welded_pair
       lsvision inspect job.toml golden.csv --golden
     """  # noqa: D301 - the backspace makes click keep the line breaks
-    from lsvision.inspection.golden import find_blocking_reason, golden_log_path
+    from lsvision.inspection.golden import build_golden_log_path, find_blocking_reason
     from lsvision.inspection.history import read_records
     from lsvision.inspection.job import Job
 
@@ -101,7 +101,7 @@ def inspect(
     options = reading.parse()
     job = Job.load(job_file)
     has_rig = job.rig.light_section is not None
-    suffixes = MEASURED_SUFFIXES if has_rig else suffixes_of_profiles(reading.dx)
+    suffixes = MEASURED_SUFFIXES if has_rig else list_suffixes_of_profiles(reading.dx)
     groups, missing = _group_files(files, suffixes, is_scan=job.scan is not None)
     inputs = [job_file, *_list_rig_files(job, job_file.parent)]
     inputs += [source for _, sources in groups for source in sources]
@@ -113,8 +113,12 @@ def inspect(
     for failure in missing:
         run.fail("", failure)
     if golden:
-        raise typer.Exit(_check_golden(run, groups, golden_log_path(job, job_file), now))
-    log = read_records(golden_log_path(job, job_file), "passed") if job.golden is not None else []
+        raise typer.Exit(_check_golden(run, groups, build_golden_log_path(job, job_file), now))
+    log = (
+        read_records(build_golden_log_path(job, job_file), "passed")
+        if job.golden is not None
+        else []
+    )
     outputs = VerdictOutputs(
         VerdictPaths(json_file, csv_file, parquet, report),
         partial(make_page, job, run.calibration, log, now, run.failures),
@@ -169,7 +173,7 @@ class _Run:
     def fail(self, name: str, error: Exception) -> None:
         """Print the error of a file or scan, and keep it."""
         message = str(error) if str(error).startswith(name) else f"{name}: {error}"
-        self.failures.append(printable(message))
+        self.failures.append(escape_text(message))
         print_error(message)
 
     def measure(
@@ -330,7 +334,7 @@ def _judge_measurement(
     remedies = (
         plan_remedies(verdict, measurement, run.job) if isinstance(measurement, Measurement) else ()
     )
-    return JudgedMeasurement(printable_name(source), index, measurement, verdict, remedies)
+    return JudgedMeasurement(escape_name(source), index, measurement, verdict, remedies)
 
 
 def _format_verdict_lines(judged: "JudgedMeasurement") -> list[str]:
@@ -365,7 +369,7 @@ def _check_golden(
             run.fail(name, error)
             continue
         for source, _, measurement in measured:
-            name_of_source = printable_name(source)
+            name_of_source = escape_name(source)
             record = check_golden(
                 measurement.cylinders, run.job, name_of_source, now, run.calibration
             )
@@ -380,11 +384,11 @@ def _print_counts(
     measurements: "Sequence[JudgedMeasurement]", failures: int, *, to_stderr: bool
 ) -> int:
     """Print the number of each verdict, and return the exit code of the worst."""
-    from lsvision.inspection.decision import Decision, worst_decision
+    from lsvision.inspection.decision import Decision, select_worst_decision
 
     decisions = [judged.verdict.decision for judged in measurements]
     if len(decisions) + failures > 1:
         counts = ", ".join(f"{decisions.count(kind)} {kind}" for kind in Decision)
         failed = f", {failures} could not be judged" if failures else ""
         print_lines([f"{len(decisions)} judged: {counts}{failed}"], err=to_stderr)
-    return FAILED if failures else EXIT_CODES[worst_decision(decisions).value]
+    return FAILED if failures else EXIT_CODES[select_worst_decision(decisions).value]

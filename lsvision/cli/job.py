@@ -95,8 +95,8 @@ def check_job(
     from lsvision.errors import InvalidJob
     from lsvision.inspection.calibration_files import check_calibration_files
     from lsvision.inspection.history import (
+        build_history_path,
         describe_unrecorded_change,
-        history_path,
         record_revision,
     )
     from lsvision.inspection.job import Job
@@ -117,7 +117,7 @@ def check_job(
     if record:
         now = datetime.datetime.now(datetime.UTC)
         state = "recorded in" if record_revision(checked, path, now) else "is already in"
-        lines.append(f"  revision {checked.revision} {state} {history_path(path).name}")
+        lines.append(f"  revision {checked.revision} {state} {build_history_path(path).name}")
     elif note := describe_unrecorded_change(checked, path):
         lines.append(f"  note: {note}")
     notes = (describe_unused_keys(checked), describe_rejected_keys(checked))

@@ -16,7 +16,7 @@ from lsvision.cli.image_options import (
 from lsvision.cli.messages import print_lines
 from lsvision.cli.outputs import check_outputs, check_picture, write_output
 from lsvision.files.file_kinds import STDOUT
-from lsvision.files.printable import printable
+from lsvision.files.printable import escape_text
 
 
 def line(
@@ -57,7 +57,7 @@ def line(
     from lsvision.draw import draw_laser_line, summarise_line
     from lsvision.draw.figures import write_figure
     from lsvision.io.images import read_image
-    from lsvision.io.laser_lines import line_csv
+    from lsvision.io.laser_lines import format_line_csv
 
     image = read_image(image_file)
     height, width = image.shape[:2]
@@ -65,7 +65,7 @@ def line(
         image_file, image, settings, read_laser_off(laser_off, (width, height))
     )
     if csv_file is not None:
-        write_output(csv_file, line_csv(laser_line))
+        write_output(csv_file, format_line_csv(laser_line))
     print_lines([f"{image_file}: {summarise_line(laser_line)}"], err=csv_file == STDOUT)
     if plot is not None:
-        write_figure(plot, draw_laser_line(image, laser_line, title=printable(str(image_file))))
+        write_figure(plot, draw_laser_line(image, laser_line, title=escape_text(str(image_file))))

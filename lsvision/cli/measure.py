@@ -7,7 +7,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from lsvision.cli.file_part import PartOptions, is_image_source
+from lsvision.cli.file_chunk import FileOptions, is_image_source
 from lsvision.cli.image_options import (
     BayerPattern,
     Laser,
@@ -35,10 +35,10 @@ from lsvision.cli.profile_options import (
     Verbose,
 )
 from lsvision.cli.robot_options import RobotOptions, parse_robot_frame
-from lsvision.cli.sources import MEASURED_SUFFIXES, find_sources, suffixes_of_profiles
+from lsvision.cli.sources import MEASURED_SUFFIXES, find_sources, list_suffixes_of_profiles
 from lsvision.errors import LsvisionError
 from lsvision.files.file_kinds import STDOUT
-from lsvision.files.limited_reading import current_size_limit
+from lsvision.files.limited_reading import get_size_limit
 
 
 @expand_option_groups
@@ -130,8 +130,8 @@ def measure(
     )
     if surface_std and (paper or noise is not None):
         _reject_surface_std()
-    options = reading.parse()
-    suffixes = suffixes_of_profiles(reading.dx) if light_section is None else MEASURED_SUFFIXES
+    read_options = reading.parse()
+    suffixes = list_suffixes_of_profiles(reading.dx) if light_section is None else MEASURED_SUFFIXES
     paths, missing = find_sources(files or (), suffixes)
     inputs = [*paths, *robot.files, *filter(None, (light_section, laser_off))]
     taken = check_outputs((plot,), inputs, streams=(json_file, csv_file))
@@ -139,10 +139,10 @@ def measure(
     sources: list[Path | LiveCamera] = [*paths]
     if camera is not None:
         sources.append(LiveCamera(camera, frames or 1))
-    part = PartOptions(
+    options = FileOptions(
         measure_function=measure_function,
         sensor=noise,
-        reading=options,
+        reading=read_options,
         imaging=parse_imaging(
             light_section, laser, method, bayer, laser_off,
             surface_std=surface_std, frames=frames, keep_images=plot is not None,
@@ -150,14 +150,14 @@ def measure(
         robot_frame=robot_frame,
         verbose=verbose,
         debug=ctx.find_root().params.get("debug", False),
-        max_size=current_size_limit(),
+        max_size=get_size_limit(),
     )  # fmt: skip
-    _reject_options_without_files(sources, part)
+    _reject_options_without_files(sources, options)
     pictures = (
         None if plot is None else Pictures(plot, several=len(sources) > 1, command_files=taken)
     )
     to_stderr = STDOUT in (json_file, csv_file)
-    run = RunOptions(part=part, pictures=pictures, jobs=jobs, table_to_stderr=to_stderr)
+    run = RunOptions(options=options, pictures=pictures, jobs=jobs, table_to_stderr=to_stderr)
     _report_missing(missing, robot.poses)
     failed = _measure_all(sources, run, json_file, csv_file) + len(missing)
     _report_failed(failed, len(sources) + len(missing), plot)
@@ -171,15 +171,17 @@ def _reject_surface_std() -> NoReturn:
     )
 
 
-def _reject_options_without_files(sources: Sequence[Path | LiveCamera], part: PartOptions) -> None:
+def _reject_options_without_files(
+    sources: Sequence[Path | LiveCamera], options: FileOptions
+) -> None:
     """Raise an error for options of images, videos or profiles if there is no file of the kind."""
-    if part.imaging is None or not sources:
+    if options.imaging is None or not sources:
         return
-    are_images = [is_image_source(source, part) for source in sources]
+    are_images = [is_image_source(source, options) for source in sources]
     if not any(are_images):
         raise typer.BadParameter("expected images with --light-section, got profiles only")
-    reject_reading_of_images(part.reading, are_images)
-    if part.imaging.frames is not None and not any(
+    reject_reading_of_images(options.reading, are_images)
+    if options.imaging.frames is not None and not any(
         isinstance(source, LiveCamera) or is_video(source) for source in sources
     ):
         raise typer.BadParameter("expected a video or --camera with --frames, got none")
@@ -215,8 +217,8 @@ def _measure_all(
     from lsvision.io.result_files import ResultFiles
 
     frame = None
-    if run.part.robot_frame is not None:
-        frame = "flange" if run.part.robot_frame.pose_file is None else "base"
+    if run.options.robot_frame is not None:
+        frame = "flange" if run.options.robot_frame.pose_file is None else "base"
     results = ResultFiles(json_file, csv_file, frame)
     try:
         return measure_sources(sources, replace(run, results=results))

@@ -7,11 +7,11 @@ from itertools import groupby, islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lsvision.cli.file_part import FilePart, PartOptions, read_parts, read_whole
+from lsvision.cli.chunk_results import ChunkResult, MeasureTask, format_error, measure_task
+from lsvision.cli.file_chunk import FileChunk, FileOptions, read_chunks, read_whole
 from lsvision.cli.image_sources import ImageFile, LiveCamera, is_image
 from lsvision.cli.messages import Progress, print_error, print_lines
 from lsvision.cli.outputs import Pictures
-from lsvision.cli.part_results import MeasureTask, PartResult, format_error, measure_task
 from lsvision.files.file_kinds import is_regular
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ class RunOptions:
     are printed on standard error if results go to standard output.
     """
 
-    part: PartOptions
+    options: FileOptions
     pictures: Pictures | None = None
     results: "ResultFiles | None" = None
     jobs: int | None = 1
@@ -80,44 +80,44 @@ def measure_sources(sources: Sequence[Path | LiveCamera], run: RunOptions) -> in
 
 def _iterate_results(
     sources: Sequence[Path | LiveCamera], run: RunOptions, progress: Progress
-) -> Iterator[tuple[int, PartResult]]:
+) -> Iterator[tuple[int, ChunkResult]]:
     """Yield the number of a file and a result, in the order of the files and their profiles."""
     from lsvision.batch.process_pool import EndedProcess, run_tasks
 
-    measure, jobs = partial(measure_task, run.part), _count_jobs(sources, run)
-    tasks = _tasks(sources, run, _read_with_poses(sources, run.part))
+    measure, jobs = partial(measure_task, run.options), _count_jobs(sources, run)
+    tasks = _iterate_tasks(sources, run, _read_with_poses(sources, run.options))
     progress.show(0, str(sources[0]) if sources else "")
     for task, results in run_tasks(measure, tasks, jobs, ordered=True):
         _show_progress(progress, task)
         if not isinstance(results, EndedProcess):
             yield from enumerate(results, task.first)
         elif len(task.sources) == 1:
-            yield task.first, _crash_result(task.sources[0])
+            yield task.first, _build_crash_result(task.sources[0])
         else:  # measure each file in a task of its own, to find the one that ends its process
             singles = (
                 MeasureTask(k, (source,)) for k, source in enumerate(task.sources, task.first)
             )
             for single, single_results in run_tasks(measure, singles, jobs, ordered=True):
                 if isinstance(single_results, EndedProcess):
-                    yield single.first, _crash_result(single.sources[0])
+                    yield single.first, _build_crash_result(single.sources[0])
                 else:
                     yield single.first, single_results[0]
 
 
-def _crash_result(source: Path | LiveCamera) -> PartResult:
+def _build_crash_result(source: Path | LiveCamera) -> ChunkResult:
     """Return the error of a file whose measurement ended its process."""
     message = f"{source}: it ended its process twice (out of memory, or a crash)"
-    return PartResult(errors=[message])
+    return ChunkResult(errors=[message])
 
 
 def _show_progress(progress: Progress, task: MeasureTask) -> None:
     """Show how many files are done, and how many profiles of a larger one."""
     name = str(task.sources[-1])
-    if task.part is None:
+    if task.chunk is None:
         progress.show(task.first + len(task.sources), name)
     else:
         progress.show(
-            task.first, name, task.part.first + len(task.part), max(task.profiles_read, 1)
+            task.first, name, task.chunk.first + len(task.chunk), max(task.profiles_read, 1)
         )
 
 
@@ -128,14 +128,14 @@ def _count_jobs(sources: Sequence[Path | LiveCamera], run: RunOptions) -> int:
     """
     if run.jobs is not None:
         return run.jobs
-    if run.part.debug or sum(map(_size_bytes, sources)) < MIN_BYTES_FOR_PROCESSES:
+    if run.options.debug or sum(map(_read_size_bytes, sources)) < MIN_BYTES_FOR_PROCESSES:
         return 1
-    from lsvision.batch.process_pool import default_jobs
+    from lsvision.batch.process_pool import count_usable_cores
 
-    return default_jobs()
+    return count_usable_cores()
 
 
-def _size_bytes(source: Path | LiveCamera) -> int:
+def _read_size_bytes(source: Path | LiveCamera) -> int:
     """Return the size of a regular file; 0 for a camera, a pipe or a missing file."""
     if isinstance(source, LiveCamera) or not is_regular(source):
         return 0
@@ -143,8 +143,8 @@ def _size_bytes(source: Path | LiveCamera) -> int:
 
 
 def _read_with_poses(
-    sources: Sequence[Path | LiveCamera], options: PartOptions
-) -> dict[int, FilePart]:
+    sources: Sequence[Path | LiveCamera], options: FileOptions
+) -> dict[int, FileChunk]:
     """Return all files by their numbers, each profile with its pose; empty without a pose file.
 
     All profiles are read first, because the number of poses must equal theirs.
@@ -159,10 +159,10 @@ def _read_with_poses(
     }
 
 
-def _tasks(
-    sources: Sequence[Path | LiveCamera], run: RunOptions, read_files: dict[int, FilePart]
+def _iterate_tasks(
+    sources: Sequence[Path | LiveCamera], run: RunOptions, read_files: dict[int, FileChunk]
 ) -> Iterator[MeasureTask]:
-    """Yield tasks: several small files each, or parts of a larger file.
+    """Yield tasks: several small files each, or chunks of a larger file.
 
     `read_files` holds the files that are read already, from `_read_with_poses`: all or none.
     """
@@ -170,7 +170,7 @@ def _tasks(
     for small, group in groupby(numbers, lambda k: not read_files and _is_small(sources[k], run)):
         if not small:
             for number in group:
-                yield from _tasks_of_file(number, sources[number], run, read_files)
+                yield from _iterate_tasks_of_file(number, sources[number], run, read_files)
         else:
             while files := list(islice(group, TASK_SIZE)):
                 yield MeasureTask(files[0], tuple(sources[number] for number in files))
@@ -180,31 +180,31 @@ def _is_small(source: Path | LiveCamera, run: RunOptions) -> bool:
     """Return whether a file is measured together with others: small, no image, and not drawn."""
     if run.pictures is not None or isinstance(source, LiveCamera) or is_image(source):
         return False
-    return 0 < _size_bytes(source) <= MAX_SMALL_FILE_BYTES
+    return 0 < _read_size_bytes(source) <= MAX_SMALL_FILE_BYTES
 
 
-def _tasks_of_file(
-    number: int, source: Path | LiveCamera, run: RunOptions, read_files: dict[int, FilePart]
+def _iterate_tasks_of_file(
+    number: int, source: Path | LiveCamera, run: RunOptions, read_files: dict[int, FileChunk]
 ) -> Iterator[MeasureTask]:
-    """Yield the tasks of the parts of a file, or one with the error of reading it."""
+    """Yield the tasks of the chunks of a file, or one with the error of reading it."""
     try:
-        for file_part in [read_files[number]] if read_files else read_parts(source, run.part):
-            part = _with_pictures(file_part, run.pictures)
-            profiles_read = part.first + len(part)
-            task_size = 1 if isinstance(part.file, ImageFile) else TASK_SIZE
-            for task_part in part.split(task_size):
-                yield MeasureTask(number, (source,), task_part, profiles_read)
+        for file_chunk in [read_files[number]] if read_files else read_chunks(source, run.options):
+            chunk = _with_pictures(file_chunk, run.pictures)
+            profiles_read = chunk.first + len(chunk)
+            task_size = 1 if isinstance(chunk.file, ImageFile) else TASK_SIZE
+            for task_chunk in chunk.split(task_size):
+                yield MeasureTask(number, (source,), task_chunk, profiles_read)
     except Exception as error:  # noqa: BLE001 - a bug in one file must not stop the run
-        yield MeasureTask(number, (source,), error=format_error(source, error, run.part))
+        yield MeasureTask(number, (source,), error=format_error(source, error, run.options))
 
 
-def _with_pictures(part: FilePart, pictures: Pictures | None) -> FilePart:
-    """Return the part with a path for the picture of each profile; unused without valid points."""
+def _with_pictures(chunk: FileChunk, pictures: Pictures | None) -> FileChunk:
+    """Return the chunk with a path for the picture of each profile; unused without valid points."""
     if pictures is None:
-        return part
+        return chunk
     paths = []
-    for index, profile in enumerate(part.file.profiles):
-        number = part.first + index if part.several else None
+    for index, profile in enumerate(chunk.file.profiles):
+        number = chunk.first + index if chunk.several else None
         is_drawn = profile.lost < len(profile)
-        paths.append(pictures.assign_path(part.file.path, number) if is_drawn else Path())
-    return replace(part, pictures=paths)
+        paths.append(pictures.assign_path(chunk.file.path, number) if is_drawn else Path())
+    return replace(chunk, pictures=paths)

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from lsvision.files.file_kinds import exists
-from lsvision.files.printable import printable
+from lsvision.files.printable import escape_text
 
 FAILED = 1
 """Exit code for data that cannot be measured, or output that cannot be written; usage is 2."""
@@ -42,7 +42,7 @@ def end_on_failures(failures: Sequence[Exception]) -> None:
 def print_lines(lines: Iterable[str], *, err: bool = False) -> None:
     """Write lines on stdout, or on stderr, with non-printable characters escaped."""
     stream = sys.stderr if err else sys.stdout
-    stream.write("".join(f"{printable(line)}\n" for line in lines))
+    stream.write("".join(f"{escape_text(line)}\n" for line in lines))
     stream.flush()
 
 
@@ -112,20 +112,20 @@ class Progress(StatusLine):
         self._start = time.monotonic()
         self.done = 0
 
-    def show(self, done: int, name: str, part: int = 0, parts: int = 1) -> None:
+    def show(self, done: int, name: str, finished: int = 0, profiles: int = 1) -> None:
         """Draw the bar and the status beside it: `done` files, and `name` of the current one.
 
-        Of the current file, `part` of `parts` profiles are finished; 0 of 1 for a file that is
+        Of the current file, `finished` of `profiles` are finished; 0 of 1 for a file that is
         measured as a whole, or has an unknown number of profiles.
         """
         self.done = done
-        if self._total * parts <= 1:  # nothing to show for a single profile, or without files
+        if self._total * profiles <= 1:  # nothing to show for a single profile, or without files
             return
-        fraction = (done + part / parts) / self._total
-        profiles = f", profile {part} of {parts}" if parts > 1 else ""
+        fraction = (done + finished / profiles) / self._total
+        current = f", profile {finished} of {profiles}" if profiles > 1 else ""
         self.write(
-            f"[{'#' * int(BAR_WIDTH * fraction):.<{BAR_WIDTH}}] {done}/{self._total}{profiles}"
-            f"{_format_time_left(time.monotonic() - self._start, fraction)} {printable(name)}"
+            f"[{'#' * int(BAR_WIDTH * fraction):.<{BAR_WIDTH}}] {done}/{self._total}{current}"
+            f"{_format_time_left(time.monotonic() - self._start, fraction)} {escape_text(name)}"
         )
 
 

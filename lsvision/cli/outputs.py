@@ -7,10 +7,10 @@ from pathlib import Path
 
 import typer
 
-from lsvision.cli.sources import true_path
+from lsvision.cli.sources import resolve_path
 from lsvision.errors import UnwritableFile
 from lsvision.files.file_kinds import STDOUT, exists, is_directory, is_regular, read_file_status
-from lsvision.files.printable import printable
+from lsvision.files.printable import escape_text
 
 PICTURE_SUFFIXES = (".png", ".svg")
 """Suffixes of the formats of a picture."""
@@ -56,11 +56,11 @@ def check_outputs(
             continue
         if output in command_files:
             raise typer.BadParameter(
-                f"expected different files, got {printable(str(output))}: it is also "
+                f"expected different files, got {escape_text(str(output))}: it is also "
                 f"{command_files.find_role(output)}"
             )
         command_files.add(output, "an output")
-        problem = _find_write_problem(Path(true_path(output)))
+        problem = _find_write_problem(Path(resolve_path(output)))
         if problem:
             raise UnwritableFile(f"{output}: {problem}")
     return command_files
@@ -142,12 +142,12 @@ class Pictures:
 
 def _shorten(stem: str) -> str:
     """Return the stem of a file's name as printable text, short enough for a picture's name."""
-    return printable(stem).encode()[:MAX_STEM_BYTES].decode("utf-8", "ignore")
+    return escape_text(stem).encode()[:MAX_STEM_BYTES].decode("utf-8", "ignore")
 
 
 def _find_identities(path: Path) -> list[Hashable]:
     """Return keys that are equal for two names of one file: real path, device and inode."""
-    keys: list[Hashable] = [true_path(path)]
+    keys: list[Hashable] = [resolve_path(path)]
     status = read_file_status(path)
     if status is not None and status.st_ino:  # 0 on file systems without inodes
         keys.append((status.st_dev, status.st_ino))

@@ -63,17 +63,17 @@ def paper(
     check_outputs(outputs=(), sources=(), streams=(out, json))
     from lsvision.studies.chen_liu_2016 import (
         ExperimentSizes,
-        report_json,
-        report_page,
+        format_report_json,
+        render_report_page,
         run_experiments,
     )
 
     sizes = ExperimentSizes.full() if full else ExperimentSizes.quick()
     report = run_experiments(sizes, noise_mm=noise_mm, seed=seed, progress=_log_progress)
     _log_progress("drawing the report")
-    write_output(out, report_page(report))
+    write_output(out, render_report_page(report))
     if json is not None:
-        write_output(json, report_json(report))
+        write_output(json, format_report_json(report))
     names = " and ".join(str(path) for path in (out, json) if path is not None)
     print_lines([names], err=STDOUT in (out, json))
 

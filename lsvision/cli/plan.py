@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lsvision.results.tables import text_table
+from lsvision.results.tables import format_text_table
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -260,7 +260,7 @@ _HEADER = ("sections", "spacing mm", "length mm", "points", "radius mm", "theta 
 
 def _format_table(predictions: "list[SectionPrediction | ScanPrediction]") -> str:
     """Return a table with one row per prediction."""
-    return "\n".join(text_table([_HEADER, *map(_format_row, predictions)]))
+    return "\n".join(format_text_table([_HEADER, *map(_format_row, predictions)]))
 
 
 def _format_row(prediction: "SectionPrediction | ScanPrediction") -> tuple[str, ...]:

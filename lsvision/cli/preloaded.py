@@ -14,8 +14,8 @@ import cv2
 import numpy.ma  # imported by the first `numpy.unique`
 
 import lsvision.batch.measure_group
+import lsvision.cli.chunk_results
 import lsvision.cli.measure_options
-import lsvision.cli.part_results
 import lsvision.io.profiles.reading
 import lsvision.io.profiles.streaming
 import lsvision.io.results

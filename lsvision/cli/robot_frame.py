@@ -116,16 +116,17 @@ def format_robot_frame_table(
     """Return the lines of a table with both possible axes of each cylinder; none without any."""
     if not placed:
         return []
-    from lsvision.cylinder.robot_frame import PLACED_HEADER, placed_cells
-    from lsvision.results.tables import text_table
+    from lsvision.cylinder.robot_frame import PLACED_HEADER, format_placed_cells
+    from lsvision.results.tables import format_text_table
 
     rows: list[tuple[str, ...]] = [("", *PLACED_HEADER)]
     for number, twins in enumerate(placed, 1):
         rows += [
-            (f"{number}{sign}", *placed_cells(twin)) for sign, twin in zip("+-", twins, strict=True)
+            (f"{number}{sign}", *format_placed_cells(twin))
+            for sign, twin in zip("+-", twins, strict=True)
         ]
     first, _ = placed[0]
     caption = format_uncertainty_caption(
         calibrated=first.includes_calibration, in_base=first.frame == "base"
     )
-    return [f"{first.frame} frame, {caption}:", *text_table(rows)]
+    return [f"{first.frame} frame, {caption}:", *format_text_table(rows)]

@@ -179,9 +179,9 @@ def build_scan_poses(motion: EncoderMotion | RobotMotion, count: int) -> "list[P
         If a file cannot be read, or there are not as many poses as profiles.
     """
     if isinstance(motion, EncoderMotion):
-        from lsvision.io.robot_poses import encoder_poses
+        from lsvision.io.robot_poses import build_encoder_poses
 
-        return encoder_poses(count, motion.direction, motion.step)
+        return build_encoder_poses(count, motion.direction, motion.step)
     flanges = motion.pose_file.read(count)
     if motion.calibration is None:
         return flanges

@@ -30,14 +30,14 @@ from lsvision.cli.robot_options import (
 )
 from lsvision.cli.sources import (
     find_sources,
-    profile_names,
+    list_suffixes_of_profiles,
+    name_profiles,
     read_sources,
     require_points_of_scan,
-    suffixes_of_profiles,
 )
 from lsvision.errors import DegenerateGeometry
 from lsvision.files.file_kinds import STDOUT
-from lsvision.files.printable import printable, printable_name
+from lsvision.files.printable import escape_name, escape_text
 
 if TYPE_CHECKING:
     from lsvision.geometry import Points, Pose
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from lsvision.measure import Measurement
     from lsvision.profile import Profile
     from lsvision.results.quantities import Record
-    from lsvision.scan import PoseErrors, ScanMeasurement, ScannedCylinder, TubeShape
+    from lsvision.scan import CylinderShape, PoseErrors, ScanMeasurement, ScannedCylinder
     from lsvision.sensors.profile_sensor import ProfileSensor
 
 MAX_POSE_STD_MM, MAX_FEED_STD_DEG = 1000, 57
@@ -128,7 +128,7 @@ def scan(
     options = reading.parse()
     noise = sensor.parse()
     search, known = parse_search_range(radius), parse_known_radius(known_radius)
-    sources, missing = find_sources(files, suffixes_of_profiles(reading.dx))
+    sources, missing = find_sources(files, list_suffixes_of_profiles(reading.dx))
     outputs = (plot, points_ply, surfaces_ply)
     check_outputs(outputs, [*sources, *robot.files], streams=(json_file, csv_file))
     motion = parse_motion(feed, step, robot)
@@ -191,13 +191,13 @@ def _read_all(
     sources: Sequence[Path], reading: "ReadOptions"
 ) -> "tuple[list[Profile], list[str], list[Record]]":
     """Return all profiles in the order of their files, a name for each, and how each was read."""
-    from lsvision.io.results import input_record
+    from lsvision.io.results import build_input_record
 
     files = read_sources(sources, reading, may_be_lost=True)
     profiles = [profile for file in files for profile in file.profiles]
     require_points_of_scan(profiles, sources)
-    names = [name for file in files for name in profile_names(file, str(file.path))]
-    records = [input_record(file, k) for file in files for k in range(len(file.profiles))]
+    names = [name for file in files for name in name_profiles(file, str(file.path))]
+    records = [build_input_record(file, k) for file in files for k in range(len(file.profiles))]
     return profiles, names, records
 
 
@@ -225,14 +225,14 @@ def _measure_all(
     return measurements
 
 
-def _measure_shapes(scan_result: "ScanMeasurement") -> "list[TubeShape | None]":
+def _measure_shapes(scan_result: "ScanMeasurement") -> "list[CylinderShape | None]":
     """Return the shape of each cylinder; None where its sections are too few or too close."""
     from lsvision.scan import measure_shape
 
-    shapes: list[TubeShape | None] = []
-    for tube in scan_result.cylinders:
+    shapes: list[CylinderShape | None] = []
+    for cylinder in scan_result.cylinders:
         try:
-            shapes.append(measure_shape(tube))
+            shapes.append(measure_shape(cylinder))
         except DegenerateGeometry:
             shapes.append(None)
     return shapes
@@ -256,7 +256,7 @@ def _transform_points_to_base(
 
 def _write_tables(
     scan_result: "ScanMeasurement",
-    shapes: "Sequence[TubeShape | None]",
+    shapes: "Sequence[CylinderShape | None]",
     inputs: "tuple[list[str], list[Record]]",
     base_from_sections: "Sequence[Pose]",
     outputs: tuple[Path | None, Path | None],
@@ -268,14 +268,16 @@ def _write_tables(
     json_file, csv_file = outputs
     names, records = inputs
     if json_file is not None:
-        from lsvision.io.scan_results import scan_json, scan_record
+        from lsvision.io.scan_results import build_scan_record, format_scan_json
 
-        sources = [printable_name(name) for name in names]
-        write_output(json_file, scan_json(scan_record(scan_result, shapes, sources, records)))
+        sources = [escape_name(name) for name in names]
+        write_output(
+            json_file, format_scan_json(build_scan_record(scan_result, shapes, sources, records))
+        )
     if csv_file is not None:
-        from lsvision.io.scan_results import scan_csv
+        from lsvision.io.scan_results import format_scan_csv
 
-        write_output(csv_file, scan_csv(scan_result, base_from_sections))
+        write_output(csv_file, format_scan_csv(scan_result, base_from_sections))
 
 
 def _draw(
@@ -286,7 +288,7 @@ def _draw(
     from lsvision.draw.scan import draw_scan
 
     figure = draw_scan(
-        scan_result, points, title=printable(title), vertical="z" if of_robot else "y"
+        scan_result, points, title=escape_text(title), vertical="z" if of_robot else "y"
     )
     write_figure(plot, figure)
 
@@ -310,7 +312,7 @@ def _write_clouds(
 
 def _format_scan_lines(
     scan: "ScanMeasurement",
-    shapes: "Sequence[TubeShape | None]",
+    shapes: "Sequence[CylinderShape | None]",
     caption: str,
     *,
     verbose: bool,
@@ -322,15 +324,18 @@ def _format_scan_lines(
     `verbose` adds the rejected tracks.
     """
     from lsvision.results.summaries import format_count
-    from lsvision.results.tables import text_table
-    from lsvision.scan.scan_result import tube_cells
+    from lsvision.results.tables import format_text_table
+    from lsvision.scan.scan_result import format_cylinder_cells
 
     profiles = format_count(len(scan.measurements), "profile")
     rejected = [f"  {rejection}" for rejection in scan.rejections]
     if scan.cylinders:
-        lines = [f"{profiles}, base frame, {caption}", *text_table(tube_cells(scan.cylinders))]
-        for number, (tube, shape) in enumerate(zip(scan.cylinders, shapes, strict=True), 1):
-            lines += [f"  {number}: {line}" for line in _format_remarks(tube, shape)]
+        lines = [
+            f"{profiles}, base frame, {caption}",
+            *format_text_table(format_cylinder_cells(scan.cylinders)),
+        ]
+        for number, (cylinder, shape) in enumerate(zip(scan.cylinders, shapes, strict=True), 1):
+            lines += [f"  {number}: {line}" for line in _format_remarks(cylinder, shape)]
     else:
         lines = [f"{profiles}: no cylinder found: {scan.reason}"]
         if len(rejected) > 1 and not verbose:
@@ -340,15 +345,15 @@ def _format_scan_lines(
     return lines
 
 
-def _format_remarks(tube: "ScannedCylinder", shape: "TubeShape | None") -> list[str]:
+def _format_remarks(cylinder: "ScannedCylinder", shape: "CylinderShape | None") -> list[str]:
     """Return the lines below the table on a cylinder: its axial range, twin and shape."""
-    from lsvision.scan.scan_result import twin_note
-    from lsvision.scan.shape_result import shape_lines
+    from lsvision.scan.scan_result import describe_twin
+    from lsvision.scan.shape_result import format_shape_lines
 
-    low, high = tube.axial_range
+    low, high = cylinder.axial_range
     remarks = [f"measured from {low:z.1f} to {high:z.1f} mm along the axis from its point"]
-    if tube.twin is not None:
-        remarks.append(twin_note(tube, tube.twin))
+    if cylinder.twin is not None:
+        remarks.append(describe_twin(cylinder, cylinder.twin))
     if shape is not None:
-        remarks += shape_lines(shape)
+        remarks += format_shape_lines(shape)
     return remarks

@@ -73,7 +73,7 @@ def simulate(
     """  # noqa: D301 - the backspace makes click keep the line breaks
     from lsvision.files.atomic_files import write_atomic
     from lsvision.simulate import SCENE_KINDS, SectionSettings, random_section
-    from lsvision.simulate.text_export import profile_text, truth_text
+    from lsvision.simulate.text_export import format_profile, format_truth
 
     if kind not in SCENE_KINDS:
         raise typer.BadParameter(f"expected one of {', '.join(SCENE_KINDS)}, got {kind!r}")
@@ -91,8 +91,8 @@ def simulate(
         source = {"kind": kind, "seed": scene_seed, "command": command}
         stem = out / f"{kind}_{scene_seed:04d}"
         title = f"simulated light section, {kind}, seed {scene_seed}"
-        write_atomic(f"{stem}.csv", profile_text(section, title))
-        write_atomic(f"{stem}.truth.json", truth_text(section, source))
+        write_atomic(f"{stem}.csv", format_profile(section, title))
+        write_atomic(f"{stem}.truth.json", format_truth(section, source))
     first, last = f"{kind}_{seed:04d}.csv", f"{kind}_{seed + count - 1:04d}.csv"
     names = f"{first} with its" if count == 1 else f"{first} to {last}, each with its"
     print_lines([f"{out}: {names} .truth.json"])

@@ -19,7 +19,7 @@ from lsvision.results.summaries import format_count
 
 if TYPE_CHECKING:
     from lsvision.io.profiles import ProfileFile, ReadOptions
-    from lsvision.io.profiles.streaming import ProfilePart
+    from lsvision.io.profiles.streaming import ProfileChunk
     from lsvision.profile import Profile
 
 IMAGE_SUFFIXES = frozenset((".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".webp"))
@@ -39,7 +39,7 @@ MAX_NAMES = 3
 """Largest number of names in a note."""
 
 
-def suffixes_of_profiles(dx: float | None) -> frozenset[str]:
+def list_suffixes_of_profiles(dx: float | None) -> frozenset[str]:
     """Return the suffixes of profiles in a folder, with ``--dx`` or without."""
     return PROFILE_SUFFIXES if dx is None else PROFILE_SUFFIXES | HEIGHT_MAP_SUFFIXES
 
@@ -68,7 +68,7 @@ def find_sources(
         try:
             files = find_files(name, suffixes)
             if not files:
-                failures.append(_no_file_error(name, suffixes))
+                failures.append(_build_no_file_error(name, suffixes))
             failures += [
                 UnreadableFile(f"{folder}: cannot be listed: check its owner and mode")
                 for folder in find_unlistable_folders(name)
@@ -77,7 +77,7 @@ def find_sources(
             failures.append(error)
             continue
         for file in files:
-            first = files_by_path.setdefault(true_path(file), file)
+            first = files_by_path.setdefault(resolve_path(file), file)
             if file.absolute() != first.absolute():
                 print_notes({f"the same file as {first}, read once": [file]})
     return list(files_by_path.values()), failures
@@ -93,7 +93,7 @@ def list_left_out(names: Sequence[str], suffixes: frozenset[str], results: Path)
             folders, files = find_left_out(name, find_files(name, suffixes))
         except UnreadableFile:  # reported by `find_sources`
             continue
-        folders = [folder for folder in folders if true_path(folder) != true_path(results)]
+        folders = [folder for folder in folders if resolve_path(folder) != resolve_path(results)]
         if folders:
             yield (
                 f"{name}: note: {_list_names(folders, 'folder')} in it not searched: "
@@ -113,7 +113,7 @@ def _list_names(paths: Sequence[Path], kind: str) -> str:
     return f"{format_count(len(paths), kind)} ({', '.join([*shown, *more])})"
 
 
-def true_path(path: Path) -> str:
+def resolve_path(path: Path) -> str:
     """Return the path with its links resolved; standard input stays ``-``."""
     try:
         return STDIN if str(path) == STDIN else os.path.realpath(path)
@@ -138,14 +138,14 @@ def read_source(source: Path, options: "ReadOptions") -> "ProfileFile":
     return file
 
 
-def iterate_source(source: Path, options: "ReadOptions") -> "Iterator[ProfilePart]":
-    """Yield the profiles of a file in parts; see `read_source`."""
+def iterate_source(source: Path, options: "ReadOptions") -> "Iterator[ProfileChunk]":
+    """Yield the profiles of a file in chunks; see `read_source`."""
     from lsvision.io.profiles.reading import require_plausible_units
     from lsvision.io.profiles.streaming import iterate_profiles
 
-    for part in iterate_profiles(source, **options):
-        require_plausible_units(part.file)
-        yield part
+    for chunk in iterate_profiles(source, **options):
+        require_plausible_units(chunk.file)
+        yield chunk
 
 
 def read_sources(
@@ -197,7 +197,7 @@ def _read_file_of_scan(source: Path, options: "ReadOptions") -> "ProfileFile":
         )  # fmt: skip
 
 
-def profile_names(file: "ProfileFile", name: str) -> list[str]:
+def name_profiles(file: "ProfileFile", name: str) -> list[str]:
     """Return a name for each profile of a file: `name`, with its number if there are several."""
     count = len(file.profiles)
     if count == 1:
@@ -205,7 +205,7 @@ def profile_names(file: "ProfileFile", name: str) -> list[str]:
     return [f"{name}, profile {number}" for number in range(count)]
 
 
-def _no_file_error(name: str, suffixes: frozenset[str]) -> UnreadableFile:
+def _build_no_file_error(name: str, suffixes: frozenset[str]) -> UnreadableFile:
     """Return the error for a folder or pattern without a file, with what to name instead."""
     if is_directory(name):
         if suffixes is PROFILE_SUFFIXES and find_files(name, IMAGE_SUFFIXES | VIDEO_SUFFIXES):

@@ -20,7 +20,7 @@ from lsvision.cli.profile_options import (
     ReadingOptions,
     SensorOptions,
 )
-from lsvision.cli.sources import find_sources, read_sources, suffixes_of_profiles
+from lsvision.cli.sources import find_sources, list_suffixes_of_profiles, read_sources
 from lsvision.errors import LsvisionError, UnreadableFile
 from lsvision.files.file_kinds import STDOUT
 from lsvision.results.summaries import format_count
@@ -98,7 +98,7 @@ def repeat(
         sensor=sensor.parse(),
     )
     options = reading.parse()
-    sources, missing = find_sources(files, suffixes_of_profiles(reading.dx))
+    sources, missing = find_sources(files, list_suffixes_of_profiles(reading.dx))
     check_outputs((), sources, streams=(json_file,))
     end_on_failures(missing)
     profiles = read_sources(sources, options)

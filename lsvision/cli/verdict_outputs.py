@@ -81,11 +81,11 @@ class VerdictOutputs:
 
     def _write_parquet(self) -> None:
         from lsvision.files.atomic_files import write_atomic
-        from lsvision.io.verdict_files import verdicts_parquet
+        from lsvision.io.verdict_files import encode_verdicts_parquet
 
         if self._paths.parquet is not None:
             rows = [row for judged in self.judged for row in judged.rows]
-            write_atomic(self._paths.parquet, verdicts_parquet(rows))
+            write_atomic(self._paths.parquet, encode_verdicts_parquet(rows))
 
     def _write_report(self) -> None:
         if self._paths.report is not None:
@@ -102,12 +102,12 @@ def make_page(
 ) -> str:
     """Return the page of a run; `golden` is the log of the golden part."""
     from lsvision.draw.inspection_page import InspectionContext, render_inspection_page
-    from lsvision.inspection.calibration_files import calibration_age_days
+    from lsvision.inspection.calibration_files import compute_calibration_age_days
 
     context = InspectionContext(
         job=job,
         made=now.isoformat(timespec="minutes"),
-        calibration_days=calibration_age_days(calibration, now),
+        calibration_days=compute_calibration_age_days(calibration, now),
         golden=golden,
         not_judged=not_judged,
     )

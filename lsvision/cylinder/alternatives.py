@@ -24,7 +24,7 @@ from lsvision.cylinder.problem import (
 )
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import DegenerateGeometry
-from lsvision.geometry import BoolArray, Cylinder, FloatArray, IntArray, Points, tangent_frame
+from lsvision.geometry import BoolArray, Cylinder, FloatArray, IntArray, Points, build_tangent_frame
 from lsvision.geometry.arrays import measure_extent
 from lsvision.statistics.robust import SIGNIFICANT_SIGMAS, mad_std, median
 
@@ -56,7 +56,7 @@ def refine_cylinder(
 
     The points (n, 3) should be centred at the origin.
     """
-    frame = tangent_frame(candidate.direction)
+    frame = build_tangent_frame(candidate.direction)
     start = parameters_from_cylinder(frame, candidate)
     problem = build_weighted_problem(points @ frame.T, None, start, known_radius)
     if stds is not None:
@@ -116,7 +116,7 @@ class CylinderComparison:
         """Whether the points may have outliers."""
         return math.isfinite(self.truncation)
 
-    def subset(self, rows: IntArray) -> "CylinderComparison":
+    def select_rows(self, rows: IntArray) -> "CylinderComparison":
         """Return the comparison by the points at some rows."""
         covariances = None if self.covariances is None else self.covariances[rows]
         return replace(self, points=self.points[rows], covariances=covariances)
@@ -155,7 +155,7 @@ class CylinderComparison:
 
     def _normals(self, cylinder: Cylinder) -> FloatArray:
         """Return the unit normals (3, n) of a cylinder at the points."""
-        frame = tangent_frame(cylinder.direction)
+        frame = build_tangent_frame(cylinder.direction)
         parameters = parameters_from_cylinder(frame, cylinder)
         normals: FloatArray = frame.T @ axis_distances(self.points @ frame.T, parameters)[1]
         return normals

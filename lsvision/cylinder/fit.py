@@ -40,13 +40,7 @@ from lsvision.cylinder.problem import (
 )
 from lsvision.ellipse.problem import Priors, RadiusPrior
 from lsvision.errors import LsvisionError
-from lsvision.geometry import (
-    BoolArray,
-    Cylinder,
-    FloatArray,
-    Points,
-    tangent_frame,
-)
+from lsvision.geometry import BoolArray, Cylinder, FloatArray, Points, build_tangent_frame
 from lsvision.geometry.arrays import measure_extent
 from lsvision.geometry.settings_repr import ShowsChanges
 from lsvision.statistics.numerical_failures import report_numerical_failure, require_finite
@@ -282,7 +276,7 @@ def _fit(
     """
     has_fixed_weights = covariances is None and known_radius is None
     for _ in range(settings.reweightings + 1):
-        frame = tangent_frame(cylinder.direction)
+        frame = build_tangent_frame(cylinder.direction)
         rotated = None if covariances is None else rotate_covariances(covariances, frame)
         parameters = parameters_from_cylinder(frame, cylinder)
         prior = known_radius and _scale_prior(known_radius, points, covariances, cylinder, settings)
@@ -359,7 +353,7 @@ def _build_fit(
     known_noise: bool,
 ) -> CylinderFit:
     """Return the fit of a cylinder to points, with the Jacobian at their foot points."""
-    frame = tangent_frame(cylinder.direction)
+    frame = build_tangent_frame(cylinder.direction)
     problem = replace(problem, points=foot_points @ frame.T)
     residuals, jacobian = problem.evaluate(parameters_from_cylinder(frame, cylinder))
     normalised = residuals[: len(points)]

@@ -9,11 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.cylinder.problem import PARAMETERS
-from lsvision.geometry import BoolArray, Cylinder, FloatArray, tangent_frame
+from lsvision.geometry import BoolArray, Cylinder, FloatArray, build_tangent_frame
 from lsvision.geometry.arrays import rms
 from lsvision.geometry.cylinder import WithCylinder
-from lsvision.results.number_format import decimals_for, format_std, format_value
-from lsvision.results.quantities import Record, json_numbers
+from lsvision.results.number_format import count_decimals, format_std, format_value
+from lsvision.results.quantities import Record, convert_numbers_to_json
 from lsvision.results.result import Result
 from lsvision.statistics.correlation import autocorrelation_time
 from lsvision.statistics.coverage import coverage_factor
@@ -26,7 +26,7 @@ AxisQuantity = Literal[
 AXIS_QUANTITIES: tuple[AxisQuantity, ...] = get_args(AxisQuantity)
 
 AXIS_HEADER = ("radius mm", "direction x y z", "± deg", "point x y z mm", "± mm")
-"""Header of `axis_cells`."""
+"""Header of `format_axis_cells`."""
 COVARIANCE_ORDER = "point along e_phi, e_theta (mm), direction along them (rad), radius (mm)"
 """Order of `CylinderFit.covariance`, as results state it."""
 
@@ -177,21 +177,21 @@ class CylinderFit(WithCylinder, Result):
             Lengths in ``*_mm``, angles in ``*_deg``.
         """
         points = {"points": int(self.inliers.sum()), "rms_mm": self.rms}
-        return axis_record(self) | points
+        return build_axis_record(self) | points
 
-    def _summary(self) -> str:
-        radius, direction, angle, *_ = axis_cells(self)
+    def _summarise(self) -> str:
+        radius, direction, angle, *_ = format_axis_cells(self)
         points = int(self.inliers.sum())
         return f"radius {radius} mm, direction ({direction}) ± {angle} deg, {points} points"
 
-    def _cells(self) -> list[tuple[str, ...]]:
+    def _list_cells(self) -> list[tuple[str, ...]]:
         points = str(int(self.inliers.sum()))
-        return [(*AXIS_HEADER, "points"), (*axis_cells(self), points)]
+        return [(*AXIS_HEADER, "points"), (*format_axis_cells(self), points)]
 
-    def _rows(self) -> list[Record]:
+    def _list_rows(self) -> list[Record]:
         record = self.to_dict()
         return [
-            axis_row(record, self.interval("radius"))
+            build_axis_row(record, self.interval("radius"))
             | {"points": record["points"], "rms_mm": record["rms_mm"]}
         ]
 
@@ -207,7 +207,7 @@ class CylinderFit(WithCylinder, Result):
         """Return the fit with the opposite direction."""
         cylinder = Cylinder(self.point, -self.direction, self.radius)
         # In the tangent basis of the new direction; errors of the direction also change their sign.
-        change_of_basis = tangent_frame(-self.direction)[:2] @ self.tangent_basis.T
+        change_of_basis = build_tangent_frame(-self.direction)[:2] @ self.tangent_basis.T
         jacobian = np.eye(PARAMETERS)
         jacobian[:2, :2], jacobian[2:4, 2:4] = change_of_basis, -change_of_basis
         return replace(self, cylinder=cylinder, covariance=jacobian @ self.covariance @ jacobian.T)
@@ -253,10 +253,10 @@ def estimate_variance_factor(
     )
 
 
-def axis_cells(fit: CylinderFit) -> tuple[str, ...]:
+def format_axis_cells(fit: CylinderFit) -> tuple[str, ...]:
     """Return the cells of a cylinder in the columns of `AXIS_HEADER`; `±` is one sigma."""
-    direction_decimals = decimals_for(fit.direction_std)
-    point_decimals = decimals_for(fit.position_std)
+    direction_decimals = count_decimals(fit.direction_std)
+    point_decimals = count_decimals(fit.position_std)
     return (
         format_value(fit.radius, fit.radius_std),
         " ".join(f"{component:+z.{direction_decimals}f}" for component in fit.direction),
@@ -266,24 +266,24 @@ def axis_cells(fit: CylinderFit) -> tuple[str, ...]:
     )
 
 
-def axis_record(fit: CylinderFit) -> Record:
+def build_axis_record(fit: CylinderFit) -> Record:
     """Return axis, radius and covariance, ready for JSON: lengths in mm, angles in deg.
 
     Only the covariance of the direction is in rad, as its order states.
     """
     return {
-        "point_mm": json_numbers(fit.point),
+        "point_mm": convert_numbers_to_json(fit.point),
         "position_std_mm": fit.position_std,
-        "direction": json_numbers(fit.direction),
+        "direction": convert_numbers_to_json(fit.direction),
         "direction_std_deg": math.degrees(fit.direction_std),
         "radius_mm": fit.radius,
         "radius_std_mm": fit.radius_std,
         "covariance_order": COVARIANCE_ORDER,
-        "covariance": [json_numbers(row) for row in fit.covariance],
+        "covariance": [convert_numbers_to_json(row) for row in fit.covariance],
     }
 
 
-def axis_row(record: Record, interval: Sequence[float]) -> Record:
+def build_axis_row(record: Record, interval: Sequence[float]) -> Record:
     """Return the columns of a data frame from the record of a cylinder.
 
     `interval` is the 95 % interval of the radius. Units: mm.

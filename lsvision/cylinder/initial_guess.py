@@ -15,8 +15,8 @@ from lsvision.geometry import (
     FloatArray,
     IntArray,
     Points,
-    hemisphere_directions,
-    tangent_frame,
+    build_hemisphere_directions,
+    build_tangent_frame,
 )
 from lsvision.geometry.arrays import TINY, rms
 from lsvision.profile import MAX_RELATIVE_SCATTER
@@ -82,7 +82,7 @@ def guess_cylinders(comparison: CylinderComparison) -> list[Cylinder]:
         of short arcs; see `_require_no_wider_arc`.
     """
     rows = np.linspace(0, len(comparison.points) - 1, min(len(comparison.points), MAX_POINTS))
-    subset = comparison.subset(rows.astype(int))
+    subset = comparison.select_rows(rows.astype(int))
     candidates = _build_candidates(subset.points, has_outliers=subset.has_outliers)
     cylinders = _refine_all(candidates, subset, robustly=subset.has_outliers)
     if not cylinders:
@@ -90,7 +90,7 @@ def guess_cylinders(comparison: CylinderComparison) -> list[Cylinder]:
             "no cylinder fits the points: they lie on another surface; use points of one cylinder"
         )
     best = cylinders[_find_best(cylinders, subset)]
-    inliers = subset.subset(_find_inliers(best, subset))
+    inliers = subset.select_rows(_find_inliers(best, subset))
     cylinders += find_tilted_minima(inliers.points, best, inliers.known_radius)
     best = cylinders.pop(_find_best(cylinders, subset))
     if subset.covariances is None:
@@ -173,7 +173,7 @@ def _build_candidates(points: Points, *, has_outliers: bool) -> list[Cylinder]:
     The stretched grid is regular in coordinates that are compressed along the long axis until the
     points are as wide as long; its directions are closer together near that axis.
     """
-    grid = hemisphere_directions(DIRECTION_COUNT)
+    grid = build_hemisphere_directions(DIRECTION_COUNT)
     grids = [grid]
     _, extents, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
     stretch = extents[0] / max(extents[1], TINY)
@@ -185,7 +185,7 @@ def _build_candidates(points: Points, *, has_outliers: bool) -> list[Cylinder]:
         centres, radii, costs = fit_projected_circles(points, directions)
         candidates += [
             Cylinder(centres[k], directions[k], radii[k])
-            for k in _best_distinct_directions(grid, costs, has_outliers=has_outliers)
+            for k in _select_best_distinct_directions(grid, costs, has_outliers=has_outliers)
         ]
     return candidates
 
@@ -199,7 +199,7 @@ def fit_projected_circles(
     origin perpendicular to the directions, radii (k,), and costs (k,), the mean squares of
     (algebraic residual / diameter), which approximate the mean square distances from the circles.
     """
-    frames = np.stack([tangent_frame(u)[:2] for u in directions])
+    frames = np.stack([build_tangent_frame(u)[:2] for u in directions])
     projected = np.einsum("kij,nj->kni", frames, points)
     squared_distances = (projected**2).sum(axis=2)
     design = np.concatenate([projected, np.ones((*squared_distances.shape, 1))], axis=2)
@@ -216,7 +216,7 @@ def fit_projected_circles(
     return np.einsum("kij,ki->kj", frames, centre), radii, costs
 
 
-def _best_distinct_directions(
+def _select_best_distinct_directions(
     directions: FloatArray, costs: FloatArray, *, has_outliers: bool
 ) -> list[int]:
     """Return the indices of the distinct directions with the lowest costs, best first.

@@ -17,7 +17,7 @@ from lsvision.cylinder.problem import (
     parameters_from_cylinder,
 )
 from lsvision.ellipse.problem import RadiusPrior
-from lsvision.geometry import BoolArray, Cylinder, FloatArray, IntArray, Points, tangent_frame
+from lsvision.geometry import BoolArray, Cylinder, FloatArray, IntArray, Points, build_tangent_frame
 from lsvision.geometry.arrays import TINY, measure_extent
 
 TILTS_DEG = (1.5, 3.0, 6.0, 12.0, 24.0, 48.0)
@@ -68,7 +68,7 @@ def find_tilted_minima(
     origin = points.mean(axis=0)
     centred = points - origin
     centred_cylinder = Cylinder(cylinder.point - origin, cylinder.direction, cylinder.radius)
-    frames = _tilted_frames(_principal_frame(centred, centred_cylinder))
+    frames = _tilt_frames(_compute_principal_frame(centred, centred_cylinder))
     # The pivot is the axis point nearest to the origin.
     along = centred_cylinder.point @ cylinder.direction
     guesses = np.zeros((len(frames), PARAMETERS))
@@ -93,9 +93,9 @@ def _translate(cylinder: Cylinder, displacement: FloatArray) -> Cylinder:
     return Cylinder(cylinder.point + displacement, cylinder.direction, cylinder.radius)
 
 
-def _principal_frame(points: Points, cylinder: Cylinder) -> FloatArray:
+def _compute_principal_frame(points: Points, cylinder: Cylinder) -> FloatArray:
     """Return the principal axes of the error of the direction, and the direction, in rows."""
-    frame = tangent_frame(cylinder.direction)
+    frame = build_tangent_frame(cylinder.direction)
     parameters = parameters_from_cylinder(frame, cylinder)
     _, jacobian = build_weighted_problem(points @ frame.T, None, parameters, None).evaluate(
         parameters
@@ -104,7 +104,7 @@ def _principal_frame(points: Points, cylinder: Cylinder) -> FloatArray:
     return np.vstack([np.linalg.eigh(covariance)[1].T @ frame[:2], cylinder.direction])
 
 
-def _tilted_frames(principal_frame: FloatArray) -> FloatArray:
+def _tilt_frames(principal_frame: FloatArray) -> FloatArray:
     """Return frames (k, 3, 3) of which the third rows are the tilted directions."""
     first, second, direction = principal_frame
     sides = np.array([first, second, -first, -second])
@@ -126,17 +126,17 @@ def _minimise_all(
     parameters, damping = parameters.copy(), np.zeros(len(parameters))
     with np.errstate(all="ignore"):
         active = np.arange(len(parameters))
-        equations = _normal_equations(points, active, parameters, known_radius)
+        equations = _build_normal_equations(points, active, parameters, known_radius)
         for _ in range(MAX_STEPS):
-            steps, decreases = _damped_steps(equations[active], damping[active])
+            steps, decreases = _solve_damped_steps(equations[active], damping[active])
             trials = parameters[active] + steps
-            trial_equations = _normal_equations(points, active, trials, known_radius)
+            trial_equations = _build_normal_equations(points, active, trials, known_radius)
             costs = equations[active, -1, -1]
             converged = (decreases <= MIN_DECREASE * costs + min_cost) & (damping[active] == 0)
             better = trial_equations[:, -1, -1] < costs
             rows = active[better]
             parameters[rows], equations[rows] = trials[better], trial_equations[better]
-            damping[active] = _next_damping(damping[active], better)
+            damping[active] = _update_damping(damping[active], better)
             active = active[~converged & (damping[active] < MAX_DAMPING)]
             if len(active) == 0:
                 break
@@ -144,14 +144,16 @@ def _minimise_all(
     return parameters
 
 
-def _next_damping(damping: FloatArray, better: BoolArray) -> FloatArray:
+def _update_damping(damping: FloatArray, better: BoolArray) -> FloatArray:
     """Return the damping (k,) of the next steps."""
     increased = np.maximum(DAMPING_FACTOR * damping, FIRST_DAMPING)
     decreased = damping / DAMPING_FACTOR
     return np.where(better, np.where(decreased < MIN_DAMPING, 0.0, decreased), increased)
 
 
-def _damped_steps(equations: FloatArray, damping: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _solve_damped_steps(
+    equations: FloatArray, damping: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return the steps (k, 5), and by how much they decrease the sums of squares (k,).
 
     NaN where the equations (k, 6, 6) are not finite.
@@ -167,7 +169,7 @@ def _damped_steps(equations: FloatArray, damping: FloatArray) -> tuple[FloatArra
     return steps, -(gradient * steps).sum(axis=1)
 
 
-def _normal_equations(
+def _build_normal_equations(
     points: FloatArray,
     rows: IntArray,
     parameters: FloatArray,
@@ -180,7 +182,10 @@ def _normal_equations(
     size = max(1, MAX_GROUP_POINTS // points.shape[2])
     groups = [slice(start, start + size) for start in range(0, len(rows), size)]
     equations = np.concatenate(
-        [_normal_equations_of_points(points[rows[group]], parameters[group]) for group in groups]
+        [
+            _build_normal_equations_of_points(points[rows[group]], parameters[group])
+            for group in groups
+        ]
     )
     if known_radius is not None:
         radius, std = known_radius.radius, known_radius.effective_std
@@ -190,7 +195,7 @@ def _normal_equations(
     return equations
 
 
-def _normal_equations_of_points(points: FloatArray, parameters: FloatArray) -> FloatArray:
+def _build_normal_equations_of_points(points: FloatArray, parameters: FloatArray) -> FloatArray:
     """Return [J r]'[J r] (k, 6, 6) of the points (k, 3, n) in the frames of the parameters."""
     x, y, a, b, radius = parameters.T[:, :, None]
     length = np.sqrt(a * a + b * b + 1.0)

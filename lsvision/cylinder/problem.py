@@ -2,7 +2,7 @@
 
 Parameters ``(x, y, a, b, r)``: the axis runs through ``(x, y, 0)`` along ``(a, b, 1)``. They are
 regular while the axis stays within 45 deg of the third axis; before each fit the points are
-transformed by the `tangent_frame` of the current direction.
+transformed by the `build_tangent_frame` of the current direction.
 """
 
 import math
@@ -13,9 +13,9 @@ import numpy as np
 
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import DegenerateGeometry, FitFailed
-from lsvision.geometry import Cylinder, FloatArray, Points, tangent_frame
+from lsvision.geometry import Cylinder, FloatArray, Points, build_tangent_frame
 from lsvision.geometry.arrays import TINY, measure_extent
-from lsvision.statistics.compiled_routines import LeastSquares, levenberg_marquardt
+from lsvision.statistics.compiled_routines import LeastSquares, minimise_by_levenberg_marquardt
 from lsvision.statistics.robust import mad_std
 
 Evaluation = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
@@ -47,7 +47,7 @@ class CylinderProblem:
     Parameters
     ----------
     points : (n, 3) ndarray
-        Points, or with known noise their foot points, in the frame of `tangent_frame`.
+        Points, or with known noise their foot points, in the frame of `build_tangent_frame`.
         Units: mm.
     stds : (n,) ndarray
         Standard deviation of each distance. Units: mm.
@@ -202,7 +202,7 @@ def normalised_residuals(
     if covariances is None:
         std = max(mad_std(residuals), TINY)
         return residuals, np.full(len(points), std), residuals / std
-    frame = tangent_frame(cylinder.direction)
+    frame = build_tangent_frame(cylinder.direction)
     stds, offsets, _ = propagate_point_errors(
         points @ frame.T,
         rotate_covariances(covariances, frame),
@@ -221,7 +221,7 @@ def minimise(problem: CylinderProblem, initial_guess: FloatArray) -> LeastSquare
     """
     evaluate = _cache_last_evaluation(problem.evaluate)
     with np.errstate(all="ignore"):
-        solution = levenberg_marquardt(
+        solution = minimise_by_levenberg_marquardt(
             lambda x: evaluate(x)[0], lambda x: evaluate(x)[1], initial_guess,
             xtol=1e-13, ftol=1e-15, max_evaluations=200,
         )  # fmt: skip

@@ -14,12 +14,17 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.ellipse.section import CylinderSection
-from lsvision.geometry import Cylinder, FloatArray, Pose, tangent_frame
+from lsvision.geometry import Cylinder, FloatArray, Pose, build_tangent_frame
 from lsvision.geometry.arrays import TINY, freeze_arrays
 from lsvision.geometry.cylinder import WithCylinder
 from lsvision.geometry.pose import as_pose
-from lsvision.results.number_format import decimals_for, format_std, format_value
-from lsvision.results.quantities import Record, finite_or_none, flat_row, json_numbers
+from lsvision.results.number_format import count_decimals, format_std, format_value
+from lsvision.results.quantities import (
+    Record,
+    convert_numbers_to_json,
+    flatten_record,
+    replace_nonfinite,
+)
 from lsvision.results.result import Result
 
 Frame = Literal["base", "flange"]
@@ -28,7 +33,7 @@ MIN_SIN_PHI = 1e-6
 """Smallest sin(phi) used as a divisor, against division by 0; where it is reached the linear errors
 are limited to the section's ``phi_std`` anyway."""
 PLACED_HEADER = ("point x y z mm", "± mm", "direction x y z", "± deg")
-"""Header of `placed_cells`."""
+"""Header of `format_placed_cells`."""
 PLACED_COVARIANCE_ORDER = "point x, y, z (mm), direction along e_phi, e_theta (rad), radius (mm)"
 """Order of `PlacedCylinder.covariance`, as results state it."""
 
@@ -126,9 +131,9 @@ class PlacedCylinder(WithCylinder, Result):
             "frame": self.frame,
             "includes_calibration": self.includes_calibration,
             "radius_mm": self.radius,
-            "radius_std_mm": finite_or_none(self.radius_std),
-            "point_mm": json_numbers(self.point),
-            "point_std_mm": json_numbers(self.point_std),
+            "radius_std_mm": replace_nonfinite(self.radius_std),
+            "point_mm": convert_numbers_to_json(self.point),
+            "point_std_mm": convert_numbers_to_json(self.point_std),
             "covariance_order": PLACED_COVARIANCE_ORDER,
             **self.direction_record,
         }
@@ -140,30 +145,30 @@ class PlacedCylinder(WithCylinder, Result):
         ``e_phi`` and ``e_theta`` refer to Z of `frame`, not to phi and theta of the section.
         """
         return {
-            "direction": json_numbers(self.direction),
-            "direction_std_deg": finite_or_none(math.degrees(self.direction_std)),
-            "e_phi": json_numbers(self.tangent_basis[0]),
-            "e_theta": json_numbers(self.tangent_basis[1]),
-            "covariance": [json_numbers(row) for row in self.covariance],
+            "direction": convert_numbers_to_json(self.direction),
+            "direction_std_deg": replace_nonfinite(math.degrees(self.direction_std)),
+            "e_phi": convert_numbers_to_json(self.tangent_basis[0]),
+            "e_theta": convert_numbers_to_json(self.tangent_basis[1]),
+            "covariance": [convert_numbers_to_json(row) for row in self.covariance],
         }
 
-    def _summary(self) -> str:
-        point, point_std, direction, angle = placed_cells(self)
+    def _summarise(self) -> str:
+        point, point_std, direction, angle = format_placed_cells(self)
         return (
             f"radius {format_value(self.radius, self.radius_std)} mm, point ({point}) ± "
             f"({point_std}) mm, direction ({direction}) ± {angle} deg, {self.frame} frame"
         )
 
-    def _cells(self) -> list[tuple[str, ...]]:
+    def _list_cells(self) -> list[tuple[str, ...]]:
         radius = format_value(self.radius, self.radius_std)
-        return [("radius mm", *PLACED_HEADER), (radius, *placed_cells(self))]
+        return [("radius mm", *PLACED_HEADER), (radius, *format_placed_cells(self))]
 
-    def _notes(self) -> list[str]:
+    def _list_notes(self) -> list[str]:
         errors = "with" if self.includes_calibration else "without"
         return [f"{self.frame} frame, one sigma, {errors} the calibration's error"]
 
-    def _rows(self) -> list[Record]:
-        row = flat_row(self.to_dict())
+    def _list_rows(self) -> list[Record]:
+        row = flatten_record(self.to_dict())
         omitted = (
             "covariance_order",
             *(f"{vector}_{axis}" for vector in ("e_phi", "e_theta") for axis in "xyz"),
@@ -171,13 +176,13 @@ class PlacedCylinder(WithCylinder, Result):
         return [{key: value for key, value in row.items() if key not in omitted}]
 
 
-def placed_cells(cylinder: PlacedCylinder) -> tuple[str, ...]:
+def format_placed_cells(cylinder: PlacedCylinder) -> tuple[str, ...]:
     """Return the cells of a cylinder in the columns of `PLACED_HEADER`; `±` is one sigma."""
     stds = [float(std) for std in cylinder.point_std]
-    direction_decimals = decimals_for(cylinder.direction_std)
+    direction_decimals = count_decimals(cylinder.direction_std)
     return (
         " ".join(
-            f"{coordinate:z.{decimals_for(std)}f}"
+            f"{coordinate:z.{count_decimals(std)}f}"
             for coordinate, std in zip(cylinder.point, stds, strict=True)
         ),
         " ".join(format_std(std) for std in stds),
@@ -278,7 +283,7 @@ def _add_motions(
     # The three components of the direction become the two along the tangent basis.
     projection = np.zeros((6, 7))
     projection[:3, :3], projection[5, 6] = np.eye(3), 1.0
-    projection[3:5, 3:6] = tangent_frame(cylinder.direction)[:2]
+    projection[3:5, 3:6] = build_tangent_frame(cylinder.direction)[:2]
     return projection @ covariance @ projection.T
 
 

@@ -13,7 +13,7 @@ from lsvision.detection.arcs import MIN_POINTS, IdentifiedArc
 from lsvision.detection.end_points import POINTS_BEYOND, PREDECESSORS
 from lsvision.ellipse.parameters import parameters_from_ellipse
 from lsvision.geometry import BoolArray, Ellipse, FloatArray, IntArray
-from lsvision.geometry.arrays import padded_rows, stack_padded, stack_with_mask
+from lsvision.geometry.arrays import pad_rows, stack_padded, stack_with_mask
 from lsvision.geometry.noisy_points import NoisyPoints
 from lsvision.profile import PreparedProfile
 
@@ -23,7 +23,7 @@ three of 1345 pipes are lost; with 0.98 points of the surfaces beside a pipe are
 93.3 instead of 93.8 % of the 95 % intervals contain the radius."""
 MAX_END_POINTS = 100
 """Largest number of the arc's points at an end: the computing time of the Kalman filter (see
-`lsvision.detection.end_points`) increases with the cube of this number."""
+`lsvision.detection.count_end_points`) increases with the cube of this number."""
 
 
 class SplitArc(NamedTuple):
@@ -105,7 +105,7 @@ class ArcStack(NamedTuple):
         """Return the stack of one or more arcs."""
         count = len(arcs)
         all_ends = [end for arc in arcs for end in arc.ends]
-        positions, ends_valid = padded_rows(list(map(len, all_ends)))
+        positions, ends_valid = pad_rows(list(map(len, all_ends)))
         ends = stack_padded(all_ends, positions)
         middles, middle_valid = stack_with_mask([arc.middle for arc in arcs])
         end_size = ends.shape[1]

@@ -113,11 +113,11 @@ class Rejection(Result):
         """
         return {"start": self.arc.start, "stop": self.arc.stop, "reason": self.reason}
 
-    def _summary(self) -> str:
+    def _summarise(self) -> str:
         return f"points {self.arc.start} to {self.arc.stop - 1}: {self.reason}"
 
-    def _cells(self) -> list[tuple[str, ...]]:
+    def _list_cells(self) -> list[tuple[str, ...]]:
         return []
 
-    def _notes(self) -> list[str]:
-        return [self._summary()]
+    def _list_notes(self) -> list[str]:
+        return [self._summarise()]

@@ -103,7 +103,7 @@ class Prediction(NamedTuple):
     autocorrelation_time: FloatArray
     radius: FloatArray
 
-    def innovations(self, residuals: FloatArray, jacobian: FloatArray) -> FloatArray:
+    def compute_innovations(self, residuals: FloatArray, jacobian: FloatArray) -> FloatArray:
         """Return residuals (..., k) from the predicted ellipse; `jacobian` is (..., 5, k)."""
         predicted: FloatArray = (self.offset[..., None, :] @ jacobian)[..., 0, :]
         return residuals - predicted
@@ -148,7 +148,7 @@ def find_end_inliers(ends: EndPoints, prediction: Prediction) -> EndInliers:
     """
     jacobian = ends.jacobian[..., PREDECESSORS:]
     point_variances = ends.variances[..., PREDECESSORS:]
-    residuals = prediction.innovations(ends.residuals[..., PREDECESSORS:], jacobian)
+    residuals = prediction.compute_innovations(ends.residuals[..., PREDECESSORS:], jacobian)
     covariance = prediction.covariances(jacobian)
     correlation_time = prediction.autocorrelation_time[..., None]
     cosines = ends.incidence_cosines[..., PREDECESSORS:]
@@ -159,16 +159,16 @@ def find_end_inliers(ends: EndPoints, prediction: Prediction) -> EndInliers:
     # The filter uses only points that are possible inliers of the ellipse predicted without them,
     # with larger variances where errors are correlated: n points then count as fewer.
     variances = point_variances + covariance.diagonal(axis1=-2, axis2=-1)
-    possible = visible & (_log_inlier_density(residuals, variances) > log_outlier)
+    possible = visible & (_compute_log_inlier_density(residuals, variances) > log_outlier)
     filter_variances = (
         np.where(possible, correlation_time, EXCLUDED_VARIANCE_FACTOR) * point_variances
     )
     residuals, variances = _predict_sequentially(covariance, filter_variances, residuals)
     # The point's own part is its true variance again, not that with which the filter weights it.
     variances = np.maximum(variances - filter_variances, 0.0) + point_variances
-    log_inlier = np.where(visible, _log_inlier_density(residuals, variances), -np.inf)
+    log_inlier = np.where(visible, _compute_log_inlier_density(residuals, variances), -np.inf)
     log_ratio = np.logaddexp(log_inlier, log_outlier)
-    log_ratio -= _log_other_line_density(ends, prediction.radius[..., None], log_outlier)
+    log_ratio -= _compute_log_other_line_density(ends, prediction.radius[..., None], log_outlier)
     cumulated = log_ratio.cumsum(axis=-1) / correlation_time
     highest = cumulated.max(axis=-1, initial=0.0)
     likely = log_inlier > log_outlier
@@ -242,12 +242,12 @@ def compute_departure_free_probability(
     before = np.concatenate([positions[:, :1], before[:, :-1]], axis=1)
     origins = np.maximum.accumulate(before, axis=1).take(cells)
     beyond = np.maximum(positions[:, None, 1:] - origins[..., None], 0.0) * used[:, None]
-    residuals = prediction.innovations(ends.residuals[:, PREDECESSORS:], jacobian) * used
+    residuals = prediction.compute_innovations(ends.residuals[:, PREDECESSORS:], jacobian) * used
     covariance = prediction.covariances(jacobian)
     diagonal = covariance.reshape(len(covariance), -1)[:, :: covariance.shape[1] + 1]
     diagonal += prediction.autocorrelation_time[:, None] * ends.variances[:, PREDECESSORS:]
     bends = (BEND_STD_RADII / 2 / prediction.radius)[:, None, None] * beyond * beyond
-    log_ratio = _log_marginal_ratio(covariance, residuals, TURN_STD * beyond, bends)
+    log_ratio = _compute_log_marginal_ratio(covariance, residuals, TURN_STD * beyond, bends)
     log_ratio += math.log((1 - NO_DEPARTURE_PRIOR) / NO_DEPARTURE_PRIOR)
     log_ratio -= np.log(begins.sum(axis=1))[:, None]
     log_ratio[~begins] = -np.inf
@@ -261,7 +261,7 @@ def compute_departure_free_probability(
     return probability
 
 
-def _log_marginal_ratio(
+def _compute_log_marginal_ratio(
     covariance: FloatArray, residuals: FloatArray, turn: FloatArray, bend: FloatArray
 ) -> FloatArray:
     """Return the log of the likelihood ratio (n, j) of each of j departures to no departure.
@@ -285,12 +285,12 @@ def _log_marginal_ratio(
     return ratio
 
 
-def _log_inlier_density(residuals: FloatArray, variances: FloatArray) -> FloatArray:
+def _compute_log_inlier_density(residuals: FloatArray, variances: FloatArray) -> FloatArray:
     """Return the log of the density of residuals times the prior probability of an inlier."""
     return LOG_INLIER - 0.5 * (residuals * residuals / variances + np.log(variances))
 
 
-def _log_other_line_density(
+def _compute_log_other_line_density(
     ends: EndPoints, radius: FloatArray, log_outlier: FloatArray
 ) -> FloatArray:
     """Return the log density (..., k) of each point as a point of another line, or as an outlier.
@@ -310,4 +310,4 @@ def _log_other_line_density(
     bend = step * (step + before) / (2 * radius)
     # v2 + (1 + ratio)^2 v1 + ratio^2 v0 + bend^2.
     variances = pairs[..., 1:] + ratio * (2 * v[..., 1:-1] + ratio * pairs[..., :-1]) + bend * bend
-    return np.logaddexp(_log_inlier_density(deviation, variances), log_outlier)
+    return np.logaddexp(_compute_log_inlier_density(deviation, variances), log_outlier)

@@ -161,7 +161,7 @@ class _SearchedProfile:
         self._spans: list[Arc] = []
         self._free = np.ones(len(profile.points), dtype=bool)
 
-    def next_seeds(self) -> list[Seed]:
+    def select_next_seeds(self) -> list[Seed]:
         """Return the candidates that overlap neither an earlier arc nor a better candidate."""
         free, taken = self._free.nonzero()[0], np.zeros(len(self._free), dtype=bool)
         self._candidates = [c for c in self._candidates if not self._is_explained(c)]
@@ -238,7 +238,7 @@ def identify_arcs(
         For each profile its arcs, and the rejections of arcs with another shape.
     """
     searches = list(map(_SearchedProfile, profiles, candidates, radius_ranges))
-    while seeds := [(search, seed) for search in searches for seed in search.next_seeds()]:
+    while seeds := [(search, seed) for search in searches for seed in search.select_next_seeds()]:
         grown_arcs = grow_arcs([seed for _, seed in seeds])
         for (search, seed), grown in zip(seeds, grown_arcs, strict=True):
             search.add(seed, grown, settings)

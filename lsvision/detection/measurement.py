@@ -7,7 +7,7 @@ import numpy as np
 
 from lsvision.detection.arcs import Rejection, arc_from_indices
 from lsvision.ellipse.section import CylinderSection, precompute_intervals
-from lsvision.ellipse.section_table import section_cells
+from lsvision.ellipse.section_table import format_section_cells
 from lsvision.profile import PreparedProfile, Profile
 from lsvision.results.picture import draw_svg
 from lsvision.results.quantities import Record
@@ -81,24 +81,24 @@ class Measurement(Result):
             "rejections": [rejection.to_dict() for rejection in self.rejections],
         }
 
-    def _summary(self) -> str:
+    def _summarise(self) -> str:
         rejected = format_count(len(self.rejections), "arc")
         return f"{summarise_cylinders(self.cylinders)}, {rejected} rejected"
 
-    def _cells(self) -> list[tuple[str, ...]]:
+    def _list_cells(self) -> list[tuple[str, ...]]:
         precompute_intervals(self.cylinders)
-        return section_cells(self.cylinders)
+        return format_section_cells(self.cylinders)
 
-    def _notes(self) -> list[str]:
+    def _list_notes(self) -> list[str]:
         if not self.cylinders and not self.rejections:
             return [f"no cylinder found: {self.reason}"]
         return list_rejections(self.rejections, "arc", has_cylinders=bool(self.cylinders))
 
-    def _rows(self) -> list[Record]:
+    def _list_rows(self) -> list[Record]:
         precompute_intervals(self.cylinders)
-        return [row for cylinder in self.cylinders for row in cylinder._rows()]
+        return [row for cylinder in self.cylinders for row in cylinder._list_rows()]
 
-    def _picture(self) -> str:
+    def _draw_picture(self) -> str:
         arcs = [cylinder.fit.problem.points for cylinder in self.cylinders]
         points = np.concatenate([np.zeros((0, 2)), *arcs])
         if self.profile is not None:

@@ -13,7 +13,7 @@ from lsvision.geometry.arrays import (
     measure_extent,
     require_covariances,
 )
-from lsvision.geometry.noisy_points import NoisyPoints, as_complex, as_vectors, in_ray_frame
+from lsvision.geometry.noisy_points import NoisyPoints, as_complex, as_vectors, rotate_to_ray_frame
 from lsvision.profile import NoiseModel, PreparedProfile, Profile
 from lsvision.statistics.robust import upper_median
 from lsvision.statistics.rounding import find_rounding
@@ -87,7 +87,7 @@ def prepare_profile(profile: Profile, noise: NoiseModel | None) -> PreparedProfi
         covariances, factor = noise.covariances(profile.points)[columns], 1.0
         noisy = _add_covariances(points, covariances, valid)
         ray = noisy[valid].mean_ray
-        pitch = measure_typical_pitch(as_vectors(in_ray_frame(noisy.z[valid], ray)))
+        pitch = measure_typical_pitch(as_vectors(rotate_to_ray_frame(noisy.z[valid], ray)))
         # Of errors along the ray, the variance is the trace of the covariance.
         std = math.sqrt(2 * upper_median(noisy.mean_variance)) if len(valid) else 0.0
     return PreparedProfile(points, noisy, valid, columns, std, pitch, factor, ray)

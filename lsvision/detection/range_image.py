@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from lsvision.geometry import BoolArray, IntArray
-from lsvision.geometry.noisy_points import in_ray_frame
+from lsvision.geometry.noisy_points import rotate_to_ray_frame
 from lsvision.profile import PreparedProfile
 
 JUMP_SIGMAS = 6.0
@@ -69,7 +69,7 @@ def build_range_image(
     valid, tolerance = profile.valid_indices, JUMP_SIGMAS * profile.noise_std
     if len(valid) == 0:
         return RangeImage(valid, np.zeros(0, dtype=bool))
-    z = in_ray_frame(profile.noisy_points.z[valid], profile.ray)  # position + i range
+    z = rotate_to_ray_frame(profile.noisy_points.z[valid], profile.ray)  # position + i range
     # Relative to a height of the profile: in OpenCV's float32, 400 mm would lose precision.
     heights = (z.imag - (z[0] + z[-1]).imag / 2).astype(np.float32)
     offsets = np.abs(heights - cv2.medianBlur(heights[None], 2 * MAX_ADJACENT_JUMPS + 1)[0])

@@ -1,10 +1,11 @@
 """Accurate screening: which points at the ends of an arc lie on its ellipse (section 3.2.2).
 
 As in the paper, an ellipse is fitted to the middle part of the arc and the points at both ends are
-compared with it. Here the comparison is a posterior probability (`lsvision.detection.end_points`).
-It is repeated with the inliers of the other end in the fit, so that both ends are treated in the
-same way and reversing the order of the points does not change the result. The arcs of one or more
-profiles are screened together as a stack: k arcs with up to n points each.
+compared with it. Here the comparison is a posterior probability
+(`lsvision.detection.count_end_points`). It is repeated with the inliers of the other end in the
+fit, so that both ends are treated in the same way and reversing the order of the points does not
+change the result. The arcs of one or more profiles are screened together as a stack: k arcs with up
+to n points each.
 """
 
 from collections.abc import Iterator, Sequence
@@ -31,10 +32,10 @@ from lsvision.ellipse.robust_gauss_newton import (
     EllipseResiduals,
     WeightedSystem,
     add_flattening_prior,
-    arc_lengths,
-    damped_step,
+    compute_arc_lengths,
     ellipse_residuals,
     invert_information_or_nan,
+    solve_damped_step,
     take_gauss_newton_step,
 )
 from lsvision.geometry import BoolArray, FloatArray, IntArray
@@ -209,20 +210,20 @@ def _compare_once(fits: _ArcFits) -> tuple[_ArcFits, _EndComparison, BoolArray]:
     stack = fits.stack
     system = WeightedSystem.of(fits.evaluated, fits.noise.variance_factor[:, None])
     middle = WeightedSystem(system.rows[..., stack.middle], system.weights[:, stack.middle])
-    equations = middle.normal_equations(stack.middle_valid)
-    # For the predictions; `damped_step` below adds the prior itself.
+    equations = middle.build_normal_equations(stack.middle_valid)
+    # For the predictions; `solve_damped_step` below adds the prior itself.
     with_prior = equations.copy()
     add_flattening_prior(with_prior, stack.parameters)
     rows, weights = stack.take_ends(system.rows), stack.take_ends(system.weights)
     ends = WeightedSystem(rows[..., PREDECESSORS:], weights[..., PREDECESSORS:])
     # Each end is predicted from the middle part and the other end.
-    others = with_prior[:, None] + ends.normal_equations(stack.members)[:, ::-1]
+    others = with_prior[:, None] + ends.build_normal_equations(stack.members)[:, ::-1]
     prediction, singular = _predict(others, fits)
     points = _build_end_points(fits, rows[..., :PARAMETERS, :])
     inliers = find_end_inliers(points, prediction)
     changed = np.logical_or.reduce(inliers.members != stack.members, axis=(1, 2))
-    equations += ends.normal_equations(inliers.members).sum(axis=1)
-    parameters = stack.parameters + damped_step(equations, stack.parameters)
+    equations += ends.build_normal_equations(inliers.members).sum(axis=1)
+    parameters = stack.parameters + solve_damped_step(equations, stack.parameters)
     valid = are_ellipses(parameters) & ~singular
     fits = fits._replace(stack=stack._replace(members=inliers.members, parameters=parameters))
     result = fits, _EndComparison(points, prediction, inliers), ~changed
@@ -253,8 +254,8 @@ def _build_end_points(fits: _ArcFits, jacobian: FloatArray) -> EndPoints:
     residuals, normals = take_ends(evaluated.residuals), take_ends(evaluated.normals)
     variance_factor = fits.noise.variance_factor[:, None, None]
     variances = take_ends(evaluated.inflated_variances) * variance_factor
-    cosines = np.where(fits.stack.ends_valid, points.incidence_cosines(normals), -1.0)
-    positions = arc_lengths(points.z, residuals, normals)
+    cosines = np.where(fits.stack.ends_valid, points.compute_incidence_cosines(normals), -1.0)
+    positions = compute_arc_lengths(points.z, residuals, normals)
     return EndPoints(residuals, variances, jacobian, cosines, positions)
 
 

@@ -112,7 +112,7 @@ def draw_laser_plane(calibration: LaserPlaneCalibration, board: FloatArray) -> "
     side.invert_yaxis()
     scale_axes(space, ("x / mm", "z / mm", "−y / mm"))
     fit_into_area(space, DRAWING_AREA)
-    _title_space(figure, "In space; triangle: camera")
+    _write_space_title(figure, "In space; triangle: camera")
     return figure
 
 
@@ -141,12 +141,14 @@ def draw_poses(calibration: HandEye, flanges: Sequence[Pose]) -> "Figure":
     frame = "robot's base" if calibration.mounting == "eye_in_hand" else "flange"
     scale_axes(space, ("x / mm", "y / mm", "z / mm"))
     fit_into_area(space, DRAWING_AREA)
-    _title_space(figure, f"Sensor (X red, Y green, Z blue) in the\n{frame} frame; target black")
+    _write_space_title(
+        figure, f"Sensor (X red, Y green, Z blue) in the\n{frame} frame; target black"
+    )
     _draw_view(view, targets_in_view, left_out, calibration)
     return figure
 
 
-def _title_space(figure: "Figure", title: str) -> None:
+def _write_space_title(figure: "Figure", title: str) -> None:
     """Write a title above the 3D drawing, at the height of the title of the 2D drawing."""
     left, _, width, _ = DRAWING_AREA
     figure.text(left + width / 2, 0.885, title, ha="center", va="bottom", fontsize=12)

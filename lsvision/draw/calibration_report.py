@@ -24,7 +24,7 @@ from lsvision.draw.figures import render_svg_element
 from lsvision.draw.view_photos import ViewPhoto, compute_arrow_factor, render_photo_svg
 from lsvision.geometry import FloatArray, Points, Pose
 from lsvision.geometry.arrays import rms
-from lsvision.results.html import html_environment
+from lsvision.results.html import build_html_environment
 
 _NO_POINTS: FloatArray = np.empty((0, 2))
 """Points of a board without corners or without a line."""
@@ -226,7 +226,7 @@ def _render_page(
 
     `prediction` states, before the words "minus found", what the arrows in the photos show.
     """
-    template = html_environment("lsvision.draw").get_template("calibration.html.j2")
+    template = build_html_environment("lsvision.draw").get_template("calibration.html.j2")
     values = {"title": title, "pictures": pictures, "photos": photos, "prediction": prediction}
     return template.render(**values, **vars(page))
 

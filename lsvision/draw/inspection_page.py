@@ -27,9 +27,9 @@ from lsvision.inspection.judged_measurements import (
     collect_series,
     count_verdicts,
 )
-from lsvision.inspection.verdict import Verdict, explain_verdict, item_cells
+from lsvision.inspection.verdict import Verdict, explain_verdict, format_item_cells
 from lsvision.measure import Measurement
-from lsvision.results.html import html_environment
+from lsvision.results.html import build_html_environment
 from lsvision.results.palette import DECISIONS, LIMITS, POINTS
 from lsvision.results.quantities import Record
 
@@ -158,7 +158,7 @@ def render_inspection_page(
     if len(shown) > MAX_DRAWN_MEASUREMENTS:
         shown.sort(key=lambda judged: judged.verdict.decision == Decision.OK)  # False is first
         shown = shown[:MAX_DRAWN_MEASUREMENTS]
-    template = html_environment("lsvision.draw").get_template("inspection.html.j2")
+    template = build_html_environment("lsvision.draw").get_template("inspection.html.j2")
     return template.render(
         context=context,
         provenance=measurements[0].verdict.provenance,
@@ -216,7 +216,7 @@ def _describe_part(judged: JudgedMeasurement) -> dict[str, Any]:
     return {
         "name": name,
         "decision": str(verdict.decision),
-        "cells": item_cells(verdict.items),
+        "cells": format_item_cells(verdict.items),
         "notes": explain_verdict(verdict),
         "remedies": [str(remedy) for remedy in judged.remedies],
         "picture": "" if figure is None else render_svg_element(figure),

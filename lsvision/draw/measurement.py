@@ -21,7 +21,7 @@ from lsvision.ellipse.section import CylinderSection
 from lsvision.geometry import FloatArray, Points
 from lsvision.measure import Measurement
 from lsvision.profile import Profile
-from lsvision.results.palette import POINTS, cylinder_colour
+from lsvision.results.palette import POINTS, choose_cylinder_colour
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -106,7 +106,7 @@ def draw_on_axes(axes: Axes, profile: Profile, measurement: Measurement) -> None
 
 def _draw_cylinder(axes: Axes, points: Points, cylinder: CylinderSection, number: int) -> None:
     """Draw the points, the ellipse, the major axis if it is determined, and the number."""
-    colour, ellipse = cylinder_colour(number), cylinder.ellipse
+    colour, ellipse = choose_cylinder_colour(number), cylinder.ellipse
     axes.plot(*points[cylinder.indices].T, "o", color=colour, ms=3.2, zorder=4,
               label=label_once(axes, "points of a cylinder"))  # fmt: skip
     outline = ellipse.points_at(np.linspace(0, 2 * math.pi, 361))

@@ -23,7 +23,7 @@ from lsvision.ellipse.section import CylinderSection
 from lsvision.geometry import Points
 from lsvision.measure import Measurement
 from lsvision.profile import Profile
-from lsvision.results.palette import POINTS, cylinder_colour
+from lsvision.results.palette import POINTS, choose_cylinder_colour
 from lsvision.sensors.light_section import LightSection
 
 if TYPE_CHECKING:
@@ -123,7 +123,7 @@ def _draw_cylinder(
     axes: Axes, light_section: LightSection, pixels: Points, cylinder: CylinderSection, number: int
 ) -> None:
     """Draw points, ellipse, major axis if it is determined, and number of a cylinder, in px."""
-    colour, ellipse = cylinder_colour(number), cylinder.ellipse
+    colour, ellipse = choose_cylinder_colour(number), cylinder.ellipse
     outline = light_section.project(ellipse.points_at(np.linspace(0, 2 * math.pi, OUTLINE_POINTS)))
     cylinder_pixels = pixels[cylinder.indices].T
     # White below the colour, so that points and ellipse are visible on any photo.

@@ -11,7 +11,7 @@ from lsvision.ellipse.section import CylinderSection
 from lsvision.geometry import IntArray, Points
 from lsvision.measure import Measurement
 from lsvision.results.number_format import with_minus_signs
-from lsvision.results.palette import REJECTED, cylinder_colour
+from lsvision.results.palette import REJECTED, choose_cylinder_colour
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -107,7 +107,7 @@ def _format_cylinder_lines(cylinders: Sequence[CylinderSection]) -> list[tuple[s
             radius, theta, phi, _ = texts
             texts = [radius, f"{theta}, {phi}"]
         lines += [
-            (f"{number if row == 0 else '':<3} {text}", cylinder_colour(number))
+            (f"{number if row == 0 else '':<3} {text}", choose_cylinder_colour(number))
             for row, text in enumerate(texts)
         ]
         if not shortened:

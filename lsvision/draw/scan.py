@@ -16,11 +16,11 @@ from lsvision.draw.figures import (
 from lsvision.draw.space import fit_into_area, scale_axes
 from lsvision.geometry import FloatArray, Points
 from lsvision.results.number_format import format_std, format_value, with_minus_signs
-from lsvision.results.palette import POINTS, cylinder_colour
+from lsvision.results.palette import POINTS, choose_cylinder_colour
 from lsvision.results.picture import AZIMUTH_DEG, ELEVATION_DEG
 from lsvision.results.summaries import format_count
 from lsvision.scan import ScanMeasurement, ScannedCylinder
-from lsvision.scan.shape import triangulate_tube
+from lsvision.scan.shape import triangulate_cylinder
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -118,16 +118,19 @@ def _draw_in_space(
         ELEVATION_DEG, _choose_azimuth_deg(scan.cylinders, vertical), vertical_axis=vertical
     )
     _draw_points(axes, _select_points_near_cylinders(points, scan))
-    for number, tube in enumerate(scan.cylinders, 1):
-        _draw_tube(axes, tube, number)
+    for number, cylinder in enumerate(scan.cylinders, 1):
+        _draw_cylinder(axes, cylinder, number)
     scale_axes(axes)
 
 
-def _choose_azimuth_deg(tubes: Sequence[ScannedCylinder], vertical: Vertical) -> float:
+def _choose_azimuth_deg(cylinders: Sequence[ScannedCylinder], vertical: Vertical) -> float:
     """Return the azimuth of the view: the default, unless it shows the cylinders from behind."""
-    if not tubes:
+    if not cylinders:
         return AZIMUTH_DEG
-    outward = [tube.points.mean(axis=0) - _find_axis_ends(tube, 0.0).mean(axis=0) for tube in tubes]
+    outward = [
+        cylinder.points.mean(axis=0) - _find_axis_ends(cylinder, 0.0).mean(axis=0)
+        for cylinder in cylinders
+    ]
     measured_side = np.mean([vector / np.linalg.norm(vector) for vector in outward], axis=0)
     # Matplotlib counts the azimuth from the axis after the vertical one, in the cyclic order xyz.
     x, y, z = measured_side
@@ -149,7 +152,9 @@ def _select_points_near_cylinders(points: Points, scan: ScanMeasurement) -> Poin
     """
     if not scan.cylinders:
         return points
-    corners = np.concatenate([triangulate_tube(tube, FACETS)[0] for tube in scan.cylinders])
+    corners = np.concatenate(
+        [triangulate_cylinder(cylinder, FACETS)[0] for cylinder in scan.cylinders]
+    )
     low, high = corners.min(axis=0), corners.max(axis=0)
     margin = 0.5 * float((high - low).max())
     near: Points = points[((points > low - margin) & (points < high + margin)).all(axis=1)]
@@ -162,40 +167,40 @@ def _draw_points(axes: "Axes3D", points: Points) -> None:
     axes.plot(*sample.T, ".", color=POINTS, ms=1.6, zorder=1, label="measured points")
 
 
-def _draw_tube(axes: "Axes3D", tube: ScannedCylinder, number: int) -> None:
+def _draw_cylinder(axes: "Axes3D", cylinder: ScannedCylinder, number: int) -> None:
     """Draw the points, the transparent surface, the axis and the number of a cylinder."""
-    colour = cylinder_colour(number)
-    axes.plot(*tube.points.T, ".", color=colour, ms=2.4, zorder=3,
+    colour = choose_cylinder_colour(number)
+    axes.plot(*cylinder.points.T, ".", color=colour, ms=2.4, zorder=3,
               label=label_once(axes, "points of a cylinder"))  # fmt: skip
-    corners, triangles = triangulate_tube(tube, FACETS)
+    corners, triangles = triangulate_cylinder(cylinder, FACETS)
     axes.plot_trisurf(
         *corners.T, triangles=triangles, color=colour, alpha=0.18, linewidth=0, zorder=2
     )
-    ends = _find_axis_ends(tube, 0.15)
+    ends = _find_axis_ends(cylinder, 0.15)
     axes.plot(*ends.T, "-.", color=colour, lw=1.5, zorder=4, label=label_once(axes, "fitted axis"))
     badge = {"boxstyle": "circle,pad=0.25", "fc": colour, "ec": "white"}
     axes.text(*ends[1], str(number), color="white", fontsize=10, weight="bold", ha="center",
               va="center", zorder=6, bbox=badge)  # fmt: skip
 
 
-def _find_axis_ends(tube: ScannedCylinder, extension: float) -> FloatArray:
+def _find_axis_ends(cylinder: ScannedCylinder, extension: float) -> FloatArray:
     """Return the (2, 3) ends of the measured part of the axis, each moved outwards by a fraction.
 
     Units: mm.
     """
-    low, high = tube.axial_range
+    low, high = cylinder.axial_range
     margin = extension * (high - low)
-    return tube.point + np.outer([low - margin, high + margin], tube.direction)
+    return cylinder.point + np.outer([low - margin, high + margin], cylinder.direction)
 
 
 def _draw_panel(figure: "Figure", scan: ScanMeasurement) -> None:
     """Write the values of each cylinder into a panel on the right."""
     y, full = PANEL_TOP, len(scan.cylinders) <= MAX_FULL_CYLINDERS
-    for number, tube in enumerate(scan.cylinders[:MAX_CYLINDERS], 1):
-        badge = {"boxstyle": "circle,pad=0.25", "fc": cylinder_colour(number), "ec": "none"}
+    for number, cylinder in enumerate(scan.cylinders[:MAX_CYLINDERS], 1):
+        badge = {"boxstyle": "circle,pad=0.25", "fc": choose_cylinder_colour(number), "ec": "none"}
         figure.text(PANEL_LEFT, y - 0.006, f"{number}", color="white", fontsize=10, weight="bold",
                     va="top", bbox=badge)  # fmt: skip
-        lines = _format_value_lines(tube) if full else _format_value_lines(tube)[:2]
+        lines = _format_value_lines(cylinder) if full else _format_value_lines(cylinder)[:2]
         figure.text(PANEL_LEFT + 0.025, y, with_minus_signs("\n".join(lines)), fontsize=9.5,
                     va="top", family="monospace", parse_math=False)  # fmt: skip
         y -= PANEL_LINE_HEIGHT * (len(lines) + 1.5)
@@ -204,16 +209,16 @@ def _draw_panel(figure: "Figure", scan: ScanMeasurement) -> None:
         figure.text(PANEL_LEFT, y, f"... {left_out} more: see the table", fontsize=9.5, va="top")
 
 
-def _format_value_lines(tube: ScannedCylinder) -> list[str]:
+def _format_value_lines(cylinder: ScannedCylinder) -> list[str]:
     """Return the values of a cylinder as lines of text, the most important first."""
-    direction = ", ".join(f"{value:+z.4f}" for value in tube.direction)
-    point = ", ".join(f"{value:z.2f}" for value in tube.point)
-    sections = format_count(len(tube.sections), "section")
+    direction = ", ".join(f"{value:+z.4f}" for value in cylinder.direction)
+    point = ", ".join(f"{value:z.2f}" for value in cylinder.point)
+    sections = format_count(len(cylinder.sections), "section")
     lines = [
-        f"radius {format_value(tube.radius, tube.radius_std)} mm",
+        f"radius {format_value(cylinder.radius, cylinder.radius_std)} mm",
         f"axis   ({direction})",
-        f"       ± {format_std(float(np.degrees(tube.direction_std)))}°",
+        f"       ± {format_std(float(np.degrees(cylinder.direction_std)))}°",
         f"point  ({point}) mm",
-        f"measured over {tube.axial_range[1] - tube.axial_range[0]:.1f} mm in {sections}",
+        f"measured over {cylinder.axial_range[1] - cylinder.axial_range[0]:.1f} mm in {sections}",
     ]
-    return [*lines, "one of two possible axes"] if tube.ambiguous else lines
+    return [*lines, "one of two possible axes"] if cylinder.ambiguous else lines

@@ -92,7 +92,7 @@ def apply_smoothing_sensor_noise(
     return NoisyPoints(points.z, variances, np.zeros(points.z.shape, dtype=complex))
 
 
-def errors_grow_with_incidence(normalised: FloatArray, normals: ComplexArray) -> bool:
+def has_errors_growing_with_incidence(normalised: FloatArray, normals: ComplexArray) -> bool:
     """Return whether the variance of residuals over their stds increases with the incidence.
 
     Score test of Breusch and Pagan (Econometrica 47, 1979) for a variance that grows with the

@@ -61,7 +61,7 @@ def remove_bias(
         Parameters at its minimum without priors, to first order in the bias. Units: mm.
     """
     with np.errstate(all="ignore"):  # a result that is not finite is not used
-        jacobian, slopes = _jacobian_and_slopes(solution)
+        jacobian, slopes = _compute_jacobian_and_slopes(solution)
         rotated = points.deviator * (solution.normals * solution.normals)
         cross_covariances = -variance_factor * rotated.imag
         weights = 1 / (problem.stds * problem.stds)
@@ -73,7 +73,7 @@ def remove_bias(
     return replace(problem, points=as_vectors(z)), solution.parameters - bias
 
 
-def _jacobian_and_slopes(solution: Solution) -> tuple[FloatArray, FloatArray]:
+def _compute_jacobian_and_slopes(solution: Solution) -> tuple[FloatArray, FloatArray]:
     """Return J and dJ/ds of the points, (5, n); s increases anticlockwise.
 
     In the code w are unit vectors and not weights: the ellipse is c + E w, E w = m w + d conj(w).

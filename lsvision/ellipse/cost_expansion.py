@@ -169,7 +169,7 @@ def _add_priors(
     squares, gradient, gauss_newton, residual_hessian = expansion
     for k in np.flatnonzero(stack.has_prior[fit_indices]):
         problem = stack.fits[fit_indices[k]].problem
-        rows = problem.prior_rows(parameters[k])
+        rows = problem.linearise_priors(parameters[k])
         residuals, jacobian = rows[:, PARAMETERS], -rows[:, :PARAMETERS]
         squares[k] += residuals @ residuals
         gradient[k] += jacobian.T @ residuals
@@ -181,7 +181,7 @@ def _expand_orthogonal(
     stack: FitStack, fit_indices: IntArray, parameters: FloatArray
 ) -> SquaresExpansion:
     """Expand the sums of squares of the orthogonal distances; see the docstring of the module."""
-    distances, speed, normals, w = _nearest_points(stack.points[fit_indices], parameters)
+    distances, speed, normals, w = _find_nearest_points(stack.points[fit_indices], parameters)
     _, m, d = split_parameters(parameters)
     normals = normals.conj()
     # X_i conj(n) for X_i = w and conj w; its real part is N_i, its imaginary part T_i.
@@ -204,7 +204,7 @@ def _expand_orthogonal(
     )
 
 
-def _nearest_points(
+def _find_nearest_points(
     points: ComplexArray, parameters: FloatArray
 ) -> tuple[FloatArray, FloatArray, ComplexArray, ComplexArray]:
     """Return distance, speed |m w - d conj(w)|, unit normal and w of the nearest points, (k, n).
@@ -257,7 +257,7 @@ def _differentiate_priors(
     for i in range(2, PARAMETERS):
         shift = step * np.eye(PARAMETERS)[i]
         # The rows contain the negative derivatives.
-        ahead, behind = (problem.prior_rows(parameters + sign * shift) for sign in (1, -1))
+        ahead, behind = (problem.linearise_priors(parameters + sign * shift) for sign in (1, -1))
         hessian[i] = (behind - ahead)[:, :PARAMETERS].T @ residuals / (2 * step)
     return (hessian + hessian.T) / 2
 

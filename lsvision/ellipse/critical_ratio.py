@@ -111,7 +111,7 @@ class CriticalRatios:
             MIN_STRAIGHT_CURVATURE_RADIUS_SIGMAS * a / b**2,
             MIN_STRAIGHT_RING_SIGMAS / np.abs(whitened),
         )
-        fractions, prior_ratios = _phi_priors_about_circles(stack, variances, level)
+        fractions, prior_ratios = _evaluate_phi_priors_about_circles(stack, variances, level)
         return cls(
             level, one, two, no_circle, m, np.abs(deviators), whitened, principal_axes, semi_axes,
             min_straight_h, fractions, prior_ratios, stack.may_be_circle,
@@ -129,7 +129,7 @@ class CriticalRatios:
         """
         return self.may_be_circle & (circle_ratios <= self.two_dof)
 
-    def for_flattening(self, fit_indices: IntArray, flattenings: FloatArray) -> FloatArray:
+    def compute_for_flattening(self, fit_indices: IntArray, flattenings: FloatArray) -> FloatArray:
         """Return c of phi for values of h / m and a true d in the direction of the estimate.
 
         Parameters
@@ -146,16 +146,16 @@ class CriticalRatios:
         h, ratios = self.m[fit_indices] * flattenings, self.one_dof[fit_indices]
         is_curved = h < self.min_straight_h[fit_indices]
         if is_curved.any():
-            counts = np.where(is_curved, self._ring_point_counts(fit_indices, h), 0)
+            counts = np.where(is_curved, self._choose_ring_point_counts(fit_indices, h), 0)
             for count in np.unique(counts[is_curved]).tolist():
                 i = counts == count
-                probabilities = self._ring_tube_probabilities(fit_indices[i], h[i], count)
+                probabilities = self._integrate_ring_tube_probabilities(fit_indices[i], h[i], count)
                 ratios[i] = self._interpolate(
-                    fit_indices[i], _interpolation_fractions(self.level, probabilities)
+                    fit_indices[i], _compute_interpolation_fractions(self.level, probabilities)
                 )
         return self._raise_to_priors(ratios, fit_indices)
 
-    def for_direction(self, fit_indices: IntArray, deviators: ComplexArray) -> FloatArray:
+    def compute_for_direction(self, fit_indices: IntArray, deviators: ComplexArray) -> FloatArray:
         """Return c of theta for a true d of the estimate's length in a direction.
 
         Parameters
@@ -172,7 +172,9 @@ class CriticalRatios:
         semi_axes, principal_axes = self.semi_axes[:, fit_indices], self.principal_axes[fit_indices]
         whitened = _whiten_directions(deviators, semi_axes, principal_axes)
         sigmas_from_circle = self.estimated_h[fit_indices] * np.abs(whitened)
-        fractions = np.interp(sigmas_from_circle, END_SIGMAS, _half_line_fractions(self.level))
+        fractions = np.interp(
+            sigmas_from_circle, END_SIGMAS, _integrate_half_line_fractions(self.level)
+        )
         return self._interpolate(fit_indices, fractions)
 
     def _raise_to_priors(self, ratios: FloatArray, fit_indices: IntArray | slice) -> FloatArray:
@@ -192,7 +194,7 @@ class CriticalRatios:
         """
         return (1 - fractions) * self.one_dof[fit_indices] + fractions * self.two_dof[fit_indices]
 
-    def _ring_point_counts(self, fit_indices: IntArray, h: FloatArray) -> IntArray:
+    def _choose_ring_point_counts(self, fit_indices: IntArray, h: FloatArray) -> IntArray:
         """Return the number of points of the integral along each ring |d| = h, a power of two.
 
         Rings with the same number are integrated together: there should be few different ones.
@@ -203,7 +205,7 @@ class CriticalRatios:
         points: IntArray = np.exp2(np.ceil(np.log2(count))).astype(int)
         return points
 
-    def _ring_tube_probabilities(
+    def _integrate_ring_tube_probabilities(
         self, fit_indices: IntArray, h: FloatArray, count: int
     ) -> FloatArray:
         """Return the probabilities (k, 3) of tubes about rings |d| = h, (k,).
@@ -222,7 +224,7 @@ class CriticalRatios:
         a, b = self.semi_axes[:, fit_indices, None]
         widths = np.sqrt(_chi2_quantiles(self.level))
         both_sides = np.concatenate([widths, -widths])[:, None]
-        x, y, speed, normal_x, normal_y = _parallel_curves(
+        x, y, speed, normal_x, normal_y = _compute_parallel_curves(
             a, b, h[:, None, None], both_sides, count
         )
         true_d = h[:, None, None] * self.whitened_directions[fit_indices, None, None]
@@ -237,7 +239,7 @@ class CriticalRatios:
         return probabilities
 
 
-def _phi_priors_about_circles(
+def _evaluate_phi_priors_about_circles(
     stack: FitStack, variances: FloatArray, level: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return `prior_fractions` and `prior_ratios` of `CriticalRatios`, (s,) each.
@@ -255,7 +257,7 @@ def _phi_priors_about_circles(
     return fractions, ratios
 
 
-def _parallel_curves(
+def _compute_parallel_curves(
     a: FloatArray, b: FloatArray, h: FloatArray, distances: FloatArray, count: int
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return points of curves parallel to ellipses with semi-axes a h and b h, b <= a.
@@ -305,7 +307,7 @@ def _chi2_quantiles(level: float) -> FloatArray:
 
 
 @lru_cache(maxsize=CACHED_LEVELS)
-def _half_line_fractions(level: float) -> FloatArray:
+def _integrate_half_line_fractions(level: float) -> FloatArray:
     """Return the fractions (61,) for a half line with a true d at `END_SIGMAS` from its end.
 
     The tube of half width s is the strip |y| <= s, with the half line along x and the true d at the
@@ -317,10 +319,10 @@ def _half_line_fractions(level: float) -> FloatArray:
     y, s_cos = s * np.sin(ARC_ANGLES), s * np.cos(ARC_ANGLES)
     density = np.exp(-y * y / 2) / math.sqrt(2 * math.pi)
     beyond_end = normal_probability(END_SIGMAS[:, None, None] + s_cos)
-    return _interpolation_fractions(level, (density * beyond_end * s_cos) @ ARC_WEIGHTS)
+    return _compute_interpolation_fractions(level, (density * beyond_end * s_cos) @ ARC_WEIGHTS)
 
 
-def _interpolation_fractions(level: float, probabilities: FloatArray) -> FloatArray:
+def _compute_interpolation_fractions(level: float, probabilities: FloatArray) -> FloatArray:
     """Return where c lies between `one_dof` (0) and `two_dof` (1), (k,).
 
     `probabilities` (k, 3) are those of tubes whose squared half widths are `_chi2_quantiles`; at c

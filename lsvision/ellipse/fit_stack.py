@@ -13,7 +13,7 @@ from lsvision.ellipse.fit_result import EllipseFit
 from lsvision.ellipse.parameters import deviators_from_parameters
 from lsvision.ellipse.problem import EllipseProblem
 from lsvision.geometry import BoolArray, FloatArray
-from lsvision.geometry.arrays import TINY, padded_rows, stack_padded
+from lsvision.geometry.arrays import TINY, pad_rows, stack_padded
 from lsvision.geometry.noisy_points import ComplexArray, as_complex
 
 
@@ -82,7 +82,7 @@ class FitStack:
 def _stack_points(problems: Sequence[EllipseProblem]) -> tuple[ComplexArray, FloatArray]:
     """Return points and weights as matrices, padded with the last point and weight 0."""
     points = [as_complex(problem.points) for problem in problems]
-    indices, valid = padded_rows(list(map(len, points)))
+    indices, valid = pad_rows(list(map(len, points)))
     variances = stack_padded([problem.stds for problem in problems], indices) ** 2
     return stack_padded(points, indices), valid / variances
 

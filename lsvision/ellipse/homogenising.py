@@ -20,7 +20,7 @@ from lsvision.ellipse.parameters import (
     parameters_from_ellipse,
     split_parameters,
 )
-from lsvision.ellipse.robust_gauss_newton import WeightedSystem, damped_step
+from lsvision.ellipse.robust_gauss_newton import WeightedSystem, solve_damped_step
 from lsvision.ellipse.smoothing import SmoothedArc
 from lsvision.geometry import Ellipse, Points
 from lsvision.geometry.noisy_points import as_vectors
@@ -72,8 +72,8 @@ def homogenise_arcs(smoothed: Sequence[SmoothedArc]) -> list[HomogenisedArc]:
     smoothed_points = centre + (mean_part + deviator_part) + normals * residuals
     # The residual is linear in small changes of the parameters: one Gauss-Newton step is enough.
     rows = np.concatenate([parameter_jacobian(normals, w), residuals[:, None]], axis=1)
-    equations = WeightedSystem(rows, 1 / (stds * stds)).normal_equations()
-    fitted = screened + damped_step(equations, screened)
+    equations = WeightedSystem(rows, 1 / (stds * stds)).build_normal_equations()
+    fitted = screened + solve_damped_step(equations, screened)
     return [
         HomogenisedArc(
             as_vectors(points),

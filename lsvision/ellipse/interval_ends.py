@@ -262,7 +262,7 @@ class _Search:
         in_region = is_found[:, :, None] & (
             critical[:, :, None] < CRITICAL_SLACK * self.critical[:, None]
         )
-        values = _maximised_quantities(points, estimates)
+        values = _select_maximised_quantities(points, estimates)
         values_in_region = np.where(in_region, values, -np.inf)
         values_at_ends = np.diagonal(values, axis1=1, axis2=2).copy()
         # Of two local extrema of one quantity, the more extreme one counts.
@@ -348,7 +348,7 @@ class _Search:
             self.lengths, self.step_fractions = self.lengths[chosen], self.step_fractions[chosen]
 
 
-def _maximised_quantities(parameters: FloatArray, estimates: FloatArray) -> FloatArray:
+def _select_maximised_quantities(parameters: FloatArray, estimates: FloatArray) -> FloatArray:
     """Return the quantity that each end maximises, (s, k, 13), for parameters (s, k, 5).
 
     `estimates` (s, 1, 5) are the parameters from whose theta the rotation of d is counted.

@@ -219,7 +219,13 @@ def _compute_intervals(fits: Sequence[EllipseFit], level: float) -> list[_FitInt
         return []
     stack = FitStack.of([_with_min_noise(fit) for fit in fits])
     critical_ratios = CriticalRatios.of(stack, level)
-    known = list(map(_known_quantities, stack.fits, np.sqrt(critical_ratios.one_dof).tolist()))
+    known = list(
+        map(
+            _find_intervals_of_known_quantities,
+            stack.fits,
+            np.sqrt(critical_ratios.one_dof).tolist(),
+        )
+    )
     wanted = np.ones((len(fits), END_COUNT), dtype=bool)
     for row, quantities in zip(wanted, known, strict=True):
         if "radius" in quantities:
@@ -244,7 +250,7 @@ def _with_min_noise(fit: EllipseFit) -> EllipseFit:
     return fit if fit.variance_factor >= min_factor else replace(fit, variance_factor=min_factor)
 
 
-def _known_quantities(fit: EllipseFit, sigmas: float) -> dict[str, Interval]:
+def _find_intervals_of_known_quantities(fit: EllipseFit, sigmas: float) -> dict[str, Interval]:
     """Return the intervals of quantities that only their priors determine, not the points.
 
     They extend `sigmas` standard deviations to either side of the estimate.

@@ -128,7 +128,7 @@ class LevenbergMarquardt:
             self.finished = not cost < math.inf
         self.finished |= self.evaluations >= self._max_evaluations or self._is_flat()
         if not self.finished:
-            step = self._next_step()
+            step = self._solve_next_step()
             self.trial = self._add_step(self.parameters, step)
             if first:
                 self._region = min(self._region, self._step_size)
@@ -164,23 +164,25 @@ class LevenbergMarquardt:
         accepted = gain >= MIN_GAIN
         small = max(abs(actual), predicted) <= self._tolerance and gain <= MAX_GAIN
         best = self.trial if accepted else self.parameters
-        self.converged = small or self._region <= PARAMETER_TOLERANCE * self._size(best.tolist())
+        self.converged = small or self._region <= PARAMETER_TOLERANCE * self._measure_size(
+            best.tolist()
+        )
         self.finished = self.converged
         return accepted
 
-    def _next_step(self) -> FloatArray:
+    def _solve_next_step(self) -> FloatArray:
         """Return the step (5,) to the minimum within the trust region, NaN if there is none."""
         information, gradient = self.equations[:-1, :-1], self.equations[:-1, -1]
         step, self._damping = solve_positive_definite(information, gradient), 0.0
-        self._step_size = self._size(step.tolist())
+        self._step_size = self._measure_size(step.tolist())
         if not self._step_size <= (1 + REGION_TOLERANCE) * self._region:
             smallest = MIN_RELATIVE_INFORMATION * max(self._squared_scales) or 1.0
             self._squared_scales = [max(square, smallest) for square in self._squared_scales]
             scales = np.sqrt(self._squared_scales)
             scaled = information / scales / scales[:, None]
-            step, self._damping = _damped_step(scaled, gradient / scales, self._region)
+            step, self._damping = _solve_damped_step(scaled, gradient / scales, self._region)
             step /= scales
-            self._step_size = self._size(step.tolist())
+            self._step_size = self._measure_size(step.tolist())
         # With (A + damping) step = gradient, chi^2 decreases by 2 gradient' step - step' A step.
         self._slope = sum(map(mul, gradient.tolist(), step.tolist())) / self.cost
         self._predicted = (
@@ -188,13 +190,13 @@ class LevenbergMarquardt:
         )
         return step
 
-    def _size(self, vector: list[float]) -> float:
+    def _measure_size(self, vector: list[float]) -> float:
         """Return the length of a vector of parameters (5,) over their standard deviations."""
         squares = map(mul, vector, vector)
         return math.sqrt(sum(map(mul, squares, self._squared_scales)))
 
 
-def _damped_step(
+def _solve_damped_step(
     information: FloatArray, gradient: FloatArray, length: float
 ) -> tuple[FloatArray, float]:
     """Return the step (5,) to the minimum within a length, and its damping; NaN if there is none.

@@ -17,7 +17,7 @@ import numpy as np
 from lsvision.errors import FitFailed
 from lsvision.geometry import BoolArray, Ellipse, FloatArray
 from lsvision.geometry.arrays import TINY
-from lsvision.geometry.ellipse import MAX_FOOT_POINT_ITERATIONS, foot_directions
+from lsvision.geometry.ellipse import MAX_FOOT_POINT_ITERATIONS, find_foot_directions
 from lsvision.geometry.noisy_points import ComplexArray
 
 PARAMETERS = 5
@@ -61,7 +61,7 @@ def orthogonal_residuals_and_normals(
     mean_part, deviator_part = m * offsets, d * offsets.conj()
     across, along = mean_part - deviator_part, mean_part + deviator_part
     w = across * (side / np.abs(across)).astype(complex)
-    w = _nearest_by_newton(offsets, along, w, parameters, MAX_FOOT_POINT_ITERATIONS)
+    w = _find_nearest_by_newton(offsets, along, w, parameters, MAX_FOOT_POINT_ITERATIONS)
     conjugate = w.conj()
     normals = m * w
     normals -= d * conjugate
@@ -71,7 +71,7 @@ def orthogonal_residuals_and_normals(
     return (across.real - determinant) * scale, normals, w
 
 
-def _nearest_by_newton(
+def _find_nearest_by_newton(
     offsets: ComplexArray,
     along: ComplexArray,
     w: ComplexArray,
@@ -95,29 +95,29 @@ def _nearest_by_newton(
         slopes -= conjugate
         curvatures = slopes.real - conjugate.real
         step = slopes.imag / curvatures
-        turn = _complex(1.0, step)
+        turn = _build_complex(1.0, step)
         turn *= w
         w = turn * (1 / np.abs(turn)).astype(complex)
         largest_steps = np.abs(step).max(axis=1).tolist()
         lowest_curvatures = curvatures.min(axis=1).tolist()
         for row, (size, lowest) in enumerate(zip(largest_steps, lowest_curvatures, strict=True)):
             if not (size < MAX_FOOT_STEP and lowest > 0):
-                w[row] = _nearest_directions(offsets[row], parameters[row])
+                w[row] = _find_nearest_directions(offsets[row], parameters[row])
         moving = [row for row, size in enumerate(largest_steps) if not size < FOOT_TOLERANCE]
         if len(moving) < len(w):
             if moving:
                 arguments = offsets[moving], along[moving], w[moving], parameters[moving]
-                w[moving] = _nearest_by_newton(*arguments, remaining)
+                w[moving] = _find_nearest_by_newton(*arguments, remaining)
             break
     return w
 
 
-def _nearest_directions(offsets: ComplexArray, parameters: FloatArray) -> ComplexArray:
+def _find_nearest_directions(offsets: ComplexArray, parameters: FloatArray) -> ComplexArray:
     """Return the unit vectors w of the nearest points E w, also for points far from them, (n,)."""
     a, b, rotation = axes_from_parameters(parameters)
     rotated = offsets * rotation.conjugate()
-    cos, sin = foot_directions(rotated.real, rotated.imag, a, b)
-    return _complex(cos, sin) * rotation
+    cos, sin = find_foot_directions(rotated.real, rotated.imag, a, b)
+    return _build_complex(cos, sin) * rotation
 
 
 def radial_residuals_and_normals(
@@ -141,10 +141,10 @@ def radial_residuals_and_normals(
     axes = [axes_from_parameters(row) for row in parameters]
     a, b, rotation = (np.array(column)[:, None] for column in zip(*axes, strict=True))
     offsets = (z - split_parameters(parameters)[0]) * rotation.conj()
-    w = _complex(offsets.real / a, offsets.imag / b)
+    w = _build_complex(offsets.real / a, offsets.imag / b)
     rho, scaled = np.abs(offsets), np.abs(w)
     w /= scaled
-    gradient = _complex(w.real / a, w.imag / b)
+    gradient = _build_complex(w.real / a, w.imag / b)
     along_ray = (gradient * offsets.conj()).real / rho
     return rho - rho / scaled, gradient * (rotation / along_ray), w * rotation
 
@@ -227,7 +227,7 @@ def are_ellipses(parameters: FloatArray) -> BoolArray:
     return np.array([is_ellipse(row) for row in rows], dtype=bool).reshape(parameters.shape[:-1])
 
 
-def semi_minor(parameters: FloatArray) -> float:
+def compute_semi_minor(parameters: FloatArray) -> float:
     """Return the semi-minor axis b = m - h. Units: mm."""
     return float(parameters[2]) - abs(deviator_from_parameters(parameters))
 
@@ -244,7 +244,7 @@ def add_step_on_cone(parameters: FloatArray, step: FloatArray) -> FloatArray:
     that it does not. Units: mm.
     """
     moved: FloatArray = parameters + step
-    b = semi_minor(parameters) + float(semi_minor_gradient(parameters) @ step)
+    b = compute_semi_minor(parameters) + float(semi_minor_gradient(parameters) @ step)
     moved[2] = b + abs(deviator_from_parameters(moved))
     return moved
 
@@ -278,7 +278,7 @@ def axes_from_parameters(parameters: FloatArray) -> tuple[float, float, complex]
     return abs(m + h), max(abs(m - h), MIN_SEMI_MINOR_MM), complex(math.cos(theta), math.sin(theta))
 
 
-def _complex(real: FloatArray | float, imaginary: FloatArray) -> ComplexArray:
+def _build_complex(real: FloatArray | float, imaginary: FloatArray) -> ComplexArray:
     """Return complex numbers; twice as fast as ``real + 1j * imaginary``."""
     numbers = np.empty(imaginary.shape, dtype=complex)
     numbers.real, numbers.imag = real, imaginary

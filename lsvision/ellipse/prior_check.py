@@ -9,8 +9,8 @@ from lsvision.ellipse.parameters import (
     PARAMETERS,
     axes_from_parameters,
     axis_ratio_gradient,
+    compute_semi_minor,
     phi_std_from_ratio,
-    semi_minor,
     semi_minor_gradient,
 )
 from lsvision.ellipse.phi_prior import PhiPrior
@@ -74,11 +74,11 @@ def find_contradicting_radius(fit: EllipseFit) -> RadiusOfPoints | None:
     known = fit.problem.known_radius
     if known is None:
         return None
-    prior = (semi_minor(fit.parameters) - known.radius) / known.effective_std
+    prior = (compute_semi_minor(fit.parameters) - known.radius) / known.effective_std
     free = _fit_contradicting(fit, replace(fit.problem, known_radius=None), prior * prior)
     if free is None:
         return None
-    radius = semi_minor(free.parameters)
+    radius = compute_semi_minor(free.parameters)
     if abs(radius - known.radius) <= CONTRADICTION_FRACTION * known.radius:
         return None
     return RadiusOfPoints(radius, free.std(semi_minor_gradient(free.parameters)))

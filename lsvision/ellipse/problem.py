@@ -11,10 +11,10 @@ from lsvision.ellipse.levenberg_marquardt import LevenbergMarquardt
 from lsvision.ellipse.outcomes import apply_to_successes
 from lsvision.ellipse.parameters import (
     PARAMETERS,
+    compute_semi_minor,
     orthogonal_residuals_and_normals,
     parameter_jacobian,
     radial_residuals_and_normals,
-    semi_minor,
     semi_minor_gradient,
     split_parameters,
 )
@@ -22,7 +22,7 @@ from lsvision.ellipse.phi_prior import EXACT_STD, PhiPrior
 from lsvision.errors import FitFailed, LsvisionError, TooFewPoints
 from lsvision.geometry import FloatArray, Points
 from lsvision.geometry.arguments import as_known_phi, as_number_or_pair
-from lsvision.geometry.arrays import TINY, padded_rows, stack_padded
+from lsvision.geometry.arrays import TINY, pad_rows, stack_padded
 from lsvision.geometry.noisy_points import ComplexArray, as_complex
 
 MAX_EVALUATIONS = 100
@@ -141,7 +141,7 @@ class EllipseProblem:
         known = self.known_radius
         return known is not None and known.std <= MAX_NARROW_PRIOR_FRACTION * known.radius
 
-    def prior_rows(self, parameters: FloatArray) -> FloatArray:
+    def linearise_priors(self, parameters: FloatArray) -> FloatArray:
         """Return the rows of the priors at parameters (5,).
 
         Returns
@@ -158,7 +158,7 @@ class EllipseProblem:
             )
         if self.known_radius is not None:
             known = self.known_radius
-            rows[-1, PARAMETERS] = semi_minor(parameters) - known.radius
+            rows[-1, PARAMETERS] = compute_semi_minor(parameters) - known.radius
             rows[-1, :PARAMETERS] = semi_minor_gradient(parameters)
             rows[-1] /= known.effective_std
         rows[:, :PARAMETERS] *= -1
@@ -189,7 +189,7 @@ class ProblemStack:
         z, stds = [as_complex(problem.points) for problem in problems], [p.stds for p in problems]
         if len(problems) == 1:
             return cls(problems, z[0][None], (1 / stds[0])[None, None])
-        indices, valid = padded_rows([len(points) for points in z])
+        indices, valid = pad_rows([len(points) for points in z])
         return cls(
             problems, stack_padded(z, indices), (valid / stack_padded(stds, indices))[:, None]
         )
@@ -228,12 +228,12 @@ class ProblemStack:
         rows *= self.inverse_stds
         return rows, normals
 
-    def normal_equations(self, rows: FloatArray, parameters: FloatArray) -> FloatArray:
+    def build_normal_equations(self, rows: FloatArray, parameters: FloatArray) -> FloatArray:
         """Return the normal equations (k, 6, 6) of points and priors, see `LevenbergMarquardt`."""
         equations: FloatArray = rows @ rows.swapaxes(1, 2)
         for i, problem in enumerate(self.problems):
             if problem.known_radius is not None or problem.known_phi is not None:
-                prior = problem.prior_rows(parameters[i])
+                prior = problem.linearise_priors(parameters[i])
                 equations[i] += prior.T @ prior
         return equations
 
@@ -329,7 +329,7 @@ def _solve(
         while active:
             trials = np.array([searches[i].trial for i in active])
             rows, normals = active_stack.evaluate(trials)
-            equations = active_stack.normal_equations(rows, trials)
+            equations = active_stack.build_normal_equations(rows, trials)
             running = []
             for i, matrix, row, normal in zip(active, equations, rows, normals, strict=True):
                 search = searches[i]

@@ -3,7 +3,10 @@
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
-from lsvision.ellipse.arc_noise import apply_smoothing_sensor_noise, errors_grow_with_incidence
+from lsvision.ellipse.arc_noise import (
+    apply_smoothing_sensor_noise,
+    has_errors_growing_with_incidence,
+)
 from lsvision.ellipse.fit import Fits, FittingSettings, fit_noisy_points
 from lsvision.ellipse.fit_result import EllipseFit
 from lsvision.ellipse.outcomes import replace_some
@@ -70,6 +73,6 @@ def _shows_smoothing(fit: EllipseFit) -> bool:
 
     They are correlated, or increase with the angle of incidence.
     """
-    return fit.correlation.neighbours_correlated or errors_grow_with_incidence(
+    return fit.correlation.neighbours_correlated or has_errors_growing_with_incidence(
         fit.normalised, fit.normals
     )

@@ -156,7 +156,9 @@ class Regions:
             tangents = ellipsoids.find_tangents(theta, rho[theta], sides)
             f[theta, 3:], rho[theta], contacts = tangents
             # c of the direction that is found; the next step uses it.
-            critical[theta] = self.critical_ratios.for_direction(fit_indices[theta], contacts)
+            critical[theta] = self.critical_ratios.compute_for_direction(
+                fit_indices[theta], contacts
+            )
         circle = np.flatnonzero(ends == CIRCLE)
         if circle.size:
             f[circle, 3:], rho[circle] = ellipsoids.to_circles(circle)
@@ -183,7 +185,9 @@ class Regions:
         fit_indices, coordinates = rows.fit_indices[i], (rows.ends[i] >= Y_LOW).astype(int)
         fractions = self._squared_correlations_with_m(fit_indices, coordinates)
         lengths = CENTRE_FLATTENING_FRACTION * np.abs(deviators_from_parameters(parameters[i]))
-        near_circle = self.critical_ratios.for_flattening(fit_indices, lengths / parameters[i, 2])
+        near_circle = self.critical_ratios.compute_for_flattening(
+            fit_indices, lengths / parameters[i, 2]
+        )
         one = self.critical_ratios.one_dof[fit_indices]
         critical[i] = one + fractions * (near_circle - one)
 
@@ -273,7 +277,9 @@ class Regions:
                 ellipsoids.excess[active] + critical[active], angles[active], m_factors[active],
             )  # fmt: skip
             active = active[IS_PHI[rows.ends[active]]]
-            new = self.critical_ratios.for_flattening(rows.fit_indices[active], m_factors[active])
+            new = self.critical_ratios.compute_for_flattening(
+                rows.fit_indices[active], m_factors[active]
+            )
             changed = new != critical[active]
             critical[active] = new
             active = active[changed]

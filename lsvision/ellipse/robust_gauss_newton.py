@@ -107,7 +107,9 @@ def ellipse_residuals(points: NoisyPoints, parameters: FloatArray) -> EllipseRes
     return EllipseResiduals(signed, n, w, variances, inflated)
 
 
-def arc_lengths(z: ComplexArray, residuals: FloatArray, normals: ComplexArray) -> FloatArray:
+def compute_arc_lengths(
+    z: ComplexArray, residuals: FloatArray, normals: ComplexArray
+) -> FloatArray:
     """Return the arc lengths (..., n) from the foot of the first point to those of all. Units: mm.
 
     `z` are points x + iy, `residuals` and unit `normals` those of their feet on an ellipse.
@@ -173,7 +175,7 @@ class WeightedSystem(NamedTuple):
         variances += variance_factor * evaluated.inflated_variances
         return cls(rows, 1 / variances)
 
-    def normal_equations(self, members: BoolArray | None = None) -> FloatArray:
+    def build_normal_equations(self, members: BoolArray | None = None) -> FloatArray:
         """Return the normal equations (..., 5, 6): information and, last, the right-hand side.
 
         `members` is the mask (..., n) of the points that are used, all of them by default.
@@ -190,7 +192,7 @@ def add_flattening_prior(equations: FloatArray, parameters: FloatArray) -> None:
     equations[..., PARAMETERS:] -= FLATTENING_DIAGONAL / (m * m) * parameters[..., None]
 
 
-def damped_step(equations: FloatArray, parameters: FloatArray) -> FloatArray:
+def solve_damped_step(equations: FloatArray, parameters: FloatArray) -> FloatArray:
     """Return the damped step (..., 5) to the minimum with the weak prior; NaN if singular.
 
     `equations` (..., 5, 6) are those without the prior, `parameters` (..., 5) the present ones.
@@ -229,8 +231,8 @@ def take_gauss_newton_step(
     # The robust variance factor, at least 1: the noise is not taken to be smaller than stated.
     medians = row_medians(evaluated.normalised_squares, members)
     factor = as_column([max(median * MAD_TO_STD**2, 1.0) for median in medians])
-    equations = WeightedSystem.of(evaluated, factor).normal_equations(members)
-    refined = parameters + damped_step(equations, parameters)
+    equations = WeightedSystem.of(evaluated, factor).build_normal_equations(members)
+    refined = parameters + solve_damped_step(equations, parameters)
     for row in refined.reshape(-1, PARAMETERS):
         if not is_ellipse(row):
             row.fill(np.nan)

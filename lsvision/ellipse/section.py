@@ -24,12 +24,22 @@ from lsvision.ellipse.parameters import (
     semi_major_gradient,
     semi_minor_gradient,
 )
-from lsvision.ellipse.section_table import SECTION_QUANTITIES, section_cells, section_row
+from lsvision.ellipse.section_table import (
+    SECTION_QUANTITIES,
+    build_section_row,
+    format_section_cells,
+)
 from lsvision.geometry import Ellipse, FloatArray, IntArray
 from lsvision.geometry.ellipse import WithEllipse
 from lsvision.profile import Arc
 from lsvision.results.picture import draw_svg
-from lsvision.results.quantities import LEVEL, Estimate, Record, finite_or_none, json_numbers
+from lsvision.results.quantities import (
+    LEVEL,
+    Estimate,
+    Record,
+    convert_numbers_to_json,
+    replace_nonfinite,
+)
 from lsvision.results.result import Result
 from lsvision.statistics.quantiles import squared_quantile
 
@@ -209,7 +219,7 @@ class CylinderSection(WithEllipse, Result):
     def estimates(self) -> tuple[Estimate, ...]:
         """Quantities of tables and files in mm and deg, with uncertainties and 95 % intervals."""
         return tuple(
-            replace(each, interval=each.quantity.in_unit(self.interval(name, LEVEL)))
+            replace(each, interval=each.quantity.convert_to_unit(self.interval(name, LEVEL)))
             for each, name in zip(self._values, get_args(SectionQuantity), strict=True)
         )
 
@@ -243,13 +253,13 @@ class CylinderSection(WithEllipse, Result):
         for estimate in self.estimates:
             record |= estimate.record
         record["theta_determined"] = bool(self.theta_determined)
-        record["semi_major_mm"] = finite_or_none(self.ellipse.semi_major)
-        record["semi_minor_mm"] = finite_or_none(self.ellipse.semi_minor)
-        record["axis_twins"] = [json_numbers(axis) for axis in self.axis_candidates]
+        record["semi_major_mm"] = replace_nonfinite(self.ellipse.semi_major)
+        record["semi_minor_mm"] = replace_nonfinite(self.ellipse.semi_minor)
+        record["axis_twins"] = [convert_numbers_to_json(axis) for axis in self.axis_candidates]
         record["indices"] = [int(index) for index in self.indices]
         return record
 
-    def _summary(self) -> str:
+    def _summarise(self) -> str:
         words = [
             f"{each.quantity.name.replace('_', ' ')} {each.text}"
             + (f" {each.quantity.unit}" if each.determined else "")
@@ -257,13 +267,13 @@ class CylinderSection(WithEllipse, Result):
         ]
         return ", ".join([*words, f"{len(self.indices)} points"])
 
-    def _cells(self) -> list[tuple[str, ...]]:
-        return section_cells([self])
+    def _list_cells(self) -> list[tuple[str, ...]]:
+        return format_section_cells([self])
 
-    def _rows(self) -> list[Record]:
-        return [section_row(self.to_dict())]
+    def _list_rows(self) -> list[Record]:
+        return [build_section_row(self.to_dict())]
 
-    def _picture(self) -> str:
+    def _draw_picture(self) -> str:
         points = self.fit.problem.points
         return draw_svg(points, [(points, self.ellipse)], "a section of a cylinder")
 

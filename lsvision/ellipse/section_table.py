@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from lsvision.results.quantities import LEVEL, Quantity, Record, flat_row
+from lsvision.results.quantities import LEVEL, Quantity, Record, flatten_record
 
 if TYPE_CHECKING:
     from lsvision.ellipse.section import CylinderSection
@@ -25,7 +25,7 @@ SECTION_COLUMNS = (
 """Columns of CSV and data frames."""
 
 
-def section_cells(sections: "Sequence[CylinderSection]") -> list[tuple[str, ...]]:
+def format_section_cells(sections: "Sequence[CylinderSection]") -> list[tuple[str, ...]]:
     """Return the cells of a table: per section a row of values with std, and one of intervals.
 
     Parameters
@@ -47,7 +47,7 @@ def section_cells(sections: "Sequence[CylinderSection]") -> list[tuple[str, ...]
     return rows
 
 
-def section_row(record: Record) -> Record:
+def build_section_row(record: Record) -> Record:
     """Return the row of a data frame or CSV file, from the record of a section.
 
     Parameters
@@ -60,5 +60,5 @@ def section_row(record: Record) -> Record:
     dict
         Row with the columns `SECTION_COLUMNS`.
     """
-    row = flat_row(record, SECTION_QUANTITIES) | {"points": len(record["indices"])}
+    row = flatten_record(record, SECTION_QUANTITIES) | {"points": len(record["indices"])}
     return {column: row[column] for column in SECTION_COLUMNS}

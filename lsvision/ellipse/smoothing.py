@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 
 from lsvision.ellipse.parameters import parameters_from_ellipse
-from lsvision.ellipse.robust_gauss_newton import arc_lengths, ellipse_residuals, row_medians
+from lsvision.ellipse.robust_gauss_newton import compute_arc_lengths, ellipse_residuals, row_medians
 from lsvision.geometry import BoolArray, Ellipse, FloatArray, IntArray
 from lsvision.geometry.arrays import TINY, as_column
 from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints
@@ -90,7 +90,7 @@ def smooth_arcs(points: Sequence[NoisyPoints], ellipses: Sequence[Ellipse]) -> l
     order = _sort_rows(angles, sizes)
     angles, residuals = angles.take(order), evaluated.residuals.take(order)
     stds = np.sqrt(evaluated.variances.take(order))
-    lengths = arc_lengths(stacked.z.take(order), residuals, evaluated.normals.take(order))
+    lengths = compute_arc_lengths(stacked.z.take(order), residuals, evaluated.normals.take(order))
     # Strictly ascending up to the last point; padding has the length of that one.
     counts = np.minimum(np.arange(float(lengths.shape[1])), as_column(sizes) - 1)
     lengths += (RIDGE * lengths[:, -1:] + TINY) * counts
@@ -164,15 +164,15 @@ def smooth_residuals(
     tricube = np.maximum(1 - cube, 0.0)
     # The first weights come from the residuals from the screened ellipse, which do not depend on
     # jumps. An unweighted regression would follow the jumps, and reject their valid neighbours.
-    weights = _bisquare_weights(residuals / stds, valid) / (stds * stds)
+    weights = _compute_bisquare_weights(residuals / stds, valid) / (stds * stds)
     if valid is not None:
         weights *= valid
-    smooth = _local_quadratics(u, tricube * tricube * tricube * weights[:, None], residuals)
+    smooth = _fit_local_quadratics(u, tricube * tricube * tricube * weights[:, None], residuals)
     smoothed = _interpolate_rows(length, even, smooth)
-    return smooth, _bisquare_weights((residuals - smoothed) / stds, valid)
+    return smooth, _compute_bisquare_weights((residuals - smoothed) / stds, valid)
 
 
-def _bisquare_weights(normalised: FloatArray, valid: BoolArray | None) -> FloatArray:
+def _compute_bisquare_weights(normalised: FloatArray, valid: BoolArray | None) -> FloatArray:
     """Return Tukey's weights (k, n) of residuals divided by their standard deviations."""
     medians = row_medians(np.abs(normalised), valid)
     # The scale is at least that of the noise model, so that points within the noise are inliers.
@@ -182,7 +182,7 @@ def _bisquare_weights(normalised: FloatArray, valid: BoolArray | None) -> FloatA
     return weights
 
 
-def _local_quadratics(u: FloatArray, weights: FloatArray, residuals: FloatArray) -> FloatArray:
+def _fit_local_quadratics(u: FloatArray, weights: FloatArray, residuals: FloatArray) -> FloatArray:
     """Return the values (k, p) at u = 0 of the weighted quadratics of p windows of k arcs.
 
     `u` and `weights` are (k, p, n), `residuals` (k, n).

@@ -38,12 +38,12 @@ def is_regular(path: str | os.PathLike[str]) -> bool:
     return status is not None and stat.S_ISREG(status.st_mode)
 
 
-def natural_order(path: Path) -> list[tuple[bool, int, str]]:
+def build_natural_sort_key(path: Path) -> list[tuple[bool, int, str]]:
     """Return a sorting key for paths: numbers by their value, other text by its letters.
 
     Examples
     --------
-    >>> [path.name for path in sorted(map(Path, ["p10.csv", "p2.csv"]), key=natural_order)]
+    >>> [path.name for path in sorted(map(Path, ["p10.csv", "p2.csv"]), key=build_natural_sort_key)]
     ['p2.csv', 'p10.csv']
     """
     parts = re.split(r"([0-9]+)", str(path))  # text and digits in turn

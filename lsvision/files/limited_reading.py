@@ -35,13 +35,13 @@ _limit: ContextVar[int] = ContextVar("size_limit", default=MAX_FILE_BYTES)
 
 
 @contextmanager
-def size_limit(limit: int) -> Iterator[None]:
+def limit_file_size(limit: int) -> Iterator[None]:
     """Set the largest size, in bytes, of a file read in this thread within a ``with`` block.
 
     Examples
     --------
-    >>> with size_limit(10):
-    ...     current_size_limit()
+    >>> with limit_file_size(10):
+    ...     get_size_limit()
     10
     """
     token = _limit.set(limit)
@@ -51,7 +51,7 @@ def size_limit(limit: int) -> Iterator[None]:
         _limit.reset(token)
 
 
-def current_size_limit() -> int:
+def get_size_limit() -> int:
     """Return the size limit of files, and of the data unpacked from them. Units: bytes."""
     return _limit.get()
 
@@ -66,7 +66,7 @@ def read_bytes(path: str | os.PathLike[str]) -> bytes:
     ------
     UnreadableFile
         If there is no such file, it is a device, a directory or a socket, it is larger than
-        `current_size_limit`, or no program opens the pipe; the message states the remedy.
+        `get_size_limit`, or no program opens the pipe; the message states the remedy.
 
     Examples
     --------
@@ -76,7 +76,7 @@ def read_bytes(path: str | os.PathLike[str]) -> bytes:
     lsvision.errors.UnreadableFile: no_such_file.csv: no such file: check the name
     """
     name = os.fspath(path)
-    with _errors_of(name):
+    with _name_file_in_errors(name):
         return _read_all(sys.stdin.buffer.read) if name == STDIN else _read(name)
 
 
@@ -105,18 +105,18 @@ def check_readable(path: str | os.PathLike[str]) -> None:
     Raises
     ------
     UnreadableFile
-        If there is no such file, it is not a regular one, it is larger than `current_size_limit`,
+        If there is no such file, it is not a regular one, it is larger than `get_size_limit`,
         or this user has no permission to read it.
     """
     name = os.fspath(path)
-    with _errors_of(name):
+    with _name_file_in_errors(name):
         _check_regular(Path(name).stat())
         if not os.access(name, os.R_OK):
             raise UnreadableFile(_MESSAGES[errno.EACCES])
 
 
 @contextmanager
-def _errors_of(name: str) -> Iterator[None]:
+def _name_file_in_errors(name: str) -> Iterator[None]:
     """Raise every error of a file as an UnreadableFile whose message begins with its name."""
     try:
         yield
@@ -151,7 +151,7 @@ def _read_all(
     read: Callable[[int], bytes | None], start: bytes = b"", chunk_size: int = 1 << 20
 ) -> bytes:
     """Return `start` and all bytes that `read` returns; stop with an error above the size limit."""
-    chunks, size, limit = [start] if start else [], len(start), current_size_limit()
+    chunks, size, limit = [start] if start else [], len(start), get_size_limit()
     while size <= limit and (chunk := read(chunk_size)):
         chunks.append(chunk)
         size += len(chunk)
@@ -167,7 +167,7 @@ def _check_regular(status: os.stat_result) -> None:
         raise UnreadableFile(_MESSAGES[errno.EISDIR])
     if not stat.S_ISREG(mode):
         raise UnreadableFile("a device or socket: name a file, or - for standard input")
-    if status.st_size > current_size_limit():
+    if status.st_size > get_size_limit():
         raise UnreadableFile(_describe_excess(status.st_size))
 
 
@@ -175,7 +175,7 @@ def _describe_excess(size: int | None) -> str:
     """Return the message for a file that is too large; None if its size is not known."""
     got = "more" if size is None else _format_size(size)
     return (
-        f"expected {_format_size(current_size_limit())} at most, got {got}: split the file, or "
+        f"expected {_format_size(get_size_limit())} at most, got {got}: split the file, or "
         "increase the limit, such as --max-size 8GB"
     )
 

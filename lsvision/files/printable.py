@@ -12,7 +12,7 @@ _FORMULA_MARKS = ("=", "+", "-", "@")
 _NUMBER = re.compile(r"[-+]?(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:[eE][-+]?[0-9]+)?|[-+]")
 
 
-def printable(text: str) -> str:
+def escape_text(text: str) -> str:
     r"""Return a text with non-printable characters as escape sequences.
 
     A file name or a cell of a file may contain line ends, ESC, marks that change the direction of
@@ -20,7 +20,7 @@ def printable(text: str) -> str:
 
     Examples
     --------
-    >>> print(printable("a\nb\x1b[31m \udcff \u202e"))
+    >>> print(escape_text("a\nb\x1b[31m \udcff \u202e"))
     a\nb\x1b[31m \xff \u202e
     """
     if text.isascii() and text.isprintable():
@@ -30,7 +30,7 @@ def printable(text: str) -> str:
     )
 
 
-def printable_name(path: str | os.PathLike[str]) -> str:
+def escape_name(path: str | os.PathLike[str]) -> str:
     r"""Return a path for results: printable, and not a formula of a spreadsheet.
 
     A relative path that begins with ``=``, ``+``, ``-`` or ``@`` gets ``./`` before it: the same
@@ -38,14 +38,14 @@ def printable_name(path: str | os.PathLike[str]) -> str:
 
     Examples
     --------
-    >>> print(printable_name("=1+1.csv"), printable_name("-"), printable_name("a\tb.csv"))
+    >>> print(escape_name("=1+1.csv"), escape_name("-"), escape_name("a\tb.csv"))
     ./=1+1.csv - a\tb.csv
     """
-    name = printable(os.fspath(path))
+    name = escape_text(os.fspath(path))
     return f"./{name}" if name.startswith(_FORMULA_MARKS) and name != "-" else name
 
 
-def printable_cell(text: str) -> str:
+def escape_cell(text: str) -> str:
     r"""Return a text for a table: printable, and not a formula of a spreadsheet.
 
     A text that begins with ``=``, ``+``, ``-`` or ``@`` gets ``'`` before it, as spreadsheets do,
@@ -53,10 +53,10 @@ def printable_cell(text: str) -> str:
 
     Examples
     --------
-    >>> print(printable_cell("=1+1"), printable_cell("-1.5"), printable_cell("part\t7"))
+    >>> print(escape_cell("=1+1"), escape_cell("-1.5"), escape_cell("part\t7"))
     '=1+1 -1.5 part\t7
     """
-    cell = printable(text)
+    cell = escape_text(text)
     return f"'{cell}" if cell.startswith(_FORMULA_MARKS) and not _NUMBER.fullmatch(cell) else cell
 
 

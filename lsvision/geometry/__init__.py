@@ -2,7 +2,7 @@
 
 from lsvision.geometry.arrays import BoolArray, FloatArray, IntArray, Points, as_readonly_array
 from lsvision.geometry.cylinder import Cylinder
-from lsvision.geometry.directions import hemisphere_directions, tangent_frame
+from lsvision.geometry.directions import build_hemisphere_directions, build_tangent_frame
 from lsvision.geometry.ellipse import Ellipse, orthogonal_residuals, radial_residuals
 from lsvision.geometry.plane import Plane
 from lsvision.geometry.pose import Pose
@@ -17,8 +17,8 @@ __all__ = [
     "Points",
     "Pose",
     "as_readonly_array",
-    "hemisphere_directions",
+    "build_hemisphere_directions",
+    "build_tangent_frame",
     "orthogonal_residuals",
     "radial_residuals",
-    "tangent_frame",
 ]

@@ -49,7 +49,7 @@ def as_section_points(values: Any) -> FloatArray:
     )
     if table.ndim != 2 or table.shape[1] != 2:
         raise ValueError(
-            f"expected points of shape (n, 2), got {table.shape}{_shape_hint(table.shape)}"
+            f"expected points of shape (n, 2), got {table.shape}{_suggest_shape(table.shape)}"
         )
     return as_readonly_array(table, ("n", 2), "points")
 
@@ -211,7 +211,7 @@ def _has_several_values(column: Any) -> bool:
     return values is None or len(np.unique(values[~np.isnan(values)])) > 1
 
 
-def _shape_hint(shape: tuple[int, ...]) -> str:
+def _suggest_shape(shape: tuple[int, ...]) -> str:
     """Return the remedy for points of a wrong shape, for the end of a message; may be empty."""
     if len(shape) != 2:
         return ""

@@ -23,7 +23,7 @@ MAX_SIZE_RATIO = 3
 in clutter are measured fastest: smaller groups have more overhead, larger ones more padding."""
 
 
-def padded_rows(sizes: Sequence[int]) -> tuple[IntArray, BoolArray]:
+def pad_rows(sizes: Sequence[int]) -> tuple[IntArray, BoolArray]:
     """Return indices (k, n) that arrange k concatenated arrays of up to n elements as rows.
 
     `sizes` are the numbers of elements of the arrays, at least one each. Shorter arrays are
@@ -32,7 +32,7 @@ def padded_rows(sizes: Sequence[int]) -> tuple[IntArray, BoolArray]:
 
     Examples
     --------
-    >>> indices, valid = padded_rows([3, 1])
+    >>> indices, valid = pad_rows([3, 1])
     >>> indices.tolist(), valid.sum(axis=1).tolist()
     ([[0, 1, 2], [3, 3, 3]], [3, 1])
     """
@@ -43,12 +43,12 @@ def padded_rows(sizes: Sequence[int]) -> tuple[IntArray, BoolArray]:
 
 
 def stack_padded(arrays: Sequence[npt.NDArray[Any]], indices: IntArray) -> npt.NDArray[Any]:
-    """Stack k arrays of up to n elements as (k, n), with the indices of `padded_rows`.
+    """Stack k arrays of up to n elements as (k, n), with the indices of `pad_rows`.
 
     Examples
     --------
     >>> arrays = [np.array([1, 2, 3]), np.array([4])]
-    >>> stack_padded(arrays, padded_rows([3, 1])[0]).tolist()
+    >>> stack_padded(arrays, pad_rows([3, 1])[0]).tolist()
     [[1, 2, 3], [4, 4, 4]]
     """
     return np.concatenate(arrays).take(indices)
@@ -70,7 +70,7 @@ def stack_with_mask(
     """
     if len(arrays) == 1:
         return arrays[0][None], None
-    indices, valid = padded_rows([len(array) for array in arrays])
+    indices, valid = pad_rows([len(array) for array in arrays])
     return stack_padded(arrays, indices), valid
 
 

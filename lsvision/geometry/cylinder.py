@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.geometry.arrays import TINY, FloatArray, as_unit_vector, freeze_arrays
-from lsvision.geometry.directions import tangent_frame
+from lsvision.geometry.directions import build_tangent_frame
 from lsvision.geometry.ellipse import Ellipse
 from lsvision.geometry.equality import ComparedByValue
 from lsvision.geometry.pose import Pose, as_pose
@@ -45,8 +45,8 @@ class WithCylinder:
 
     @property
     def tangent_basis(self) -> FloatArray:
-        """Unit vectors e_phi and e_theta (2, 3) perpendicular to the axis; see `tangent_frame`."""
-        return tangent_frame(self.direction)[:2]
+        """Unit vectors e_phi and e_theta (2, 3) normal to the axis; see `build_tangent_frame`."""
+        return build_tangent_frame(self.direction)[:2]
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +129,7 @@ class Cylinder(ComparedByValue):
         >>> Cylinder((0, 0, 0), (0, 0, 1), radius=10.0).ring(5.0, [0.0]).tolist()
         [[10.0, 0.0, 5.0]]
         """
-        e_phi, e_theta = tangent_frame(self.direction)[:2]
+        e_phi, e_theta = build_tangent_frame(self.direction)[:2]
         radial = np.outer(np.cos(angles), e_phi) + np.outer(np.sin(angles), e_theta)
         return self.point + position * self.direction + self.radius * radial
 
@@ -151,7 +151,9 @@ class Cylinder(ComparedByValue):
         >>> Cylinder((0, 0, 0), (0, 0, 1), radius=10.0).signed_distances([[12, 0, 7], [0, 0, 0]])
         array([  2., -10.])
         """
-        distances: FloatArray = np.linalg.norm(self._radial_vectors(points), axis=1) - self.radius
+        distances: FloatArray = (
+            np.linalg.norm(self._compute_radial_vectors(points), axis=1) - self.radius
+        )
         return distances
 
     def normals(self, points: npt.ArrayLike) -> FloatArray:
@@ -172,13 +174,13 @@ class Cylinder(ComparedByValue):
         >>> Cylinder((0, 0, 0), (0, 0, 1), radius=10.0).normals([[12, 0, 7]]).tolist()
         [[1.0, 0.0, 0.0]]
         """
-        radial = self._radial_vectors(points)
+        radial = self._compute_radial_vectors(points)
         normals: FloatArray = radial / np.maximum(
             np.linalg.norm(radial, axis=1, keepdims=True), TINY
         )
         return normals
 
-    def _radial_vectors(self, points: npt.ArrayLike) -> FloatArray:
+    def _compute_radial_vectors(self, points: npt.ArrayLike) -> FloatArray:
         """Return the vectors (n, 3) from the axis to points (n, 3), perpendicular to it."""
         from_point = np.asarray(points, dtype=np.float64) - self.point
         axial_positions = from_point @ self.direction

@@ -5,7 +5,7 @@ import numpy as np
 from lsvision.geometry.arrays import FloatArray
 
 
-def tangent_frame(direction: FloatArray) -> FloatArray:
+def build_tangent_frame(direction: FloatArray) -> FloatArray:
     """Return the (3, 3) rotation whose rows are e_phi, e_theta and the direction (unit vector).
 
     e_theta = Z x direction (normalised) points where the azimuth of the direction increases, e_phi
@@ -18,7 +18,7 @@ def tangent_frame(direction: FloatArray) -> FloatArray:
     return np.stack([np.cross(e_theta, direction), e_theta, direction])
 
 
-def hemisphere_directions(count: int) -> FloatArray:
+def build_hemisphere_directions(count: int) -> FloatArray:
     """Return (count, 3) unit vectors with z > 0, uniformly distributed (Fibonacci lattice).
 
     They are ordered by their angle from Z.

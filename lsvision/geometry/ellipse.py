@@ -271,23 +271,23 @@ def orthogonal_residuals(points: Points, ellipse: Ellipse) -> FloatArray:
     array([ 2., -1.])
     """
     points = ellipse.to_ellipse_frame(points)
-    feet = foot_points(points, ellipse.semi_major, ellipse.semi_minor)
+    feet = find_foot_points(points, ellipse.semi_major, ellipse.semi_minor)
     u, v = points.T
     outside = np.hypot(u / ellipse.semi_major, v / ellipse.semi_minor) >= 1
     distances: FloatArray = np.hypot(*(points - feet).T)
     return np.where(outside, distances, -distances)
 
 
-def foot_points(points: Points, a: float, b: float) -> Points:
+def find_foot_points(points: Points, a: float, b: float) -> Points:
     """Return the nearest points (n, 2) of an ellipse to points (n, 2), ellipse frame. Units: mm.
 
     `a` and `b` are its semi-axes along the first and the second coordinate.
     """
-    cos, sin = foot_directions(points[:, 0], points[:, 1], a, b)
+    cos, sin = find_foot_directions(points[:, 0], points[:, 1], a, b)
     return np.column_stack([a * cos, b * sin])
 
 
-def foot_directions(
+def find_foot_directions(
     u: FloatArray, v: FloatArray, a: float, b: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return cosine and sine of the eccentric anomaly of the nearest point of an ellipse.

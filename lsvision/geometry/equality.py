@@ -35,7 +35,7 @@ class ComparedByValue:
         return _are_equal(self, other)
 
     def __hash__(self) -> int:
-        return hash(_hashable(self))
+        return hash(_make_hashable(self))
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore a copied or pickled value, whose arrays are then read-only again."""
@@ -53,7 +53,7 @@ def _are_equal(first: Any, second: Any) -> bool:
     if isinstance(first, np.ndarray):
         return np.array_equal(first, second, equal_nan=first.dtype.kind in "fc")
     if is_dataclass(first):
-        return _are_equal(_field_values(first), _field_values(second))
+        return _are_equal(_list_field_values(first), _list_field_values(second))
     if isinstance(first, tuple):
         return len(first) == len(second) and all(map(_are_equal, first, second))
     if isinstance(first, Mapping):
@@ -63,20 +63,20 @@ def _are_equal(first: Any, second: Any) -> bool:
     return bool(first == second) or (first != first and second != second)  # noqa: PLR0124 - NaN
 
 
-def _hashable(value: Any) -> Hashable:
+def _make_hashable(value: Any) -> Hashable:
     """Return a hashable representation; equal for equal values."""
     if isinstance(value, np.ndarray):
         # -0.0 and 0.0, and NaN of different bits, are equal but differ in their bytes.
         return value.shape, (np.nan_to_num(value.astype(np.complex128)) + 0.0).tobytes()
     if is_dataclass(value):
-        return type(value).__name__, _hashable(_field_values(value))
+        return type(value).__name__, _make_hashable(_list_field_values(value))
     if isinstance(value, tuple):
-        return tuple(map(_hashable, value))
+        return tuple(map(_make_hashable, value))
     if isinstance(value, Mapping):
-        return frozenset((key, _hashable(item)) for key, item in value.items())
+        return frozenset((key, _make_hashable(item)) for key, item in value.items())
     return "NaN" if value != value else value  # noqa: PLR0124
 
 
-def _field_values(value: Any) -> tuple[Any, ...]:
+def _list_field_values(value: Any) -> tuple[Any, ...]:
     """Return the values of the fields of a dataclass that are compared."""
     return tuple(getattr(value, field.name) for field in fields(value) if field.compare)

@@ -15,7 +15,7 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.geometry.arrays import TINY, BoolArray, FloatArray, Points, padded_rows, stack_padded
+from lsvision.geometry.arrays import TINY, BoolArray, FloatArray, Points, pad_rows, stack_padded
 
 ComplexArray = npt.NDArray[np.complex128]
 FAN_EDGE_DIRECTION = cmath.rect(1.0, math.radians(60))
@@ -68,7 +68,7 @@ class NoisyPoints:
         if len(arcs) == 1:
             (arc,) = arcs
             return cls(arc.z[None], arc.mean_variance[None], arc.deviator[None]), None
-        indices, valid = padded_rows([len(arc) for arc in arcs])
+        indices, valid = pad_rows([len(arc) for arc in arcs])
         z = stack_padded([arc.z for arc in arcs], indices)
         mean = stack_padded([arc.mean_variance for arc in arcs], indices)
         return cls(z, mean, stack_padded([arc.deviator for arc in arcs], indices)), valid
@@ -105,10 +105,10 @@ class NoisyPoints:
         deviator = complex(self.deviator.sum())
         if not -deviator.real > MIN_RANGE_ANISOTROPY * float(self.mean_variance.sum()):
             return 1j
-        root = cmath.sqrt(deviator).conjugate()  # along that error, see `incidence_cosines`
+        root = cmath.sqrt(deviator).conjugate()  # along that error, see `compute_incidence_cosines`
         return root / math.copysign(abs(root), root.imag)
 
-    def incidence_cosines(self, normals: ComplexArray) -> FloatArray:
+    def compute_incidence_cosines(self, normals: ComplexArray) -> FloatArray:
         """Return the cosine between unit normals (..., n) and the direction to the sensor.
 
         A point with a negative cosine is not visible. The ray is assumed to have the direction of
@@ -129,7 +129,7 @@ class NoisyPoints:
         return np.where(ray_is_known, cosines, in_fan)
 
 
-def in_ray_frame(z: ComplexArray, ray: complex) -> ComplexArray:
+def rotate_to_ray_frame(z: ComplexArray, ray: complex) -> ComplexArray:
     """Return points x + iy rotated such that a ray, a unit vector, becomes +Y."""
     rotated: ComplexArray = z * (1j * ray.conjugate())
     return rotated

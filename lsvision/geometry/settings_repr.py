@@ -29,13 +29,13 @@ def _format_changes(settings: Any) -> str:
     texts = []
     for field in fields(settings):
         value = getattr(settings, field.name)
-        if value != _default(field):
+        if value != _get_default(field):
             text = _format_changes(value) if is_dataclass(value) else repr(value)
             texts.append(f"{field.name}={text}")
     return f"{type(settings).__name__}({', '.join(texts)})"
 
 
-def _default(field: "Field[Any]") -> Any:
+def _get_default(field: "Field[Any]") -> Any:
     """Return the default of a field of a dataclass, MISSING if it has none."""
     if field.default_factory is not MISSING:
         return field.default_factory()

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lsvision.cylinder.fit_result import CylinderFit
-from lsvision.geometry import FloatArray, tangent_frame
+from lsvision.geometry import FloatArray, build_tangent_frame
 from lsvision.inspection.relation import Relation, Seam
 from lsvision.inspection.uncertain import Gap, Length, Scalar, Uncertain
 from lsvision.results.quantities import LEVEL
@@ -29,7 +29,7 @@ MIN_UP_SINE = 0.1
 has no crest."""
 
 OFFSET, ANGLE, GAP, FLUSH, POINT, DIRECTION = slice(2), slice(2, 4), 4, 5, slice(6, 9), slice(9, 12)
-"""Indices of the quantities that `_Pair.values` returns."""
+"""Indices of the quantities that `_Pair.evaluate` returns."""
 
 Range = tuple[float, float]
 """First and last position along an axis. Units: mm."""
@@ -109,14 +109,14 @@ def _require_across(up: FloatArray, fits: tuple[CylinderFit, CylinderFit]) -> No
 
 
 def _build_seam(pair: _Pair, values: FloatArray, covariance: FloatArray) -> Seam:
-    """Return the seam of a pair from its `values` and their covariance (12, 12), to first order."""
+    """Return the seam of a pair from its values and their covariance (12, 12), to first order."""
     projector = np.eye(3)
     if not pair.crossing:
         # The seam point may lie anywhere along the mean direction: only its errors perpendicular to
         # that count.
         projector -= np.outer(pair.mean_direction, pair.mean_direction)
     return Seam(
-        points=pair.foot_points(np.zeros(10)),
+        points=pair.find_foot_points(np.zeros(10)),
         point=values[POINT],
         point_covariance=projector @ covariance[POINT, POINT] @ projector,
         direction=values[DIRECTION],
@@ -167,7 +167,7 @@ class _Pair:
         a, b = first.fit, second.fit
         cosine = float(a.direction @ b.direction)
         sign = 1.0 if cosine >= 0 else -1.0
-        along = _nearest_approach((a.point, a.direction), (b.point, b.direction))
+        along = _find_nearest_approach((a.point, a.direction), (b.point, b.direction))
         ranges = first.axial_range, second.axial_range
         if along is not None and (
             abs(cosine) < math.cos(MAX_ANGLE_SIDE_BY_SIDE)
@@ -176,26 +176,27 @@ class _Pair:
             normal = np.cross(a.direction, b.direction)
             basis = np.stack([normal / np.linalg.norm(normal), np.zeros(3)])
             return cls(a, b, sign, along, basis, crossing=True)
-        mean = _mean_direction(a.direction, sign * b.direction)
-        along = _common_middle(first, second, mean)
-        return cls(a, b, sign, along, tangent_frame(mean)[:2], crossing=False)
+        mean = _compute_mean_direction(a.direction, sign * b.direction)
+        along = _find_common_middle(first, second, mean)
+        return cls(a, b, sign, along, build_tangent_frame(mean)[:2], crossing=False)
 
     def propagate(self, up: FloatArray | None) -> tuple[FloatArray, FloatArray]:
-        """Return `values` (12,) and their covariance (12, 12), to first order."""
+        """Return values (12,) and their covariance (12, 12), to first order."""
         covariance = np.zeros((10, 10))
         covariance[:5, :5], covariance[5:, 5:] = self.first.covariance, self.second.covariance
         changes = [
-            self.values(step, up) - self.values(-step, up) for step in DERIVATIVE_STEP * np.eye(10)
+            self.evaluate(step, up) - self.evaluate(-step, up)
+            for step in DERIVATIVE_STEP * np.eye(10)
         ]
         jacobian = np.array(changes).T / (2 * DERIVATIVE_STEP)
-        return self.values(np.zeros(10), up), jacobian @ covariance @ jacobian.T
+        return self.evaluate(np.zeros(10), up), jacobian @ covariance @ jacobian.T
 
     @property
     def mean_direction(self) -> FloatArray:
         """Unit vector midway between both directions, (3,)."""
-        return _mean_direction(self.first.direction, self.sign * self.second.direction)
+        return _compute_mean_direction(self.first.direction, self.sign * self.second.direction)
 
-    def _perturbed(self, step: FloatArray) -> list[tuple[FloatArray, FloatArray, float]]:
+    def _perturb(self, step: FloatArray) -> list[tuple[FloatArray, FloatArray, float]]:
         """Return point, direction and radius of both cylinders after adding `step`, (10,).
 
         For each cylinder: two offsets of the point and two tilts of the axis along its tangent
@@ -211,39 +212,41 @@ class _Pair:
             )
         return perturbed
 
-    def foot_points(self, step: FloatArray) -> FloatArray:
+    def find_foot_points(self, step: FloatArray) -> FloatArray:
         """Return a point of each axis, (2, 3). Units: mm.
 
         They are the ends of the common perpendicular if the axes cross, else the points at `along`.
         """
-        axes, along = self._perturbed(step), self.along
+        axes, along = self._perturb(step), self.along
         if self.crossing:
-            along = _nearest_approach(axes[0][:2], axes[1][:2]) or along
+            along = _find_nearest_approach(axes[0][:2], axes[1][:2]) or along
         return np.array(
             [point + s * direction for (point, direction, _), s in zip(axes, along, strict=True)]
         )
 
-    def values(self, step: FloatArray, up: FloatArray | None) -> FloatArray:
+    def evaluate(self, step: FloatArray, up: FloatArray | None) -> FloatArray:
         """Return all quantities after adding `step` to the parameters, (12,).
 
         Offset along `offset_basis` (2, mm), angle as a rotation vector (2, rad), gap and flush
         (mm; flush is 0 without `up`), seam point (3, mm) and seam direction (3).
         """
-        (_, u, radius), (_, v, other_radius) = self._perturbed(step)
+        (_, u, radius), (_, v, other_radius) = self._perturb(step)
         v = self.sign * v
-        foot, other_foot = self.foot_points(step)
+        foot, other_foot = self.find_foot_points(step)
         basis = self.offset_basis
         offset = basis @ (other_foot - foot)
         distance = math.hypot(*offset)
         unit = basis.T @ offset / distance if distance > 0 else basis[0]
         flush = 0.0
         if up is not None:
-            crests = _crest(v, other_radius, up) - _crest(u, radius, up)
+            crests = _compute_crest_height(v, other_radius, up) - _compute_crest_height(
+                u, radius, up
+            )
             flush = float((other_foot - foot) @ up) + crests
         gap = distance - radius - other_radius
         seam = (foot + other_foot + (radius - other_radius) * unit) / 2
         return np.concatenate(
-            [offset, self._angle(u, v), [gap, flush], seam, _mean_direction(u, v)]
+            [offset, self._angle(u, v), [gap, flush], seam, _compute_mean_direction(u, v)]
         )
 
     def _angle(self, u: FloatArray, v: FloatArray) -> FloatArray:
@@ -255,22 +258,22 @@ class _Pair:
         sine = float(np.linalg.norm(cross))
         angle = math.atan2(sine, float(u @ v))
         rotation = cross * (angle / sine) if sine > PARALLEL_SINE else cross
-        components: FloatArray = tangent_frame(self.mean_direction)[:2] @ rotation
+        components: FloatArray = build_tangent_frame(self.mean_direction)[:2] @ rotation
         return components
 
 
-def _mean_direction(u: FloatArray, v: FloatArray) -> FloatArray:
+def _compute_mean_direction(u: FloatArray, v: FloatArray) -> FloatArray:
     """Return the unit vector midway between two unit vectors that are not opposite, (3,)."""
     unit: FloatArray = (u + v) / np.linalg.norm(u + v)
     return unit
 
 
-def _crest(direction: FloatArray, radius: float, up: FloatArray) -> float:
+def _compute_crest_height(direction: FloatArray, radius: float, up: FloatArray) -> float:
     """Return the height of a cylinder's crest over its axis along `up`."""
     return radius * math.sqrt(max(1 - float(direction @ up) ** 2, 0.0))
 
 
-def _nearest_approach(
+def _find_nearest_approach(
     first: tuple[FloatArray, FloatArray], second: tuple[FloatArray, FloatArray]
 ) -> Positions | None:
     """Return the positions of the common perpendicular on both axes; None if parallel.
@@ -290,7 +293,7 @@ def _nearest_approach(
     )
 
 
-def _common_middle(
+def _find_common_middle(
     first: ObservedCylinder, second: ObservedCylinder, mean: FloatArray
 ) -> Positions:
     """Return the positions on both axes in the middle of their common observed length.

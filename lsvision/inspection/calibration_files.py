@@ -47,7 +47,7 @@ def check_calibration_files(job: Job, job_path: Path) -> dict[str, dict[str, str
     return provenances
 
 
-def calibration_age_days(
+def compute_calibration_age_days(
     files: Mapping[str, Mapping[str, str | None]], now: datetime.datetime
 ) -> float | None:
     """Return the age of the oldest calibration in days; None if no file has a date.

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from lsvision.inspection.uncertain import two_sided_factor
-from lsvision.results.quantities import Estimate, Record, finite_or_none
+from lsvision.results.quantities import Estimate, Record, replace_nonfinite
 from lsvision.results.result import Result
 
 QUANTITY_HEADER = ("", "quantity", "value", "interval", "limits", "margin", "")
@@ -20,7 +20,7 @@ class Decision(StrEnum):
 
     Examples
     --------
-    >>> Decision.OK == "OK", worst_decision([Decision.OK, Decision.UNDECIDED])
+    >>> Decision.OK == "OK", select_worst_decision([Decision.OK, Decision.UNDECIDED])
     (True, <Decision.UNDECIDED: 'undecided'>)
     """
 
@@ -33,7 +33,7 @@ _SEVERITY = {Decision.OK: 0, Decision.UNDECIDED: 1, Decision.NG: 2}
 """Rank of each decision; that on a whole is the highest of its parts."""
 
 
-def worst_decision(decisions: Iterable[Decision]) -> Decision:
+def select_worst_decision(decisions: Iterable[Decision]) -> Decision:
     """Return the worst of several decisions (NG, then undecided, then OK); OK if there are none."""
     return max(decisions, key=_SEVERITY.__getitem__, default=Decision.OK)
 
@@ -137,26 +137,26 @@ class QuantityVerdict(Result):
         low, high = self.estimate.interval
         return {
             "quantity": self.key,
-            "value": finite_or_none(self.estimate.value),
-            "std": finite_or_none(self.estimate.std),
-            "low": finite_or_none(low),
-            "high": finite_or_none(high),
+            "value": replace_nonfinite(self.estimate.value),
+            "std": replace_nonfinite(self.estimate.std),
+            "low": replace_nonfinite(low),
+            "high": replace_nonfinite(high),
             "level": self.level,
-            "min": finite_or_none(self.limits[0]),
-            "max": finite_or_none(self.limits[1]),
-            "margin_sigmas": finite_or_none(self.margin),
+            "min": replace_nonfinite(self.limits[0]),
+            "max": replace_nonfinite(self.limits[1]),
+            "margin_sigmas": replace_nonfinite(self.margin),
             "decision": str(self.decision),
             "reason": self.reason,
         }
 
-    def _summary(self) -> str:
+    def _summarise(self) -> str:
         return f"{self.key} {self.estimate.text}: {self.decision}, {self.reason}"
 
-    def _cells(self) -> list[tuple[str, ...]]:
-        return [QUANTITY_HEADER, quantity_cells("", self)]
+    def _list_cells(self) -> list[tuple[str, ...]]:
+        return [QUANTITY_HEADER, format_quantity_cells("", self)]
 
 
-def quantity_cells(name: str, verdict: QuantityVerdict) -> tuple[str, ...]:
+def format_quantity_cells(name: str, verdict: QuantityVerdict) -> tuple[str, ...]:
     """Return the row of a quantity, with the columns of `QUANTITY_HEADER`."""
     estimate = verdict.estimate
     margin = f"{verdict.margin:+.1f} sigma" if estimate.determined else ""
@@ -179,10 +179,12 @@ def judge_quantity(
         reason = "not determinable from this measurement"
         return QuantityVerdict(estimate, limits, Decision.UNDECIDED, reason, level)
     decision = decide(estimate.interval, limits)
-    return QuantityVerdict(estimate, limits, decision, _reason(estimate, limits, decision), level)
+    return QuantityVerdict(
+        estimate, limits, decision, _explain_decision(estimate, limits, decision), level
+    )
 
 
-def _reason(estimate: Estimate, limits: tuple[float, float], decision: Decision) -> str:
+def _explain_decision(estimate: Estimate, limits: tuple[float, float], decision: Decision) -> str:
     """Return how the interval lies relative to the limits, with numbers."""
     low, high = estimate.interval
     lower, upper = limits

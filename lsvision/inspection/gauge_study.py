@@ -12,11 +12,11 @@ from lsvision.errors import TooFewPoints
 from lsvision.geometry import FloatArray
 from lsvision.inspection.capability import NOT_CLAIMED, require_study_arguments
 from lsvision.inspection.variance_intervals import (
+    compute_sums_of_squares,
     mean_square_interval,
     require_finite_values,
-    sums_of_squares,
 )
-from lsvision.results.quantities import Record, finite_or_none
+from lsvision.results.quantities import Record, replace_nonfinite
 from lsvision.results.result import Result
 
 POOLING_ALPHA = 0.25
@@ -103,23 +103,23 @@ class GaugeStudy(Result):
     tolerance: float | None = None
     level: float = 0.95
 
-    def component(self, name: str) -> Component:
+    def get_component(self, name: str) -> Component:
         """Return the component with a given name."""
         return next(component for component in self.components if component.name == name)
 
-    def fraction_of_total(self, name: str) -> float:
+    def compute_fraction_of_total(self, name: str) -> float:
         """Return the std of a component over that of the total (%study variation / 100).
 
         NaN if all values are equal.
         """
-        total = self.component("total").std
-        return self.component(name).std / total if total > 0 else math.nan
+        total = self.get_component("total").std
+        return self.get_component(name).std / total if total > 0 else math.nan
 
-    def fraction_of_tolerance(self, name: str) -> float:
+    def compute_fraction_of_tolerance(self, name: str) -> float:
         """Return six stds of a component over the tolerance (%tolerance / 100); NaN without one."""
         if self.tolerance is None:
             return math.nan
-        return VARIATION_SIGMAS * self.component(name).std / self.tolerance
+        return VARIATION_SIGMAS * self.get_component(name).std / self.tolerance
 
     @property
     def distinct_categories(self) -> int | None:
@@ -127,10 +127,10 @@ class GaugeStudy(Result):
 
         None if the gauge has no variance, as of values that are rounded too coarsely.
         """
-        gauge = self.component("gauge").std
+        gauge = self.get_component("gauge").std
         if gauge == 0:
             return None
-        return max(int(NDC_FACTOR * self.component("parts").std / gauge), 1)
+        return max(int(NDC_FACTOR * self.get_component("parts").std / gauge), 1)
 
     def to_dict(self) -> Record:
         """Return table, components and fractions, ready for JSON.
@@ -147,8 +147,8 @@ class GaugeStudy(Result):
                     "degrees_of_freedom": row.degrees_of_freedom,
                     "sum_of_squares": row.sum_of_squares,
                     "mean_square": row.mean_square,
-                    "f": finite_or_none(row.f),
-                    "p": finite_or_none(row.p),
+                    "f": replace_nonfinite(row.f),
+                    "p": replace_nonfinite(row.p),
                 }
                 for row in self.rows
             ],
@@ -158,11 +158,11 @@ class GaugeStudy(Result):
                     "variance": component.variance,
                     "std": component.std,
                     "std_interval": list(component.interval),
-                    "percent_of_total": finite_or_none(
-                        100 * self.fraction_of_total(component.name)
+                    "percent_of_total": replace_nonfinite(
+                        100 * self.compute_fraction_of_total(component.name)
                     ),
-                    "percent_of_tolerance": finite_or_none(
-                        100 * self.fraction_of_tolerance(component.name)
+                    "percent_of_tolerance": replace_nonfinite(
+                        100 * self.compute_fraction_of_tolerance(component.name)
                     ),
                 }
                 for component in self.components
@@ -172,7 +172,7 @@ class GaugeStudy(Result):
             "note": NOT_CLAIMED,
         }
 
-    def _rows(self) -> list[Record]:
+    def _list_rows(self) -> list[Record]:
         """Return a row of the data frame for each component, with two columns for its interval."""
         rows = []
         for name, component in self.to_dict()["components"].items():
@@ -180,8 +180,8 @@ class GaugeStudy(Result):
             rows.append({"component": name} | component | {"std_low": low, "std_high": high})
         return rows
 
-    def _summary(self) -> str:
-        gauge = 100 * self.fraction_of_total("gauge")
+    def _summarise(self) -> str:
+        gauge = 100 * self.compute_fraction_of_total("gauge")
         return f"gauge {gauge:.1f} % of total, {self._categories_text}"
 
     @property
@@ -190,7 +190,7 @@ class GaugeStudy(Result):
             return "ndc not determinable (repeated values are equal: more digits?)"
         return f"ndc {self.distinct_categories}"
 
-    def _cells(self) -> list[tuple[str, ...]]:
+    def _list_cells(self) -> list[tuple[str, ...]]:
         """Return the header of the printed table, and a row for each component."""
         interval = f"{100 * self.level:g} % interval"
         header: tuple[str, ...] = ("", "std", interval, "% of total", "% of tolerance")
@@ -198,8 +198,8 @@ class GaugeStudy(Result):
         for component in self.components:
             low, high = component.interval
             fractions = (
-                self.fraction_of_total(component.name),
-                self.fraction_of_tolerance(component.name),
+                self.compute_fraction_of_total(component.name),
+                self.compute_fraction_of_tolerance(component.name),
             )
             rows.append(
                 (
@@ -211,7 +211,7 @@ class GaugeStudy(Result):
             )
         return rows
 
-    def _notes(self) -> list[str]:
+    def _list_notes(self) -> list[str]:
         """Return the lines below the table: analysis of variance, pooling, limits of the study."""
         lines = [
             f"{row.source}: {row.degrees_of_freedom} degrees of freedom, sum of squares "
@@ -274,7 +274,7 @@ def _analyse_variance(table: FloatArray) -> tuple[AnovaRow, ...]:
 
     p, o, r = table.shape
     dofs = (p - 1, o - 1, (p - 1) * (o - 1), p * o * (r - 1))
-    squares = sums_of_squares(table)
+    squares = compute_sums_of_squares(table)
     means = [square / dof for square, dof in zip(squares, dofs, strict=True)]
     # For each row, the row whose mean square is the divisor of its F statistic.
     divisors = {"parts": 2, "operators": 2, "interaction": 3, "repeatability": None}
@@ -298,7 +298,7 @@ def _estimate_components(
         sums[2:] = [(square, dof)]
     means = [square / dof for square, dof in sums]
     dofs = [dof for _, dof in sums]
-    coefficients = _mean_square_coefficients(shape, pooled=pooled)
+    coefficients = _compute_mean_square_coefficients(shape, pooled=pooled)
     # A negative variance counts as 0, also within a sum.
     variances = {name: max(float(row @ means), 0.0) for name, row in coefficients.items()}
     combinations = {
@@ -316,7 +316,9 @@ def _estimate_components(
     return tuple(components)
 
 
-def _mean_square_coefficients(shape: tuple[int, ...], *, pooled: bool) -> dict[str, FloatArray]:
+def _compute_mean_square_coefficients(
+    shape: tuple[int, ...], *, pooled: bool
+) -> dict[str, FloatArray]:
     """Return the coefficients of the mean squares in the variance of each effect.
 
     The mean squares are those of parts, operators, interaction and repeatability, (4,); or of

@@ -23,7 +23,7 @@ NO_CALIBRATION: Calibration = {}
 """Calibration of a job that names no calibration files."""
 
 
-def golden_log_path(job: Job, job_path: Path) -> Path:
+def build_golden_log_path(job: Job, job_path: Path) -> Path:
     """Return the path of the golden part's log: that of the job, else one beside the job file."""
     if job.golden is not None and job.golden.log is not None:
         return job_path.parent / job.golden.log
@@ -53,14 +53,14 @@ def check_golden(
         raise LsvisionError("the job names no golden part: add a [golden] table to it")
     record: Record = {"time": now.isoformat(timespec="seconds"), "source": source}
     record |= {"job_hash": job.hash, "reference_radius_mm": golden.radius_mm}
-    record |= {"measured_by": _measuring_settings(job, calibration)}
+    record |= {"measured_by": _collect_measuring_settings(job, calibration)}
     if not cylinders:
         return record | {"passed": False, "reason": "no cylinder was measured"}
     nearest = min(cylinders, key=lambda cylinder: abs(cylinder.radius - golden.radius_mm))
-    level, extra_std = _decision_rule(job)
+    level, extra_std = _get_decision_rule(job)
     interval = nearest.interval("radius", level)
     low, high = widen_interval(nearest.radius, interval, extra_std, level)
-    ends = _limits(golden)
+    ends = _compute_limits(golden)
     decision = decide((low, high), ends)
     reason = f"radius {low:.4f} .. {high:.4f} mm, limits {ends[0]:g} .. {ends[1]:g}"
     measured = {"radius_mm": float(nearest.radius), "low_mm": float(low), "high_mm": float(high)}
@@ -68,12 +68,12 @@ def check_golden(
     return record | measured | rule | {"passed": decision == Decision.OK, "reason": reason}
 
 
-def _limits(golden: Golden) -> tuple[float, float]:
+def _compute_limits(golden: Golden) -> tuple[float, float]:
     """Return the smallest and largest permissible radius of the golden part. Units: mm."""
     return golden.radius_mm - golden.tolerance_mm, golden.radius_mm + golden.tolerance_mm
 
 
-def _decision_rule(job: Job) -> tuple[float, float]:
+def _get_decision_rule(job: Job) -> tuple[float, float]:
     """Return the level of the golden part's interval, and its further standard uncertainty (mm)."""
     return job.decision.level, job.extra_std("radius_mm")
 
@@ -95,16 +95,16 @@ def find_blocking_reason(
     if not log:
         return "golden part never measured: lsvision inspect JOB --golden FILE"
     last_run = takewhile(lambda record: record["time"] == log[-1]["time"], reversed(log))
-    failures = (_blocking_reason_of_check(record, job.golden) for record in last_run)
+    failures = (_find_blocking_reason_of_check(record, job.golden) for record in last_run)
     return (
         next(filter(None, failures), "")
-        or _blocking_reason_of_rule(log[-1], job)
-        or _blocking_reason_of_settings(log[-1], _measuring_settings(job, calibration))
-        or _blocking_reason_of_age(log[-1], job.golden, now)
+        or _find_blocking_reason_of_rule(log[-1], job)
+        or _find_blocking_reason_of_settings(log[-1], _collect_measuring_settings(job, calibration))
+        or _find_blocking_reason_of_age(log[-1], job.golden, now)
     )
 
 
-def _blocking_reason_of_check(last: Record, golden: Golden) -> str:
+def _find_blocking_reason_of_check(last: Record, golden: Golden) -> str:
     """Return the reason why the last check failed, or would by the present limits; else empty."""
     if not last["passed"]:
         return f"golden part failed at {last['time']}: {last['reason']}"
@@ -114,7 +114,7 @@ def _blocking_reason_of_check(last: Record, golden: Golden) -> str:
             f"golden part of radius {reference:g} mm measured, expected "
             f"{golden.radius_mm:g} mm: lsvision inspect JOB --golden FILE"
         )
-    interval, ends = (last["low_mm"], last["high_mm"]), _limits(golden)
+    interval, ends = (last["low_mm"], last["high_mm"]), _compute_limits(golden)
     if decide(interval, ends) != Decision.OK:  # the tolerance was changed after the check
         return (
             f"golden part of radius {interval[0]:.4f} .. {interval[1]:.4f} mm measured, limits are "
@@ -123,9 +123,9 @@ def _blocking_reason_of_check(last: Record, golden: Golden) -> str:
     return ""
 
 
-def _blocking_reason_of_rule(last: Record, job: Job) -> str:
+def _find_blocking_reason_of_rule(last: Record, job: Job) -> str:
     """Return the reason if the present job widens the interval of the last check; else empty."""
-    level, extra_std = _decision_rule(job)
+    level, extra_std = _get_decision_rule(job)
     checked_level, checked_std = last.get("level", level), last.get("extra_std_mm", extra_std)
     if level <= checked_level and extra_std <= checked_std:
         return ""
@@ -135,7 +135,7 @@ def _blocking_reason_of_rule(last: Record, job: Job) -> str:
     )
 
 
-def _measuring_settings(job: Job, calibration: Calibration) -> Record:
+def _collect_measuring_settings(job: Job, calibration: Calibration) -> Record:
     """Return what a measured radius depends on: settings of the job, hashes of calibrations."""
     scan = {} if job.scan is None else job.scan.model_dump(mode="json", exclude_defaults=True)
     return {
@@ -146,7 +146,7 @@ def _measuring_settings(job: Job, calibration: Calibration) -> Record:
     }
 
 
-def _blocking_reason_of_settings(last: Record, settings: Record) -> str:
+def _find_blocking_reason_of_settings(last: Record, settings: Record) -> str:
     """Return the reason if settings or calibrations were changed after the last check."""
     before = last.get("measured_by", settings)  # not in logs of earlier versions
     changed = [name for name, values in settings.items() if before.get(name) != values]
@@ -158,7 +158,7 @@ def _blocking_reason_of_settings(last: Record, settings: Record) -> str:
     )
 
 
-def _blocking_reason_of_age(last: Record, golden: Golden, now: datetime.datetime) -> str:
+def _find_blocking_reason_of_age(last: Record, golden: Golden, now: datetime.datetime) -> str:
     """Return the reason if the last check is overdue, or after the present time; else empty."""
     hours = (now - datetime.datetime.fromisoformat(last["time"])).total_seconds() / 3600
     if hours < 0:

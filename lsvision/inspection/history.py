@@ -101,7 +101,7 @@ def append_record(path: str | os.PathLike[str], record: Record, key: str) -> Non
     write_atomic(path, "\n".join(lines) + "\n")
 
 
-def history_path(job_path: Path) -> Path:
+def build_history_path(job_path: Path) -> Path:
     """Return the path of the history of a job file, which is beside it."""
     return job_path.with_name(job_path.name + HISTORY_SUFFIX)
 
@@ -115,7 +115,7 @@ def record_revision(job: Job, job_path: Path, now: datetime.datetime) -> bool:
         If its revision, or a higher one, is recorded with another content; if the history cannot
         be read or written.
     """
-    path = history_path(job_path)
+    path = build_history_path(job_path)
     for entry in read_records(path, "revision"):
         if entry["hash"] == job.hash:
             return False
@@ -137,7 +137,7 @@ def record_revision(job: Job, job_path: Path, now: datetime.datetime) -> bool:
 
 def describe_unrecorded_change(job: Job, job_path: Path) -> str | None:
     """Return a message if a job differs from its history; None if it is recorded or has none."""
-    entries = read_records(history_path(job_path), "revision")
+    entries = read_records(build_history_path(job_path), "revision")
     if not entries or any(entry["hash"] == job.hash for entry in entries):
         return None
     return (

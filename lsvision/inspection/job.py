@@ -24,7 +24,7 @@ from lsvision.inspection.job_mistakes import (
     MistakesError,
     describe_mistakes,
     find_line,
-    syntax_mistake,
+    parse_syntax_mistake,
 )
 from lsvision.inspection.job_tables import (
     Count,
@@ -150,7 +150,7 @@ class Job(JobTable):
         try:
             values = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
-            raise InvalidJob(name, (syntax_mistake(error),)) from None
+            raise InvalidJob(name, (parse_syntax_mistake(error),)) from None
         schema_mistakes = _check_schema(values, text)
         if schema_mistakes:
             raise InvalidJob(name, tuple(schema_mistakes))

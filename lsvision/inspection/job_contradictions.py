@@ -95,7 +95,9 @@ def find_limits_of_known_values(
             "write known_radius_mm under [[part]] instead" if "radius" in known else "leave it out"
         )
         message = f"would be compared with {known} of [measure], whatever the points say: {remedy}"
-        places = [location for location, _ in _all_limits(parts, relations) if location[-1] in keys]
+        places = [
+            location for location, _ in _list_limits(parts, relations) if location[-1] in keys
+        ]
         if golden is not None and "radius_mm" in keys:
             places.append(("golden", "radius_mm"))
         mistakes += [(place, f"{place[-1]} {message}") for place in places]
@@ -111,7 +113,7 @@ def find_impossible_limits(
     each other or the search range.
     """
     mistakes: list[LocatedMistake] = []
-    for location, limits in _all_limits(parts, relations):
+    for location, limits in _list_limits(parts, relations):
         key = str(location[-1])
         smallest, largest = POSSIBLE_RANGES.get(key, (-math.inf, math.inf))
         if _are_apart(limits.ends, (smallest, largest)):
@@ -120,8 +122,8 @@ def find_impossible_limits(
                 f"{smallest:g} to {largest:g}" if largest < math.inf else f"from {smallest:g}"
             )
             mistakes.append(
-                (location, f"{key}: limits {_text(limits.ends)} hold no possible value: expected "
-                 f"some {possible} {unit}")
+                (location, f"{key}: limits {_format_range(limits.ends)} hold no possible value: "
+                 f"expected some {possible} {unit}")
             )  # fmt: skip
     for number, part in enumerate(parts):
         mistakes += _find_excluded_radius(measure, part, number)
@@ -135,8 +137,8 @@ def _find_excluded_radius(measure: Measure, part: Part, number: int) -> Iterator
     if radius is not None and half is not None and _are_apart(radius, half):
         yield (
             ("part", number, "diameter_mm"),
-            f"diameter_mm: half of it, {_text(half)}, excludes radius_mm {_text(radius)}: "
-            "leave one out",
+            f"diameter_mm: half of it, {_format_range(half)}, excludes "
+            f"radius_mm {_format_range(radius)}: leave one out",
         )
     searched = measure.radius_mm
     if searched is None:
@@ -147,12 +149,12 @@ def _find_excluded_radius(measure: Measure, part: Part, number: int) -> Iterator
         if ends is not None and _are_apart(ends, searched):
             yield (
                 ("part", number, key),
-                f"{key}: radius {_text(ends)} is not searched: radius_mm of [measure] is "
-                f"{_text(searched)}",
+                f"{key}: radius {_format_range(ends)} is not searched: radius_mm of [measure] is "
+                f"{_format_range(searched)}",
             )
 
 
-def _all_limits(
+def _list_limits(
     parts: Sequence[Part], relations: Sequence[RelationLimits]
 ) -> list[tuple[Location, Limits]]:
     """Return all limits of parts and relations with their locations in the job."""
@@ -169,7 +171,7 @@ def _are_apart(first: tuple[float, ...], second: tuple[float, ...]) -> bool:
     return first[1] < second[0] or second[1] < first[0]
 
 
-def _text(ends: tuple[float, ...]) -> str:
+def _format_range(ends: tuple[float, ...]) -> str:
     """Return a range as text, such as ``18.9 .. 19.1``."""
     low, high = ends
     if low == -math.inf:

@@ -54,7 +54,7 @@ class MistakesError(ValueError):
         self.mistakes = mistakes
 
 
-def syntax_mistake(error: tomllib.TOMLDecodeError) -> Mistake:
+def parse_syntax_mistake(error: tomllib.TOMLDecodeError) -> Mistake:
     """Return the mistake of a text that is not TOML."""
     message = str(error)
     position = _POSITION.search(message)
@@ -69,7 +69,7 @@ def describe_mistakes(error: ValidationError, text: str, model: type[BaseModel])
 
     The error is that of the job's model, which has the known keys; the text is that of the file.
     """
-    lines = _lines_of_keys(text)
+    lines = _find_lines_of_keys(text)
     mistakes: list[Mistake] = []
     details = error.errors()
     if len(details) > 1:  # invalid parts are not counted, so that "too short" may be wrong
@@ -79,13 +79,15 @@ def describe_mistakes(error: ValidationError, text: str, model: type[BaseModel])
         cause = detail.get("ctx", {}).get("error")
         if isinstance(cause, MistakesError):
             mistakes += [
-                Mistake(_nearest_line(location, lines), message)
+                Mistake(_find_nearest_line(location, lines), message)
                 for location, message in cause.mistakes
             ]
         else:
             location = _without_variants(detail["loc"])
             mistakes.append(
-                Mistake(_nearest_line(location, lines), _describe_mistake(location, detail, model))
+                Mistake(
+                    _find_nearest_line(location, lines), _describe_mistake(location, detail, model)
+                )
             )
     return sorted(dict.fromkeys(mistakes), key=lambda mistake: mistake.line or 0)
 
@@ -98,10 +100,10 @@ def find_line(location: Location, text: str) -> int | None:
     >>> find_line(("part", 1, "x_mm"), "[[part]]\nx_mm = 1\n[[part]]\nx_mm = 2")
     4
     """
-    return _nearest_line(location, _lines_of_keys(text))
+    return _find_nearest_line(location, _find_lines_of_keys(text))
 
 
-def _nearest_line(location: Location, lines: dict[Location, int]) -> int | None:
+def _find_nearest_line(location: Location, lines: dict[Location, int]) -> int | None:
     """Return the line of a location, or else of the innermost table around it, or None."""
     for length in range(len(location), 0, -1):
         if location[:length] in lines:
@@ -109,7 +111,7 @@ def _nearest_line(location: Location, lines: dict[Location, int]) -> int | None:
     return None
 
 
-def _lines_of_keys(text: str) -> dict[Location, int]:
+def _find_lines_of_keys(text: str) -> dict[Location, int]:
     """Return the line of every table and key, counted from 1; the first line of each."""
     lines: dict[Location, int] = {}
     table: Location = ()
@@ -156,7 +158,7 @@ def _describe_mistake(location: Location, detail: Any, model: type[BaseModel]) -
     if kind == "too_short":
         return f"expected at least one [[{_format_location(location)}]], got none: add it"
     if kind == "extra_forbidden":
-        return _unknown_key(key, location, _known_keys(location, model))
+        return _describe_unknown_key(key, location, _list_known_keys(location, model))
     if kind == "value_error":
         return f"{_format_location(location)}: {detail['ctx']['error']}"
     return (
@@ -192,7 +194,7 @@ def _format_location(location: Location) -> str:
     return ", ".join(keys) or "the job"
 
 
-def _unknown_key(key: str, location: Location, known: list[str]) -> str:
+def _describe_unknown_key(key: str, location: Location, known: list[str]) -> str:
     """Return the message of an unknown key: the key with its unit, a similar one, or all known."""
     with_unit = [name for name in known if name in {f"{key}_{unit}" for unit in UNITS}]
     if with_unit:
@@ -202,26 +204,26 @@ def _unknown_key(key: str, location: Location, known: list[str]) -> str:
     return f"{_format_location(location)}: unknown key: {remedy}"
 
 
-def _known_keys(location: Location, model: type[BaseModel]) -> list[str]:
+def _list_known_keys(location: Location, model: type[BaseModel]) -> list[str]:
     """Return the keys that are allowed in the table around a location; none if it is no table."""
     for key in location[:-1]:
         if isinstance(key, str):
             field = next(
                 (f for name, f in model.model_fields.items() if key in (name, f.alias)), None
             )
-            inner = None if field is None else _table_class(field.annotation)
+            inner = None if field is None else _find_table_class(field.annotation)
             if inner is None:
                 return []
             model = inner
     return [field.alias or name for name, field in model.model_fields.items()]
 
 
-def _table_class(annotation: Any) -> type[BaseModel] | None:
+def _find_table_class(annotation: Any) -> type[BaseModel] | None:
     """Return the table class in ``Table | None`` or ``tuple[Table, ...]``."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     for argument in getattr(annotation, "__args__", ()):
-        table = _table_class(argument)
+        table = _find_table_class(argument)
         if table is not None:
             return table
     return None

@@ -69,39 +69,39 @@ def build_job_text(name: str, cylinders: Sequence[CylinderSection], tolerance: f
     radii = [cylinder.radius for cylinder in cylinders]
     tables = [
         HEAD.format(
-            name=_toml_string(name[:MAX_NAME_LENGTH]),
-            low=_rounded_multiple(0.6, min(radii)),
-            high=_rounded_multiple(1.5, max(radii)),
+            name=_quote_toml_string(name[:MAX_NAME_LENGTH]),
+            low=_round_multiple(0.6, min(radii)),
+            high=_round_multiple(1.5, max(radii)),
         )
     ]
     for number, (cylinder, window) in enumerate(
-        zip(cylinders, _x_windows(cylinders), strict=True), 1
+        zip(cylinders, _choose_x_windows(cylinders), strict=True), 1
     ):
-        tables.append(_part_text(number, cylinder, window, tolerance))
+        tables.append(_format_part(number, cylinder, window, tolerance))
     for number, (first, second) in enumerate(itertools.pairwise(cylinders), 1):
-        tables.append(_relation_text(number, first, second, tolerance))
+        tables.append(_format_relation(number, first, second, tolerance))
     return "".join([*tables, TAIL])
 
 
-def _toml_string(text: str) -> str:
+def _quote_toml_string(text: str) -> str:
     """Return a text as a string of TOML, with ``?`` for bytes of a file name that are no text."""
     valid = text.encode(errors="replace").decode()
     # A string in JSON is also one in TOML, except for escaped pairs of surrogates and raw deletes.
     return json.dumps(valid, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
-def _nominal_step(tolerance: float) -> float:
+def _compute_nominal_step(tolerance: float) -> float:
     """Return the power of ten at or below a tenth of the tolerance."""
     return 10.0 ** math.floor(math.log10(tolerance / 10))
 
 
-def _nominal_radius(cylinder: CylinderSection, tolerance: float) -> float:
+def _round_nominal_radius(cylinder: CylinderSection, tolerance: float) -> float:
     """Return the nominal radius that a job with a tolerance states for a cylinder. Units: mm."""
-    step = _nominal_step(tolerance)
+    step = _compute_nominal_step(tolerance)
     return round(round(cylinder.radius / step) * step, 9)
 
 
-def _part_text(
+def _format_part(
     number: int, cylinder: CylinderSection, window: tuple[float, float], tolerance: float
 ) -> str:
     """Return the table of a part, numbered from 1, that lies in a window of x (mm)."""
@@ -109,7 +109,7 @@ def _part_text(
         number=number,
         left=window[0],
         right=window[1],
-        radius=_nominal_radius(cylinder, tolerance),
+        radius=_round_nominal_radius(cylinder, tolerance),
         tolerance=tolerance,
         text=format_value(cylinder.radius, cylinder.radius_std),
         phi=math.degrees(cylinder.phi),
@@ -117,7 +117,7 @@ def _part_text(
     )
 
 
-def _relation_text(
+def _format_relation(
     number: int, first: CylinderSection, second: CylinderSection, tolerance: float
 ) -> str:
     """Return the table of the relation between part `number` and the next one."""
@@ -125,14 +125,14 @@ def _relation_text(
     return RELATION.format(
         first=number,
         second=number + 1,
-        gap=_max_gap(relation, tolerance),
+        gap=_compute_max_gap(relation, tolerance),
         text=format_value(relation.gap, relation.gap_std),
     )
 
 
-def _max_gap(relation: Relation, tolerance: float) -> float:
+def _compute_max_gap(relation: Relation, tolerance: float) -> float:
     """Return the largest gap that a job with a tolerance permits. Units: mm."""
-    step = min(_nominal_step(tolerance), MAX_GAP_STEP)
+    step = min(_compute_nominal_step(tolerance), MAX_GAP_STEP)
     return round(round((max(relation.gap, 0.0) + tolerance) / step) * step, 9)
 
 
@@ -150,12 +150,12 @@ def find_needed_tolerance(job: Job, cylinders: Sequence[CylinderSection]) -> flo
     def largest_deviation(tolerance: float) -> float:
         """Return the tolerance at which the last interval ends at a limit. Units: mm."""
         deviations = [
-            tolerance + relation.interval("gap", level)[1] - _max_gap(relation, tolerance)
+            tolerance + relation.interval("gap", level)[1] - _compute_max_gap(relation, tolerance)
             for relation in relations
         ]
         for cylinder in cylinders:
             low, high = cylinder.interval("radius", level)
-            nominal = _nominal_radius(cylinder, tolerance)
+            nominal = _round_nominal_radius(cylinder, tolerance)
             deviations.append(max(nominal - low, high - nominal))
         return max(deviations)
 
@@ -170,7 +170,7 @@ def find_needed_tolerance(job: Job, cylinders: Sequence[CylinderSection]) -> flo
     return round(digits * digit, 9)
 
 
-def _x_windows(cylinders: Sequence[CylinderSection]) -> list[tuple[float, float]]:
+def _choose_x_windows(cylinders: Sequence[CylinderSection]) -> list[tuple[float, float]]:
     """Return a window of x for each cylinder. Units: mm.
 
     Windows end midway between neighbouring centres, the outer ones a radius beyond the centre. Ends
@@ -185,6 +185,6 @@ def _x_windows(cylinders: Sequence[CylinderSection]) -> list[tuple[float, float]
     return list(itertools.pairwise(ends))
 
 
-def _rounded_multiple(factor: float, radius: float) -> float:
+def _round_multiple(factor: float, radius: float) -> float:
     """Return a limit of the searched radii: a multiple of a radius, rounded to two digits."""
     return float(f"{factor * radius:.2g}")

@@ -122,7 +122,7 @@ def judge(
             *_find_exchanged_parts(parts, measured, job),
             *_describe_contradicted_radii(matching, measurement, cylinders, job),
         ),
-        provenance=_provenance(job, calibration or {}),
+        provenance=_collect_provenance(job, calibration or {}),
         additional_is_ng=job.decision.additional == "ng",
         undecided_passes=job.decision.undecided == "ok",
     )
@@ -138,7 +138,9 @@ def _reject_windows_in_z(job: Job) -> None:
             )
 
 
-def _provenance(job: Job, calibration: Mapping[str, Mapping[str, str | None]]) -> Provenance:
+def _collect_provenance(
+    job: Job, calibration: Mapping[str, Mapping[str, str | None]]
+) -> Provenance:
     from lsvision import __version__
 
     return Provenance(job.name, job.revision, job.hash, __version__, calibration)
@@ -269,7 +271,7 @@ def _judge_missing(
     if part.name in matching.owners:
         reason = f"the cylinder there is assigned to {matching.owners[part.name]!r}"
         return ItemVerdict(part.name, decided=Decision.UNDECIDED, reason=reason)
-    reasons = [reason for reason in _rejection_reasons_at(part, measurement) if reason]
+    reasons = [reason for reason in _list_rejection_reasons_at(part, measurement) if reason]
     undeterminable = next((reason for reason in reasons if reason.startswith(UNDETERMINABLE)), None)
     if undeterminable is not None:
         return ItemVerdict(
@@ -280,14 +282,14 @@ def _judge_missing(
     return ItemVerdict(part.name, decided=Decision.NG, reason=reason)
 
 
-def _rejection_reasons_at(part: Part, measurement: Measurement | ScanMeasurement) -> list[str]:
+def _list_rejection_reasons_at(part: Part, measurement: Measurement | ScanMeasurement) -> list[str]:
     """Return the reasons of the arcs rejected where the part should be, the longest arc first.
 
     If the part has no window in x, or the profile is not known, or in a scan, all rejected arcs
-    count. See `_rejection_reasons_of_scan`.
+    count. See `_list_rejection_reasons_of_scan`.
     """
     if isinstance(measurement, ScanMeasurement):
-        return _rejection_reasons_of_scan(measurement)
+        return _list_rejection_reasons_of_scan(measurement)
 
     def in_window(rejection: Rejection) -> bool:
         if measurement.profile is None or "x" not in part.windows:
@@ -305,7 +307,7 @@ def _rejection_reasons_at(part: Part, measurement: Measurement | ScanMeasurement
     return [rejection.reason for rejection in arcs if in_window(rejection)]
 
 
-def _rejection_reasons_of_scan(scan: ScanMeasurement) -> list[str]:
+def _list_rejection_reasons_of_scan(scan: ScanMeasurement) -> list[str]:
     """Return the reasons of the joint fit, then those of arcs whose radius is not determinable.
 
     The latter count if more than half of the profiles have such an arc.

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from lsvision.inspection.capability import Capability, binomial_interval, estimate_capability
 from lsvision.inspection.decision import Decision, QuantityVerdict
 from lsvision.inspection.remedies import Remedy
-from lsvision.inspection.verdict import Verdict, verdict_rows
+from lsvision.inspection.verdict import Verdict, build_verdict_rows
 from lsvision.measure import Measurement
 from lsvision.results.quantities import Quantity, Record
 from lsvision.scan.scan_result import ScanMeasurement
@@ -47,7 +47,7 @@ class JudgedMeasurement:
     def rows(self) -> list[Record]:
         """Rows of CSV and Parquet."""
         head = {"source": self.source, "profile": self.profile}
-        return [head | row for row in verdict_rows(self.verdict)]
+        return [head | row for row in build_verdict_rows(self.verdict)]
 
 
 @dataclass(frozen=True)

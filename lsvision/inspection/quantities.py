@@ -17,10 +17,10 @@ from lsvision.inspection.uncertain import Length, Scalar, Uncertain
 from lsvision.results.quantities import Estimate
 from lsvision.scan.scan_result import ScannedCylinder
 from lsvision.scan.shape import measure_shape
-from lsvision.scan.shape_result import TubeShape
+from lsvision.scan.shape_result import CylinderShape
 
 KEYS_OF_AXIS = ("direction_deg", "position_mm", "point_x_mm", "point_y_mm", "point_z_mm")
-"""Quantities of a scan that differ between the two twins of a tube in one section."""
+"""Quantities of a scan that differ between the two twins of a cylinder in one section."""
 KEYS_OF_RADIUS = ("radius_mm", "diameter_mm")
 """Quantities that differ, too, between those of short arcs on opposite sides, and that a known
 radius determines."""
@@ -34,9 +34,9 @@ def measure_quantity(cylinder: MeasuredCylinder, part: Part, key: str, level: fl
 
     The key is one of `SECTION_KEYS` for a section, of `SCAN_KEYS` for a scan. Not determined: theta
     whose interval contains every direction; radius and phi of a section fitted with a known one;
-    bow, taper and ovality of a tube in fewer than three sections, which are NaN; direction and
-    position of a tube with a twin that fits equally well, as in one section, and its radius if that
-    of the twin is another one. Each end of an interval misses with a probability of at most
+    bow, taper and ovality of a cylinder in fewer than three sections, which are NaN; direction and
+    position of a cylinder with a twin that fits equally well, as in one section, and its radius if
+    that of the twin is another one. Each end of an interval misses with a probability of at most
     (1 - level) / 2, also that of a phi near 0.
 
     Raises
@@ -59,7 +59,9 @@ def measure_quantity(cylinder: MeasuredCylinder, part: Part, key: str, level: fl
     value, std = number.value * quantity.scale, number.std * quantity.scale
     has_twin = cylinder.twin_has_other_radius if key in KEYS_OF_RADIUS else cylinder.ambiguous
     determined = not (has_twin and key in KEYS_OF_AXIS + KEYS_OF_RADIUS)
-    return Estimate(quantity, value, std, quantity.in_unit(number.interval(level)), determined)
+    return Estimate(
+        quantity, value, std, quantity.convert_to_unit(number.interval(level)), determined
+    )
 
 
 def _measure_in_section(section: CylinderSection, part: Part, key: str, level: float) -> Estimate:
@@ -103,31 +105,33 @@ def _interval_of_phi(section: CylinderSection, level: float) -> tuple[float, flo
     return low, high
 
 
-def _measure_in_scan(tube: ScannedCylinder, part: Part, key: str) -> Uncertain:
+def _measure_in_scan(cylinder: ScannedCylinder, part: Part, key: str) -> Uncertain:
     """Return a quantity of a scanned cylinder in mm, rad, mm/m or percent."""
-    fit = tube.fit
+    fit = cylinder.fit
     if key in ("radius_mm", "diameter_mm"):
         factor = 2.0 if key == "diameter_mm" else 1.0
         return Scalar(factor * fit.radius, factor * fit.radius_std, fit.degrees_of_freedom)
     if key == "direction_deg":
         return angle_between(fit, np.asarray(part.nominal_direction, dtype=np.float64))
     if key == "length_seen_mm":
-        start, stop = tube.axial_range
-        variance = math.hypot(*tube.axial_range_std) ** 2 - 2 * tube.axial_range_covariance
+        start, stop = cylinder.axial_range
+        variance = math.hypot(*cylinder.axial_range_std) ** 2 - 2 * cylinder.axial_range_covariance
         return Scalar(stop - start, math.sqrt(max(variance, 0.0)))
     if key in ("bow_mm", "taper_mm_per_m", "ovality_percent"):
-        return _measure_form(measure_shape(tube), key)
-    return _measure_position(tube, part, key)
+        return _measure_form(measure_shape(cylinder), key)
+    return _measure_position(cylinder, part, key)
 
 
-def _measure_position(tube: ScannedCylinder, part: Part, key: str) -> Uncertain:
+def _measure_position(cylinder: ScannedCylinder, part: Part, key: str) -> Uncertain:
     """Return the distance of the axis from the nominal point, or a coordinate of the axis.
 
     The coordinate is that of the axis point nearest to the nominal point; without a nominal point,
-    of ``tube.point``.
+    of ``cylinder.point``.
     """
-    nominal_point = tube.point if part.nominal_point_mm is None else np.array(part.nominal_point_mm)
-    fit = tube.fit.with_reference_point(nominal_point)
+    nominal_point = (
+        cylinder.point if part.nominal_point_mm is None else np.array(part.nominal_point_mm)
+    )
+    fit = cylinder.fit.with_reference_point(nominal_point)
     basis, covariance = fit.tangent_basis, fit.covariance[:2, :2]
     if key == "position_mm":
         return Length(basis @ (fit.point - nominal_point), covariance, fit.degrees_of_freedom)
@@ -137,7 +141,7 @@ def _measure_position(tube: ScannedCylinder, part: Part, key: str) -> Uncertain:
     return Scalar(float(fit.point[axis]), std, fit.degrees_of_freedom)
 
 
-def _measure_form(shape: TubeShape, key: str) -> Uncertain:
+def _measure_form(shape: CylinderShape, key: str) -> Uncertain:
     """Return bow (mm), ovality (percent) or taper (mm per m) of a scanned cylinder."""
     if key == "bow_mm":
         return Length(shape.bow.values, shape.bow.covariance)

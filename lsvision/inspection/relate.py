@@ -78,7 +78,7 @@ def relate(
             "expected two cylinders of one section or two in space, got one of each: "
             "lsv.measure_scan gives both in space"
         )
-    first, second = (ObservedCylinder(tube.fit, tube.axial_range) for tube in (a, b))
+    first, second = (ObservedCylinder(cylinder.fit, cylinder.axial_range) for cylinder in (a, b))
     return relate_axes(first, second, None if up is None else _as_unit_vector(up))
 
 

@@ -15,8 +15,8 @@ from lsvision.results.quantities import (
     Estimate,
     Quantity,
     Record,
-    flat_row,
-    json_numbers,
+    convert_numbers_to_json,
+    flatten_record,
 )
 from lsvision.results.result import Result
 
@@ -72,10 +72,10 @@ class Seam(ComparedByValue):
     def to_record(self) -> Record:
         """Return the points, direction and their uncertainties, ready for JSON."""
         return {
-            "points_mm": [json_numbers(point) for point in self.points],
-            "seam_point_mm": json_numbers(self.point),
+            "points_mm": [convert_numbers_to_json(point) for point in self.points],
+            "seam_point_mm": convert_numbers_to_json(self.point),
             "seam_point_std_mm": self.point_std,
-            "seam_direction": json_numbers(self.direction),
+            "seam_direction": convert_numbers_to_json(self.direction),
             "seam_direction_std_deg": math.degrees(self.direction_std),
             "crossing": self.crossing,
         }
@@ -193,7 +193,7 @@ class Relation(Result):
         """
         interval = self.interval(name, level)
         quantity, number = RELATION_QUANTITIES[name], self.quantities[name]
-        ends = quantity.in_unit(interval)
+        ends = quantity.convert_to_unit(interval)
         return Estimate(quantity, number.value * quantity.scale, number.std * quantity.scale, ends)
 
     def to_dict(self) -> Record:
@@ -209,18 +209,18 @@ class Relation(Result):
             record |= self.estimate(name).record
         return record if self.seam is None else record | self.seam.to_record()
 
-    def _rows(self) -> list[Record]:
+    def _list_rows(self) -> list[Record]:
         """Return the row of the data frame, with two columns for each interval."""
-        return [flat_row(self.to_dict(), tuple(RELATION_QUANTITIES.values()))]
+        return [flatten_record(self.to_dict(), tuple(RELATION_QUANTITIES.values()))]
 
-    def _summary(self) -> str:
+    def _summarise(self) -> str:
         estimates = [self.estimate(name) for name in self.quantities]
         return ", ".join(
             f"{estimate.quantity.name} {estimate.text} {estimate.quantity.unit_text}"
             for estimate in estimates
         )
 
-    def _cells(self) -> list[tuple[str, ...]]:
+    def _list_cells(self) -> list[tuple[str, ...]]:
         estimates = [self.estimate(name) for name in self.quantities]
         return [
             ("", *(estimate.quantity.heading for estimate in estimates)),
@@ -228,7 +228,7 @@ class Relation(Result):
             ("95 %", *(estimate.interval_text for estimate in estimates)),
         ]
 
-    def _notes(self) -> list[str]:
+    def _list_notes(self) -> list[str]:
         """Return the line on the seam below the table, if there is a seam."""
         seam = self.seam
         if seam is None:

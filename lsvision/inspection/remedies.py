@@ -131,7 +131,7 @@ def _find_shortest_scan(
 def _std_ratio(section: CylinderSection) -> float:
     """Return the ratio of measured to predicted std of a section's radius, at least 1."""
     predicted = plan_section(
-        section.radius, section.theta, section.phi, view=_measured_view(section)
+        section.radius, section.theta, section.phi, view=_build_measured_view(section)
     ).radius_std
     return max(section.radius_std / predicted, 1.0)
 
@@ -140,7 +140,7 @@ def _predict_std(section: CylinderSection, key: str, sections: int) -> float:
     """Return the predicted std of a quantity from a scan, in the unit of its key."""
     feed = Feed(sections=sections, spacing=SPACING_MM)
     scan: ScanPrediction = plan_scan(
-        section.radius, section.theta, section.phi, view=_measured_view(section), feed=feed
+        section.radius, section.theta, section.phi, view=_build_measured_view(section), feed=feed
     )
     return {
         "radius_mm": scan.radius_std,
@@ -150,7 +150,7 @@ def _predict_std(section: CylinderSection, key: str, sections: int) -> float:
     }[key]
 
 
-def _measured_view(section: CylinderSection) -> SensorView:
+def _build_measured_view(section: CylinderSection) -> SensorView:
     """Return the view in which the section was measured: its noise, pitch and position."""
     problem = section.fit.problem
     noise = float(np.median(problem.stds)) * math.sqrt(section.fit.variance_factor)

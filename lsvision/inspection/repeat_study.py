@@ -13,7 +13,7 @@ from lsvision.geometry.arrays import rms
 from lsvision.inspection.capability import NOT_CLAIMED, require_study_arguments
 from lsvision.inspection.variance_intervals import require_finite_values
 from lsvision.results.number_format import format_value
-from lsvision.results.quantities import Record, finite_or_none
+from lsvision.results.quantities import Record, replace_nonfinite
 from lsvision.results.result import Result
 
 TOLERANCE_FRACTION = 0.2
@@ -90,32 +90,32 @@ class RepeatStudy(Result):
             "mean": self.mean,
             "reference": self.reference,
             "bias": self.bias,
-            "bias_interval": [finite_or_none(end) for end in self.bias_interval],
-            "p_value": finite_or_none(self.p_value),
+            "bias_interval": [replace_nonfinite(end) for end in self.bias_interval],
+            "p_value": replace_nonfinite(self.p_value),
             "std": self.std,
-            "std_interval": [finite_or_none(end) for end in self.std_interval],
-            "predicted_std": finite_or_none(self.predicted_std),
+            "std_interval": [replace_nonfinite(end) for end in self.std_interval],
+            "predicted_std": replace_nonfinite(self.predicted_std),
             "tolerance": self.tolerance,
-            "cg": finite_or_none(self.cg),
-            "cgk": finite_or_none(self.cgk),
+            "cg": replace_nonfinite(self.cg),
+            "cgk": replace_nonfinite(self.cgk),
             "level": self.level,
             "note": NOT_CLAIMED,
         }
 
-    def _rows(self) -> list[Record]:
+    def _list_rows(self) -> list[Record]:
         """Return the row of the data frame, with two columns for each interval."""
         record = self.to_dict()
         for name in ("bias", "std"):
             record[f"{name}_low"], record[f"{name}_high"] = record.pop(f"{name}_interval")
         return [record]
 
-    def _summary(self) -> str:
+    def _summarise(self) -> str:
         return f"bias {self.bias:.4g}, repeatability {self.std:.4g}, {self.count} values"
 
-    def _cells(self) -> list[tuple[str, ...]]:
+    def _list_cells(self) -> list[tuple[str, ...]]:
         return []
 
-    def _notes(self) -> list[str]:
+    def _list_notes(self) -> list[str]:
         """Return all printed lines: bias, repeatability, and what else is known."""
         low, high = self.bias_interval
         low_std, high_std = self.std_interval

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.ellipse.section import CylinderSection
-from lsvision.geometry import FloatArray, tangent_frame
+from lsvision.geometry import FloatArray, build_tangent_frame
 from lsvision.inspection.relation import Relation
 from lsvision.inspection.uncertain import Length, Scalar
 
@@ -30,7 +30,7 @@ def relate_sections(first: CylinderSection, second: CylinderSection) -> Relation
     both fits, which share no points, are propagated to first order.
     """
     offset = np.subtract(second.centre, first.centre)
-    dof = _smaller_dof(first, second)
+    dof = _select_smaller_dof(first, second)
     covariance, other_covariance = (
         section.fit.parameter_covariance[:2, :2] for section in (first, second)
     )
@@ -38,8 +38,8 @@ def relate_sections(first: CylinderSection, second: CylinderSection) -> Relation
         {
             "distance": Length(offset, covariance + other_covariance, dof),
             "angle": _AngleOfSections(first, second),
-            "gap": _separation(first, second, _direction_of_gap(first, second)),
-            "flush": _crest_height(first, second),
+            "gap": _find_separation(first, second, _find_direction_of_gap(first, second)),
+            "flush": _compute_crest_height(first, second),
         }
     )
 
@@ -70,7 +70,7 @@ class _AngleOfSections:
         The largest one over all directions if the angle is 0.
         """
         u, v = self._nearest_candidates
-        frame = tangent_frame((u + v) / np.linalg.norm(u + v))[:2]
+        frame = build_tangent_frame((u + v) / np.linalg.norm(u + v))[:2]
         covariance = _direction_covariance(self.first, u) + _direction_covariance(self.second, v)
         difference = Length(frame @ (v - u), frame @ covariance @ frame.T)
         # The difference of the unit vectors is 2 sin(angle / 2).
@@ -104,21 +104,21 @@ class _AngleOfSections:
 def _direction_covariance(section: CylinderSection, direction: FloatArray) -> FloatArray:
     """Return the (3, 3) covariance of a unit vector along one of the candidates of the axis.
 
-    Along the first two axes of `tangent_frame`, where phi and theta increase; both are taken as
-    independent.
+    Along the first two axes of `build_tangent_frame`, where phi and theta increase; both are taken
+    as independent.
     """
     stds = np.array([section.phi_std, math.sin(section.phi) * section.theta_std])
-    tilts = tangent_frame(direction)[:2].T * stds
+    tilts = build_tangent_frame(direction)[:2].T * stds
     covariance: FloatArray = tilts @ tilts.T
     return covariance
 
 
-def _smaller_dof(first: CylinderSection, second: CylinderSection) -> float:
+def _select_smaller_dof(first: CylinderSection, second: CylinderSection) -> float:
     """Return the smaller number of degrees of freedom: Student's t is then not too narrow."""
     return min(first.fit.degrees_of_freedom, second.fit.degrees_of_freedom)
 
 
-def _support(section: CylinderSection, direction: FloatArray) -> tuple[float, FloatArray]:
+def _compute_support(section: CylinderSection, direction: FloatArray) -> tuple[float, FloatArray]:
     """Return the extent of an ellipse from its centre along a unit vector, in mm.
 
     That is its support function: the largest component of the points of the ellipse. The ellipse is
@@ -133,27 +133,32 @@ def _support(section: CylinderSection, direction: FloatArray) -> tuple[float, Fl
     return support, gradient
 
 
-def _separation(first: CylinderSection, second: CylinderSection, direction: FloatArray) -> Scalar:
+def _find_separation(
+    first: CylinderSection, second: CylinderSection, direction: FloatArray
+) -> Scalar:
     """Return the separation of both ellipses along a direction, that in which it is largest.
 
     At this maximum the separation does not depend on the direction to first order: the error of the
     direction is not propagated.
     """
-    support_1, gradient_1 = _support(first, direction)
-    support_2, gradient_2 = _support(second, direction)
+    support_1, gradient_1 = _compute_support(first, direction)
+    support_2, gradient_2 = _compute_support(second, direction)
     offset = float(np.subtract(second.centre, first.centre) @ direction)
     gradients = np.concatenate([-direction, -gradient_1]), np.concatenate([direction, -gradient_2])
     std = _propagate_std(gradients, (first, second))
-    return Scalar(offset - support_1 - support_2, std, _smaller_dof(first, second))
+    return Scalar(offset - support_1 - support_2, std, _select_smaller_dof(first, second))
 
 
-def _crest_height(first: CylinderSection, second: CylinderSection) -> Scalar:
+def _compute_crest_height(first: CylinderSection, second: CylinderSection) -> Scalar:
     """Return the height of the crest of the second ellipse over that of the first."""
-    (support_1, gradient_1), (support_2, gradient_2) = _support(first, UP), _support(second, UP)
+    (support_1, gradient_1), (support_2, gradient_2) = (
+        _compute_support(first, UP),
+        _compute_support(second, UP),
+    )
     gradients = np.concatenate([-UP, -gradient_1]), np.concatenate([UP, gradient_2])
     height = second.centre[1] + support_2 - first.centre[1] - support_1
     std = _propagate_std(gradients, (first, second))
-    return Scalar(height, std, _smaller_dof(first, second))
+    return Scalar(height, std, _select_smaller_dof(first, second))
 
 
 def _propagate_std(
@@ -167,17 +172,17 @@ def _propagate_std(
     return math.sqrt(variance)
 
 
-def _direction_of_gap(first: CylinderSection, second: CylinderSection) -> FloatArray:
+def _find_direction_of_gap(first: CylinderSection, second: CylinderSection) -> FloatArray:
     """Return the unit vector along which the separation of both ellipses is largest.
 
     The distance of two convex outlines is their largest separation over all directions. For
     ellipses that overlap this is the direction of the shortest displacement that separates them.
     """
     angles = np.linspace(0, 2 * math.pi, DIRECTION_COUNT, endpoint=False)
-    angle = float(angles[np.argmax(_separations(first, second, angles))])
+    angle = float(angles[np.argmax(_compute_separations(first, second, angles))])
     step = 2 * math.pi / DIRECTION_COUNT
     for _ in range(PARABOLA_STEPS):
-        before, middle, after = _separations(
+        before, middle, after = _compute_separations(
             first, second, angle + step * np.array([-1.0, 0.0, 1.0])
         )
         curvature = before - 2 * middle + after
@@ -187,10 +192,12 @@ def _direction_of_gap(first: CylinderSection, second: CylinderSection) -> FloatA
     return np.array([math.cos(angle), math.sin(angle)])
 
 
-def _separations(first: CylinderSection, second: CylinderSection, angles: FloatArray) -> FloatArray:
+def _compute_separations(
+    first: CylinderSection, second: CylinderSection, angles: FloatArray
+) -> FloatArray:
     """Return the separation of both ellipses along directions at angles (rad) from X. Units: mm.
 
-    The offset of the centres minus both support functions (see `_support`); negative if the
+    The offset of the centres minus both support functions (see `_compute_support`); negative if the
     projections of the ellipses overlap.
     """
     directions = np.stack([np.cos(angles), np.sin(angles)])

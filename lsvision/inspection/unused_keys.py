@@ -25,21 +25,23 @@ def describe_unused_keys(job: Job) -> str | None:
             "named on the command line",
         ),
         (
-            [] if job.scan else [*_given_keys(job, "rig", KEYS_OF_POSES), *_given_up(job)],
+            []
+            if job.scan
+            else [*_list_given_keys(job, "rig", KEYS_OF_POSES), *_find_given_up(job)],
             "of a scan: add [scan]",
         ),
         (
-            _given_keys(job, "measure", ("known_phi_deg",)) if job.scan else [],
+            _list_given_keys(job, "measure", ("known_phi_deg",)) if job.scan else [],
             "of single sections: a scan measures the direction",
         ),
         (
-            _given_keys(job, "measure", ("reference_range_mm",))
+            _list_given_keys(job, "measure", ("reference_range_mm",))
             if job.measure.range_std_mm is None
             else [],
             "of range_std_mm: add it",
         ),
         (
-            [*_extra_stds_without_limits(job), *_references_without_limits(job)],
+            [*_list_extra_stds_without_limits(job), *_list_references_without_limits(job)],
             "of quantities that nothing limits",
         ),
     ]
@@ -67,12 +69,12 @@ def describe_rejected_keys(job: Job) -> str | None:
     return f"rejected by inspect: {'; '.join(texts)}" if texts else None
 
 
-def _given_up(job: Job) -> list[str]:
+def _find_given_up(job: Job) -> list[str]:
     """Return the key ``up``, with its table, if a relation states it."""
     return ["up of [[relation]]"] if any(limits.up is not None for limits in job.relations) else []
 
 
-def _extra_stds_without_limits(job: Job) -> list[str]:
+def _list_extra_stds_without_limits(job: Job) -> list[str]:
     """Return the keys of ``extra_std`` whose quantities no part, relation or golden part limits."""
     limited = {key for part in job.parts for key in part.limits}
     limited.update(key for relation in job.relations for key in relation.limits)
@@ -81,7 +83,7 @@ def _extra_stds_without_limits(job: Job) -> list[str]:
     return [f"extra_std of {key}" for key in job.decision.extra_std if key not in limited]
 
 
-def _references_without_limits(job: Job) -> list[str]:
+def _list_references_without_limits(job: Job) -> list[str]:
     """Return the nominals of parts and directions of flush from which nothing is measured."""
     unused = [
         f"{key} of part {part.name!r}"
@@ -98,7 +100,7 @@ def _references_without_limits(job: Job) -> list[str]:
     return unused
 
 
-def _given_keys(job: Job, table: str, keys: tuple[str, ...]) -> list[str]:
+def _list_given_keys(job: Job, table: str, keys: tuple[str, ...]) -> list[str]:
     """Return those of the keys that the job states in a table, the last with the table's name."""
     given = [key for key in keys if key in getattr(job, table).model_fields_set]
     return [*given[:-1], f"{given[-1]} of [{table}]"] if given else []

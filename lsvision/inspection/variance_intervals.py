@@ -68,26 +68,30 @@ def _squared_distance_to_limit(
     """
     from scipy.stats import f
 
-    total = sum((_g(dof, tail) * term) ** 2 for term, dof in decreased)
-    total += sum((_h(dof, tail) * term) ** 2 for term, dof in increased)
+    total = sum((_compute_g(dof, tail) * term) ** 2 for term, dof in decreased)
+    total += sum((_compute_h(dof, tail) * term) ** 2 for term, dof in increased)
     for term, dof in decreased:
         for other_term, other_dof in increased:
             quantile = float(f.isf(tail, dof, other_dof))
             # With this cross term the interval of the difference of two mean squares contains 0
             # exactly where their F test is not significant.
-            cross = (quantile - 1) ** 2 - (_g(dof, tail) * quantile) ** 2 - _h(other_dof, tail) ** 2
+            cross = (
+                (quantile - 1) ** 2
+                - (_compute_g(dof, tail) * quantile) ** 2
+                - _compute_h(other_dof, tail) ** 2
+            )
             total += cross / quantile * term * other_term
     return total
 
 
-def _g(dof: float, tail: float) -> float:
+def _compute_g(dof: float, tail: float) -> float:
     """Return G of Ting et al.: 1 - lower limit / observed value, for a single mean square."""
     from scipy.stats import chi2
 
     return 1 - dof / float(chi2.isf(tail, dof))
 
 
-def _h(dof: float, tail: float) -> float:
+def _compute_h(dof: float, tail: float) -> float:
     """Return H of Ting et al.: upper limit / observed value - 1, for a single mean square."""
     from scipy.stats import chi2
 
@@ -104,7 +108,7 @@ def require_finite_values(values: FloatArray) -> None:
         )
 
 
-def sums_of_squares(values: FloatArray) -> tuple[float, float, float, float]:
+def compute_sums_of_squares(values: FloatArray) -> tuple[float, float, float, float]:
     """Return the sums of squares of parts, operators, interaction and repeatability.
 
     The values, (parts, operators, trials), are of a study in which each operator measures each part

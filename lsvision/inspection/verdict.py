@@ -9,8 +9,8 @@ from lsvision.inspection.decision import (
     QUANTITY_HEADER,
     Decision,
     QuantityVerdict,
-    quantity_cells,
-    worst_decision,
+    format_quantity_cells,
+    select_worst_decision,
 )
 from lsvision.inspection.job_tables import find_part
 from lsvision.results.quantities import Record
@@ -54,7 +54,7 @@ class ItemVerdict(Result):
         """`decided` if it is given, else the worst decision on the quantities."""
         if self.decided is not None:
             return self.decided
-        return worst_decision(quantity.decision for quantity in self.quantities)
+        return select_worst_decision(quantity.decision for quantity in self.quantities)
 
     def to_dict(self) -> Record:
         """Return name, decision, reason and quantities, ready for JSON.
@@ -72,11 +72,11 @@ class ItemVerdict(Result):
             "quantities": [quantity.to_dict() for quantity in self.quantities],
         }
 
-    def _summary(self) -> str:
+    def _summarise(self) -> str:
         return f"{self.name}: {self.decision}" + (f", {self.reason}" if self.reason else "")
 
-    def _cells(self) -> list[tuple[str, ...]]:
-        return item_cells([self])
+    def _list_cells(self) -> list[tuple[str, ...]]:
+        return format_item_cells([self])
 
 
 @dataclass(frozen=True)
@@ -171,7 +171,7 @@ class Verdict(Result):
         decisions = [item.decision for item in self.items]
         if self.additional_is_ng and self.additional:
             decisions.append(Decision.NG)
-        return worst_decision(decisions)
+        return select_worst_decision(decisions)
 
     @property
     def passed(self) -> bool:
@@ -219,19 +219,19 @@ class Verdict(Result):
             "notes": list(self.notes),
         }
 
-    def _summary(self) -> str:
+    def _summarise(self) -> str:
         items = ", ".join(f"{item.name} {item.decision}" for item in self.items)
         return f"{self.decision} ({items})"
 
-    def _cells(self) -> list[tuple[str, ...]]:
-        return item_cells(self.items)
+    def _list_cells(self) -> list[tuple[str, ...]]:
+        return format_item_cells(self.items)
 
-    def _notes(self) -> list[str]:
+    def _list_notes(self) -> list[str]:
         """Return the lines below the table: decision and its explanation."""
         return [f"{self.decision}", *explain_verdict(self)]
 
-    def _rows(self) -> list[Record]:
-        return verdict_rows(self)
+    def _list_rows(self) -> list[Record]:
+        return build_verdict_rows(self)
 
 
 def explain_verdict(verdict: Verdict) -> list[str]:
@@ -251,20 +251,20 @@ def explain_verdict(verdict: Verdict) -> list[str]:
     return [*blocked, *reasons, *not_ok, *verdict.notes]
 
 
-def item_cells(items: Sequence[ItemVerdict]) -> list[tuple[str, ...]]:
+def format_item_cells(items: Sequence[ItemVerdict]) -> list[tuple[str, ...]]:
     """Return the cells of a table: the header, then one row per quantity."""
     rows: list[tuple[str, ...]] = [QUANTITY_HEADER]
     for item in items:
         if not item.quantities:
             rows.append((item.name, "", "", "", "", "", str(item.decision)))
         rows += [
-            quantity_cells(item.name if number == 0 else "", quantity)
+            format_quantity_cells(item.name if number == 0 else "", quantity)
             for number, quantity in enumerate(item.quantities)
         ]
     return rows
 
 
-def verdict_rows(verdict: Verdict) -> list[Record]:
+def build_verdict_rows(verdict: Verdict) -> list[Record]:
     """Return the rows of a table: one per quantity, and one per item without quantities."""
     rows: list[Record] = []
     for item in verdict.items:
@@ -280,11 +280,11 @@ def verdict_rows(verdict: Verdict) -> list[Record]:
             values = {key: record[key] for key in ROW_KEYS}
             values["quantity_decision"] = record.get("decision")
             values["reason"] = record.get("reason") or item.reason or verdict.blocked
-            rows.append(head | values | _provenance_columns(verdict.provenance))
+            rows.append(head | values | _list_provenance_columns(verdict.provenance))
     return rows
 
 
-def _provenance_columns(provenance: Provenance) -> Record:
+def _list_provenance_columns(provenance: Provenance) -> Record:
     """Return the columns of a table that state job and version."""
     record = provenance.to_record()
     return {key: record[key] for key in ("job", "revision", "job_hash", "version")}

@@ -10,12 +10,12 @@ from typing import Any
 from lsvision import __version__
 from lsvision.calibration.intrinsics import CameraCalibration
 from lsvision.calibration.laser_plane_result import LaserPlaneCalibration
-from lsvision.calibration.result_tables import rejection_records
+from lsvision.calibration.result_tables import build_rejection_records
 from lsvision.errors import UnwritableFile
 from lsvision.files.atomic_files import write_atomic
 from lsvision.files.limited_reading import read_bytes
-from lsvision.files.printable import printable
-from lsvision.sensors.rig_file import camera_as_json, format_json, plane_as_json
+from lsvision.files.printable import escape_text
+from lsvision.sensors.rig_file import convert_camera_to_json, convert_plane_to_json, format_json
 
 CAMERA_SCHEMA = "lsvision/camera-calibration/1"
 """Name and version of the format of a camera's calibration."""
@@ -39,12 +39,12 @@ def write_calibration(
         If the folder is missing or not writable, or a number of the result is not finite.
     """
     if isinstance(calibration, CameraCalibration):
-        schema, values = CAMERA_SCHEMA, _camera_values(calibration)
+        schema, values = CAMERA_SCHEMA, _collect_camera_values(calibration)
     else:
-        schema, values = LASER_PLANE_SCHEMA, _laser_plane_values(calibration)
+        schema, values = LASER_PLANE_SCHEMA, _collect_laser_plane_values(calibration)
     details = {
-        "rejected": rejection_records(calibration.rejected),
-        "outliers": rejection_records(calibration.outliers),
+        "rejected": build_rejection_records(calibration.rejected),
+        "outliers": build_rejection_records(calibration.outliers),
         "warnings": list(calibration.warnings),
         "provenance": dict(provenance),
     }
@@ -58,7 +58,7 @@ def write_calibration(
     write_atomic(path, text)
 
 
-def _camera_values(calibration: CameraCalibration) -> dict[str, Any]:
+def _collect_camera_values(calibration: CameraCalibration) -> dict[str, Any]:
     """Return the content of a camera file. Units: px; board_bow and translations in mm."""
     views = [
         {
@@ -70,7 +70,7 @@ def _camera_values(calibration: CameraCalibration) -> dict[str, Any]:
         for view in calibration.views
     ]
     return {
-        "camera": camera_as_json(calibration.camera),
+        "camera": convert_camera_to_json(calibration.camera),
         "std": dict(calibration.std),
         "camera_covariance": None
         if calibration.covariance is None
@@ -82,7 +82,7 @@ def _camera_values(calibration: CameraCalibration) -> dict[str, Any]:
     }
 
 
-def _laser_plane_values(calibration: LaserPlaneCalibration) -> dict[str, Any]:
+def _collect_laser_plane_values(calibration: LaserPlaneCalibration) -> dict[str, Any]:
     """Return the content of a laser-plane file.
 
     Units: px for residuals and rms; mm for the plane's distance, board_bow and translations; rad
@@ -98,8 +98,8 @@ def _laser_plane_values(calibration: LaserPlaneCalibration) -> dict[str, Any]:
         for view in calibration.views
     ]
     return {
-        "camera": camera_as_json(calibration.light_section.camera),
-        "laser_plane": plane_as_json(calibration.plane),
+        "camera": convert_camera_to_json(calibration.light_section.camera),
+        "laser_plane": convert_plane_to_json(calibration.plane),
         "covariance_order": ["tilt_about_section_x", "tilt_about_section_y", "distance"],
         "covariance": calibration.covariance.tolist(),
         "line_rms": calibration.line_rms,
@@ -124,7 +124,7 @@ def build_provenance(method: str, inputs: Iterable[str | os.PathLike[str]]) -> d
     digest, names = hashlib.sha256(), []
     for path in sorted(map(Path, inputs)):
         digest.update(hashlib.sha256(read_bytes(path)).digest())
-        names.append(printable(path.name))
+        names.append(escape_text(path.name))
     return {
         "method": method,
         "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),

@@ -9,7 +9,7 @@ import numpy as np
 
 from lsvision.errors import UnreadableFile
 from lsvision.files.atomic_files import write_atomic
-from lsvision.files.limited_reading import current_size_limit, read_bytes, size_limit
+from lsvision.files.limited_reading import get_size_limit, limit_file_size, read_bytes
 from lsvision.geometry import FloatArray, as_readonly_array
 from lsvision.io.calibration import CAMERA_SCHEMA, LASER_PLANE_SCHEMA
 from lsvision.sensors.camera import Camera
@@ -57,7 +57,7 @@ def read_camera(path: str | os.PathLike[str], *, size: tuple[int, int] | None = 
 
 
 def _read_text(source: Path) -> str:
-    with size_limit(min(current_size_limit(), MAX_CAMERA_FILE_BYTES)):
+    with limit_file_size(min(get_size_limit(), MAX_CAMERA_FILE_BYTES)):
         # An image is not UTF-8; it is then reported as a file without a camera.
         return read_bytes(source).decode("utf-8-sig", "replace")
 

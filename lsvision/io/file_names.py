@@ -6,7 +6,13 @@ from collections.abc import Collection
 from pathlib import Path
 
 from lsvision.errors import UnreadableFile
-from lsvision.files.file_kinds import STDIN, exists, is_directory, is_regular, natural_order
+from lsvision.files.file_kinds import (
+    STDIN,
+    build_natural_sort_key,
+    exists,
+    is_directory,
+    is_regular,
+)
 
 PROFILE_SUFFIXES = frozenset(
     [
@@ -46,7 +52,7 @@ def find_files(name: str, suffixes: frozenset[str] = PROFILE_SUFFIXES) -> list[P
         return [path]
     else:
         files = [Path(match) for match in glob.glob(name, recursive=True)]  # noqa: PTH207 - Path.glob takes no absolute pattern
-    return sorted(filter(is_regular, files), key=natural_order)
+    return sorted(filter(is_regular, files), key=build_natural_sort_key)
 
 
 def find_left_out(name: str, found: Collection[Path]) -> tuple[list[Path], list[Path]]:
@@ -72,7 +78,7 @@ def find_left_out(name: str, found: Collection[Path]) -> tuple[list[Path], list[
         return [], []
     else:
         visible = [Path(match) for match in glob.glob(name, recursive=True)]  # noqa: PTH207 - see `find_files`
-    left_out = sorted({*visible}.difference(found), key=natural_order)
+    left_out = sorted({*visible}.difference(found), key=build_natural_sort_key)
     folders = [entry for entry in left_out if is_directory(entry)]
     files = [entry for entry in left_out if not is_directory(entry)]
     return [] if "**" in name else folders, files
@@ -91,7 +97,7 @@ def find_unlistable_folders(name: str) -> list[Path]:
     errors: list[OSError] = []
     for _, folders, _ in os.walk(root, onerror=errors.append):
         folders[:] = [folder for folder in folders if not folder.startswith(".")]
-    return sorted((Path(error.filename) for error in errors), key=natural_order)
+    return sorted((Path(error.filename) for error in errors), key=build_natural_sort_key)
 
 
 def _list_folder(path: Path) -> list[Path]:

@@ -33,7 +33,7 @@ MAX_PIXELS = 10**8
 the memory of the pixels."""
 
 
-def image_size(content: bytes) -> tuple[int, int] | None:
+def read_image_size(content: bytes) -> tuple[int, int] | None:
     r"""Return the size of a PNG, JPEG, TIFF, BMP, PNM or WebP image.
 
     Parameters
@@ -49,7 +49,7 @@ def image_size(content: bytes) -> tuple[int, int] | None:
 
     Examples
     --------
-    >>> image_size(b"P5\n# made by hand\n640 480\n255\n")
+    >>> read_image_size(b"P5\n# made by hand\n640 480\n255\n")
     (640, 480)
     """
     try:
@@ -61,7 +61,7 @@ def image_size(content: bytes) -> tuple[int, int] | None:
     return None
 
 
-def _png_size(content: bytes) -> tuple[int, int] | None:
+def _read_png_size(content: bytes) -> tuple[int, int] | None:
     """Return the size of a PNG whose chunks are complete: OpenCV may hang at a truncated one."""
     if content[12:16] != b"IHDR":
         return None
@@ -74,12 +74,12 @@ def _png_size(content: bytes) -> tuple[int, int] | None:
     return struct.unpack_from(">II", content, 16)
 
 
-def _pnm_size(content: bytes) -> tuple[int, int] | None:
+def _read_pnm_size(content: bytes) -> tuple[int, int] | None:
     match = _PNM.match(content[:4096])
     return (int(match[1]), int(match[2])) if match else None
 
 
-def _bmp_size(content: bytes) -> tuple[int, int]:
+def _read_bmp_size(content: bytes) -> tuple[int, int]:
     (header,) = struct.unpack_from("<I", content, 14)
     if header == 12:  # BMP of OS/2
         return struct.unpack_from("<HH", content, 18)
@@ -87,7 +87,7 @@ def _bmp_size(content: bytes) -> tuple[int, int]:
     return abs(width), abs(height)
 
 
-def _webp_size(content: bytes) -> tuple[int, int] | None:
+def _read_webp_size(content: bytes) -> tuple[int, int] | None:
     """Return the size of a WebP: extended (VP8X), lossless (VP8L) or lossy (VP8)."""
     kind = content[12:16] if content[8:12] == b"WEBP" else b""
     if kind == b"VP8X":  # width - 1 and height - 1 of 24 bits each
@@ -102,7 +102,7 @@ def _webp_size(content: bytes) -> tuple[int, int] | None:
     return None
 
 
-def _jpeg_size(content: bytes) -> tuple[int, int] | None:
+def _read_jpeg_size(content: bytes) -> tuple[int, int] | None:
     """Return the size in the first frame header of a JPEG; None if the scan begins before it."""
     offset = 2
     while True:
@@ -124,7 +124,7 @@ def _jpeg_size(content: bytes) -> tuple[int, int] | None:
             offset += 2 + length
 
 
-def _tiff_size(content: bytes) -> tuple[int, int] | None:
+def _read_tiff_size(content: bytes) -> tuple[int, int] | None:
     """Return the size in the first directory of a TIFF."""
     order = "<" if content.startswith(b"II") else ">"
     (start,) = struct.unpack_from(f"{order}I", content, 4)
@@ -141,13 +141,13 @@ def _tiff_size(content: bytes) -> tuple[int, int] | None:
 
 
 _FORMATS = (
-    (_PNG_MAGIC, _png_size),
-    (b"\xff\xd8\xff", _jpeg_size),
-    (b"II*\0", _tiff_size),
-    (b"MM\0*", _tiff_size),
-    (b"BM", _bmp_size),
-    (b"RIFF", _webp_size),
-    (b"P", _pnm_size),
+    (_PNG_MAGIC, _read_png_size),
+    (b"\xff\xd8\xff", _read_jpeg_size),
+    (b"II*\0", _read_tiff_size),
+    (b"MM\0*", _read_tiff_size),
+    (b"BM", _read_bmp_size),
+    (b"RIFF", _read_webp_size),
+    (b"P", _read_pnm_size),
 )
 """First bytes of each image format that is read, and the function that reads its size."""
 
@@ -225,7 +225,7 @@ def decode_image(content: bytes) -> npt.NDArray[Any] | None:
     TooManyPixels
         If the image is larger than `MAX_PIXELS`.
     """
-    size = image_size(content)
+    size = read_image_size(content)
     if size is None:
         return None
     if size[0] * size[1] > MAX_PIXELS:

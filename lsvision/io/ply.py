@@ -7,9 +7,9 @@ import numpy.typing as npt
 
 from lsvision.files.atomic_files import write_atomic
 from lsvision.geometry import FloatArray, IntArray, Points
-from lsvision.results.palette import cylinder_colour
+from lsvision.results.palette import choose_cylinder_colour
 from lsvision.scan import ScanMeasurement
-from lsvision.scan.shape import triangulate_tube
+from lsvision.scan.shape import triangulate_cylinder
 
 _VERTEX = np.dtype(
     [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("red", "u1"), ("green", "u1"), ("blue", "u1")]
@@ -97,13 +97,13 @@ def colour_points(scan: ScanMeasurement, points: Points) -> tuple[Points, FloatA
     Points on no cylinder (grey) come first, then those of each cylinder. `points` are all measured
     ones, base frame, in mm; a colour is red, green, blue from 0 to 1.
     """
-    cylinder_points = [tube.points for tube in scan.cylinders]
+    cylinder_points = [cylinder.points for cylinder in scan.cylinders]
     # The cylinders hold copies of the points, which are found again by their equal coordinates.
     assigned = {tuple(point) for array in cylinder_points for point in array.tolist()}
     unassigned = points[[tuple(point) not in assigned for point in points.tolist()]]
     colours = [np.tile(UNASSIGNED_RGB, (len(unassigned), 1))]
     colours += [
-        np.tile(cylinder_rgb(number), (len(array), 1))
+        np.tile(convert_cylinder_colour(number), (len(array), 1))
         for number, array in enumerate(cylinder_points, 1)
     ]
     return np.concatenate([unassigned, *cylinder_points]), np.concatenate(colours)
@@ -118,18 +118,18 @@ def colour_surfaces(scan: ScanMeasurement) -> tuple[Points, FloatArray, IntArray
     # Empty arrays first, so that a scan without cylinders gives an empty mesh.
     points, colours = [np.zeros((0, 3))], [np.zeros((0, 3))]
     triangles, vertex_count = [np.zeros((0, 3), dtype=np.int64)], 0
-    for number, tube in enumerate(scan.cylinders, 1):
-        vertices, tube_triangles = triangulate_tube(tube)
+    for number, cylinder in enumerate(scan.cylinders, 1):
+        vertices, cylinder_triangles = triangulate_cylinder(cylinder)
         points.append(vertices)
-        colours.append(np.tile(cylinder_rgb(number), (len(vertices), 1)))
-        triangles.append(tube_triangles + vertex_count)
+        colours.append(np.tile(convert_cylinder_colour(number), (len(vertices), 1)))
+        triangles.append(cylinder_triangles + vertex_count)
         vertex_count += len(vertices)
     return np.concatenate(points), np.concatenate(colours), np.concatenate(triangles)
 
 
-def cylinder_rgb(number: int) -> tuple[float, float, float]:
+def convert_cylinder_colour(number: int) -> tuple[float, float, float]:
     """Return the colour of a cylinder, numbered from 1, as red, green, blue from 0 to 1."""
     from matplotlib.colors import to_rgb
 
-    red, green, blue = to_rgb(cylinder_colour(number))
+    red, green, blue = to_rgb(choose_cylinder_colour(number))
     return red, green, blue

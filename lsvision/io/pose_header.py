@@ -58,7 +58,7 @@ def read_pose_header(
     (2, 1, 0, 5, 4, 3)
     """
     labels = [split_label(cell) for cell in cells]
-    names = [field_name(name, pose_convention) for name, _ in labels]
+    names = [find_field_name(name, pose_convention) for name, _ in labels]
     missing = [field for field in pose_convention.fields if field not in names]
     repeated = [field for field in pose_convention.fields if names.count(field) > 1]
     if repeated:
@@ -85,19 +85,19 @@ def read_pose_header(
         angles = [unit if unit in ANGLE_UNITS else "" for unit in angles]
     return PoseHeader(
         columns,
-        common_length_unit(set(lengths) - {""}),
-        common_angle_unit(set(angles) - {"", "-", "1"}),
+        find_common_length_unit(set(lengths) - {""}),
+        find_common_angle_unit(set(angles) - {"", "-", "1"}),
     )
 
 
-def field_name(name: str, pose_convention: PoseConvention) -> str:
+def find_field_name(name: str, pose_convention: PoseConvention) -> str:
     """Return the convention's field for a name in a header; the letters of any other name."""
     letters = re.sub(r"[\W_]", "", name)
     letters = _ALIASES.get(letters, letters)
     return _ABB_QUATERNION.get(letters, letters) if pose_convention.name == "abb" else letters
 
 
-def common_length_unit(units: set[str]) -> LengthUnit | None:
+def find_common_length_unit(units: set[str]) -> LengthUnit | None:
     """Return the unit of all lengths of a file from those stated; None if none is stated.
 
     Raises
@@ -114,7 +114,7 @@ def common_length_unit(units: set[str]) -> LengthUnit | None:
     raise ValueError(f"lengths in {', '.join(sorted(units))}: expected all in mm, or all in m")
 
 
-def common_angle_unit(units: set[str]) -> AngleUnit | None:
+def find_common_angle_unit(units: set[str]) -> AngleUnit | None:
     """Return the unit of all angles of a file from those stated; None if none is stated."""
     if not units:
         return None

@@ -96,7 +96,7 @@ def propagate_to_numbers(pose: Pose, covariance: npt.ArrayLike, convention: str)
     return std
 
 
-def frame_rows(hand_eye: HandEye, convention: str) -> list[Row]:
+def format_frame_rows(hand_eye: HandEye, convention: str) -> list[Row]:
     """Return table rows of the sensor's frame: each number with one sigma, and all in one line."""
     pose_convention = find_convention(convention)
     mount = "flange" if hand_eye.mounting == "eye_in_hand" else "base"
@@ -104,9 +104,11 @@ def frame_rows(hand_eye: HandEye, convention: str) -> list[Row]:
     pose = hand_eye.mount_from_sensor
     values = numbers_from_pose(pose, convention)
     if pose_convention.rotation == "matrix":
-        return _matrix_rows(name, values.reshape(4, 4), hand_eye.covariance)
+        return _format_matrix_rows(name, values.reshape(4, 4), hand_eye.covariance)
     std = propagate_to_numbers(pose, hand_eye.covariance, convention)
-    units = [pose_convention.length_unit] * 3 + [_angle_unit(pose_convention)] * (len(values) - 3)
+    units = [pose_convention.length_unit] * 3 + [_select_angle_unit(pose_convention)] * (
+        len(values) - 3
+    )
     fields = [  # X, Y, Z, A, B, C as robots show them, but q1, qx, rx
         field.upper() if pose_convention.is_euler else field for field in pose_convention.fields
     ]
@@ -128,7 +130,7 @@ def _format_fixed(value: float, decimals: int) -> str:
     return f"{round(value, decimals) + 0.0:.{decimals}f}"
 
 
-def _matrix_rows(name: str, matrix: FloatArray, covariance: FloatArray) -> list[Row]:
+def _format_matrix_rows(name: str, matrix: FloatArray, covariance: FloatArray) -> list[Row]:
     """Return the table rows of a 4x4 matrix, and those of the stds of its position and rotation."""
     decimals = [DECIMALS[""]] * 3 + [DECIMALS["mm"]]
     rows: list[Row] = [
@@ -149,7 +151,7 @@ def _matrix_rows(name: str, matrix: FloatArray, covariance: FloatArray) -> list[
     ]
 
 
-def _angle_unit(pose_convention: PoseConvention) -> str:
+def _select_angle_unit(pose_convention: PoseConvention) -> str:
     """Return the unit of the numbers of a rotation; empty for a quaternion."""
     return "" if pose_convention.is_quaternion else pose_convention.angle_unit
 

@@ -20,29 +20,29 @@ _FANUC_FIELD = re.compile(r"\b([XYZWPR])\s*=\s*([^\s,;}]+)[ \t]*([A-Z]*)", re.IG
 _FANUC_FRAME = re.compile(r"\b(U[FT])\s*:\s*(\S{1,40}?)\s*,", re.IGNORECASE)
 
 
-def _numbers_pattern(count: int) -> str:
+def _build_numbers_pattern(count: int) -> str:
     """Return the pattern of numbers between commas."""
     return r"\s*,\s*".join([NUMBER] * count)
 
 
 # A robtarget [[x, y, z], [q1, q2, q3, q4], [axis configuration], [external axes]].
 _ABB = re.compile(
-    rf"\[\s*\[\s*({_numbers_pattern(3)})\s*\]\s*,\s*\[\s*({_numbers_pattern(4)})\s*\]\s*,"
-    rf"\s*\[\s*{_numbers_pattern(4)}\s*\]\s*,\s*\["
+    rf"\[\s*\[\s*({_build_numbers_pattern(3)})\s*\]\s*,\s*\[\s*({_build_numbers_pattern(4)})\s*\]\s*,"
+    rf"\s*\[\s*{_build_numbers_pattern(4)}\s*\]\s*,\s*\["
 )
 _ABB_WORK_OBJECT = re.compile(r"\\WObj\s*:=\s*(\w+)", re.IGNORECASE)
 # A position (x, y, z, a, b, c, additional axes)(structure flag 1, structure flag 2).
 _MITSUBISHI = re.compile(
-    rf"\(\s*({_numbers_pattern(6)})\s*(?:,[-+\s0-9.,]*)?\)\s*\(\s*[0-9]*\s*,\s*[-+]?[0-9]*\s*\)"
+    rf"\(\s*({_build_numbers_pattern(6)})\s*(?:,[-+\s0-9.,]*)?\)\s*\(\s*[0-9]*\s*,\s*[-+]?[0-9]*\s*\)"
 )
 # Positions of a Yaskawa job (JBI): joint pulses, or x, y, z, Rx, Ry, Rz in the frame of POSTYPE.
 _YASKAWA = re.compile(r"^//POS\b", re.MULTILINE)
-_YASKAWA_POSITION = re.compile(rf"^C[0-9]+\s*=\s*({_numbers_pattern(6)})\s*$", re.MULTILINE)
+_YASKAWA_POSITION = re.compile(rf"^C[0-9]+\s*=\s*({_build_numbers_pattern(6)})\s*$", re.MULTILINE)
 _YASKAWA_START = re.compile(r"^C[0-9]+\s*=", re.MULTILINE)
 # Motions of a UR script, such as movel(p[x, y, z, rx, ry, rz], v=0.1).
 _UR = re.compile(r"\bmove[jlpc]\s*\(")
 _UR_POSITION = re.compile(
-    rf"\bmove[jlp]\s*\(\s*(?:pose\s*=\s*)?p\[\s*({_numbers_pattern(6)})\s*\]\s*[,)]"
+    rf"\bmove[jlp]\s*\(\s*(?:pose\s*=\s*)?p\[\s*({_build_numbers_pattern(6)})\s*\]\s*[,)]"
 )
 _UR_TOOL = re.compile(r"\bset_tcp\s*\(\s*([^)]*?)\s*\)")
 # A section of a Kawasaki program (AS), whose positions are sorted by name and not by motion.
@@ -93,12 +93,12 @@ def read_program_rows(
         frames, work objects, tools or motion groups, or a convention other than the maker's.
     """
     readers = {
-        "kuka": _kuka_rows,
-        "fanuc": _fanuc_rows,
-        "abb": _abb_rows,
-        "mitsubishi": _mitsubishi_rows,
-        "yaskawa": _yaskawa_rows,
-        "ur": _ur_rows,
+        "kuka": _parse_kuka_rows,
+        "fanuc": _parse_fanuc_rows,
+        "abb": _parse_abb_rows,
+        "mitsubishi": _parse_mitsubishi_rows,
+        "yaskawa": _parse_yaskawa_rows,
+        "ur": _parse_ur_rows,
     }
     maker = find_maker(text)
     if maker in readers:
@@ -126,7 +126,7 @@ def read_program_rows(
     return None
 
 
-def _kuka_rows(path: Path, text: str, pose_convention: PoseConvention) -> list[list[float]]:
+def _parse_kuka_rows(path: Path, text: str, pose_convention: PoseConvention) -> list[list[float]]:
     rows, text = [], _without_kuka_settings(text)
     for name, kind in (("BASE_NO", "in several bases"), ("TOOL_NO", "of several tools")):
         numbers = list(dict.fromkeys(re.findall(rf"\b{name}\s+([0-9]+)", text, re.IGNORECASE)))
@@ -143,7 +143,7 @@ def _without_kuka_settings(text: str) -> str:
     return "\n".join(line for line in lines if not line.lstrip().startswith("$"))
 
 
-def _fanuc_rows(path: Path, text: str, pose_convention: PoseConvention) -> list[list[float]]:
+def _parse_fanuc_rows(path: Path, text: str, pose_convention: PoseConvention) -> list[list[float]]:
     """Return the positions of a FANUC program (LS), one row each, in the order of the file."""
     rows, frames = [], []
     for name, body in _FANUC.findall(text):
@@ -174,7 +174,7 @@ def _fanuc_rows(path: Path, text: str, pose_convention: PoseConvention) -> list[
     return rows
 
 
-def _abb_rows(path: Path, text: str, _: PoseConvention) -> list[list[float]]:
+def _parse_abb_rows(path: Path, text: str, _: PoseConvention) -> list[list[float]]:
     """Return the positions of an ABB program (RAPID), without its comments, from ! on."""
     text = "\n".join(line.partition("!")[0] for line in text.split("\n"))
     work_objects = list(dict.fromkeys(_ABB_WORK_OBJECT.findall(text)))
@@ -184,7 +184,7 @@ def _abb_rows(path: Path, text: str, _: PoseConvention) -> list[list[float]]:
     return rows
 
 
-def _mitsubishi_rows(path: Path, text: str, _: PoseConvention) -> list[list[float]]:
+def _parse_mitsubishi_rows(path: Path, text: str, _: PoseConvention) -> list[list[float]]:
     """Return the positions of a Mitsubishi program, without its comments (from ' on) and settings.
 
     Settings are system variables, whose names begin with P_.
@@ -196,7 +196,7 @@ def _mitsubishi_rows(path: Path, text: str, _: PoseConvention) -> list[list[floa
     return rows
 
 
-def _yaskawa_rows(path: Path, text: str, _: PoseConvention) -> list[list[float]]:
+def _parse_yaskawa_rows(path: Path, text: str, _: PoseConvention) -> list[list[float]]:
     """Return the positions C00000, C00001, ... of a Yaskawa job in the order of the file."""
     if re.search(r"^///PULSE\b", text, re.MULTILINE):
         raise UnreadableFile(
@@ -215,7 +215,7 @@ def _yaskawa_rows(path: Path, text: str, _: PoseConvention) -> list[list[float]]
     return rows
 
 
-def _ur_rows(path: Path, text: str, _: PoseConvention) -> list[list[float]]:
+def _parse_ur_rows(path: Path, text: str, _: PoseConvention) -> list[list[float]]:
     """Return the poses p[...] that a UR script moves to, without its comments (from # on)."""
     text = "\n".join(line.partition("#")[0] for line in text.split("\n"))
     _require_one(path, "of several tools", "TCP", list(dict.fromkeys(_UR_TOOL.findall(text))))

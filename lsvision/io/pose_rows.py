@@ -12,14 +12,14 @@ from lsvision.files.limited_reading import read_text
 from lsvision.io.pose_header import (
     ANGLE_UNITS,
     PoseHeader,
-    common_angle_unit,
-    common_length_unit,
-    field_name,
+    find_common_angle_unit,
+    find_common_length_unit,
+    find_field_name,
     read_pose_header,
 )
 from lsvision.io.pose_matrices import find_printed_matrices
 from lsvision.io.pose_programs import read_program_rows
-from lsvision.io.profiles.json_values import lines_on_units
+from lsvision.io.profiles.json_values import iterate_lines_on_units
 from lsvision.io.profiles.unit_statements import find_unit_statements
 from lsvision.io.profiles.units import NOT_LENGTHS, StatedUnit, parse_unit, split_label
 from lsvision.io.robot_conventions import CONVENTIONS, AngleUnit, LengthUnit, PoseConvention
@@ -71,22 +71,24 @@ def read_pose_rows(path: Path, pose_convention: PoseConvention, skip_columns: in
     if suffix in {".json", ".rob", ".yaml", ".yml"}:
         parse = parse_json if suffix in {".json", ".rob"} else parse_yaml
         document = _parse(path, text, parse)
-        lines = lines_on_units(document) if isinstance(document, Mapping) else ()
-        stated = _stated_units(path, [f"# {line}" for line in lines], pose_convention)
-        rows = _structured_rows(document, pose_convention, path)
+        lines = iterate_lines_on_units(document) if isinstance(document, Mapping) else ()
+        stated = _find_stated_units(path, [f"# {line}" for line in lines], pose_convention)
+        rows = _read_structured_rows(document, pose_convention, path)
         return PoseRows(rows, stated.length_unit, stated.angle_unit, may_state_units=False)
     program = read_program_rows(path, text, pose_convention)
     if program is not None:
         return PoseRows(program, pose_convention.length_unit, pose_convention.angle_unit)
     matrices = find_printed_matrices(text)
     if matrices is None:
-        return _text_rows(path, text, pose_convention, skip_columns)
+        return _read_text_rows(path, text, pose_convention, skip_columns)
     if pose_convention.rotation != "matrix":
         raise UnreadableFile(
             f"{path}: expected poses in convention {pose_convention.name!r}, got {len(matrices)} "
             "4x4 matrices: use --convention matrix"
         )
-    return PoseRows(matrices, _stated_units(path, text.splitlines(), pose_convention).length_unit)
+    return PoseRows(
+        matrices, _find_stated_units(path, text.splitlines(), pose_convention).length_unit
+    )
 
 
 def _parse(path: Path, text: str, parse: Callable[[str], Any]) -> Any:
@@ -98,7 +100,7 @@ def _parse(path: Path, text: str, parse: Callable[[str], Any]) -> Any:
         ) from None
 
 
-def _structured_rows(
+def _read_structured_rows(
     document: Any, pose_convention: PoseConvention, path: Path
 ) -> list[list[float]]:
     """Return the rows of a list of poses in JSON or YAML."""
@@ -131,7 +133,7 @@ def _flatten(row: Any, pose_convention: PoseConvention) -> list[float]:
         if isinstance(named.get("pose"), Mapping):  # of a message with a header
             return _flatten(named["pose"], pose_convention)
         if pose_convention.name == "ros":
-            named |= _fields_of_message(named)
+            named |= _read_fields_of_message(named)
         missing = [field for field in pose_convention.fields if field not in named]
         if missing:
             raise ValueError(
@@ -143,7 +145,7 @@ def _flatten(row: Any, pose_convention: PoseConvention) -> list[float]:
     return [float(row)]
 
 
-def _fields_of_message(message: Mapping[str, Any]) -> dict[str, Any]:
+def _read_fields_of_message(message: Mapping[str, Any]) -> dict[str, Any]:
     """Return the fields of a ROS message Pose or Transform; none of another mapping."""
     for position_key, rotation_key in (("position", "orientation"), ("translation", "rotation")):
         position, rotation = message.get(position_key), message.get(rotation_key)
@@ -152,12 +154,12 @@ def _fields_of_message(message: Mapping[str, Any]) -> dict[str, Any]:
     return {}
 
 
-def _text_rows(path: Path, text: str, pose_convention: PoseConvention, skip: int) -> PoseRows:
+def _read_text_rows(path: Path, text: str, pose_convention: PoseConvention, skip: int) -> PoseRows:
     """Return the rows of a text table with the units that its header or comments state."""
     lines = text.splitlines()
     numbered = [(n, cells) for n, line in enumerate(lines, 1) if (cells := _split_cells(line))]
     names, numbered = _separate_header(lines, numbered, pose_convention)
-    stated = _stated_units(path, lines, pose_convention)
+    stated = _find_stated_units(path, lines, pose_convention)
     try:
         header = read_pose_header(names, pose_convention, skip) if names else PoseHeader()
     except ValueError as error:
@@ -192,7 +194,7 @@ def _separate_header(
     if [cell for cell in first if cell] == [str(k) for k in range(sum(map(bool, first)))]:
         return [], numbered[1:]
     if not any(map(_LETTER.search, first)) or any(map(_is_number, first)):
-        return _commented_header(lines, numbered, pose_convention), numbered
+        return _find_commented_header(lines, numbered, pose_convention), numbered
     units = numbered[1][1] if len(numbered) > 1 else []
     if len(units) != len(first) or not all(map(_is_unit, units)):
         return first, numbered[1:]
@@ -206,7 +208,7 @@ def _is_unit(cell: str) -> bool:
     return word in NOT_LENGTHS or word in ("", "-", "1") or parse_unit(word) is not None
 
 
-def _commented_header(
+def _find_commented_header(
     lines: Sequence[str], numbered: Sequence[_NumberedCells], pose_convention: PoseConvention
 ) -> list[str]:
     """Return the column names in the last comment above the first row of cells.
@@ -218,11 +220,13 @@ def _commented_header(
     number, cells = numbered[0]
     comments = [line.strip().lstrip("#%/ ") for line in lines[: number - 1] if line.strip()]
     names = _split_cells(comments[-1]) if comments else []
-    fields = [field_name(split_label(name)[0], pose_convention) for name in names]
+    fields = [find_field_name(split_label(name)[0], pose_convention) for name in names]
     return names if len(names) == len(cells) and {"x", "y", "z"} <= set(fields) else []
 
 
-def _stated_units(path: Path, lines: Sequence[str], pose_convention: PoseConvention) -> PoseHeader:
+def _find_stated_units(
+    path: Path, lines: Sequence[str], pose_convention: PoseConvention
+) -> PoseHeader:
     """Return the units that the comments state, for all lengths and for all angles.
 
     Raises
@@ -241,8 +245,8 @@ def _stated_units(path: Path, lines: Sequence[str], pose_convention: PoseConvent
     angles = {unit.lower() for line in comments for unit in _ANGLE_UNIT.findall(line)}
     try:
         return PoseHeader(
-            length_unit=common_length_unit(lengths),
-            angle_unit=common_angle_unit(angles) if has_angles else None,
+            length_unit=find_common_length_unit(lengths),
+            angle_unit=find_common_angle_unit(angles) if has_angles else None,
         )
     except ValueError as error:
         raise UnreadableFile(f"{path}: {error}") from error

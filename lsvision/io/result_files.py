@@ -43,7 +43,7 @@ class ResultFormat(Protocol):
         """
         ...
 
-    def item(self, result: Any) -> str:
+    def format_item(self, result: Any) -> str:
         """Return the text of the next result."""
         ...
 
@@ -129,7 +129,7 @@ class _Stream:
     def add(self, results: Sequence[Any]) -> None:
         if results:
             self._start(results)
-        self._stream.write("".join(map(self._format.item, results)))
+        self._stream.write("".join(map(self._format.format_item, results)))
         self._stream.flush()
 
     def _start(self, results: Sequence[Any]) -> None:
@@ -155,7 +155,7 @@ class _RewrittenFile:
 
     def __init__(self, path: Path, format_: ResultFormat, *, write_empty: bool) -> None:
         self._path, self._format = path, format_
-        self._body = _new_spool()
+        self._body = _open_spool()
         self._unwritten, self._next_rewrite = write_empty, time.monotonic() + CHECKPOINT_S
 
     def add(self, results: Sequence[Any]) -> None:
@@ -164,7 +164,7 @@ class _RewrittenFile:
         if self._format.prepare(results):
             self._convert_earlier(head)
         for result in results:
-            self._body.write(self._format.item(result).encode("utf-8", "backslashreplace"))
+            self._body.write(self._format.format_item(result).encode("utf-8", "backslashreplace"))
         self._unwritten |= bool(results)
         start = time.monotonic()
         if start >= self._next_rewrite:
@@ -179,13 +179,13 @@ class _RewrittenFile:
     def _rewrite(self) -> None:
         """Write the file completely, if a result came since the last time."""
         if self._unwritten:
-            write_atomic(self._path, self._chunks())
+            write_atomic(self._path, self._iterate_chunks())
             self._unwritten = False
 
     def close(self) -> None:
         self._body.close()
 
-    def _chunks(self) -> Iterator[bytes]:
+    def _iterate_chunks(self) -> Iterator[bytes]:
         yield self._format.head.encode()
         self._body.seek(0)
         while chunk := self._body.read(CHUNK_BYTES):
@@ -195,11 +195,11 @@ class _RewrittenFile:
     def _convert_earlier(self, head: str) -> None:
         """Convert the text of the earlier results, written under `head`, to the present head."""
         self._body.seek(0)
-        earlier_text, self._body = io.TextIOWrapper(self._body, "utf-8", newline=""), _new_spool()
+        earlier_text, self._body = io.TextIOWrapper(self._body, "utf-8", newline=""), _open_spool()
         with earlier_text:
             for text in self._format.convert(earlier_text, head):
                 self._body.write(text.encode("utf-8", "backslashreplace"))
 
 
-def _new_spool() -> SpooledTemporaryFile[bytes]:
+def _open_spool() -> SpooledTemporaryFile[bytes]:
     return SpooledTemporaryFile(SPOOL_BYTES)

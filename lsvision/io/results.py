@@ -6,9 +6,9 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TextIO
 
-from lsvision.ellipse.section_table import SECTION_COLUMNS, section_row
-from lsvision.files.printable import printable_cell
-from lsvision.results.quantities import Record, coordinate_columns, finite_or_none
+from lsvision.ellipse.section_table import SECTION_COLUMNS, build_section_row
+from lsvision.files.printable import escape_cell
+from lsvision.results.quantities import Record, build_coordinate_columns, replace_nonfinite
 
 if TYPE_CHECKING:
     from lsvision.cylinder.robot_frame import PlacedCylinder
@@ -28,7 +28,7 @@ FRAMES = ("base", "flange")
 """Frames of a robot in which cylinders are placed."""
 
 
-def measurement_record(
+def build_measurement_record(
     measurement: "Measurement",
     *,
     source: str = "",
@@ -52,14 +52,14 @@ def measurement_record(
         The two cylinders that fit each section equally well, in the robot's frame; they become
         ``base_frame`` or ``flange_frame`` of its record.
     reading : dict, optional
-        How the profile was read, from `input_record`; it becomes ``input`` of the record.
+        How the profile was read, from `build_input_record`; it becomes ``input`` of the record.
     reason : str, optional
         Reason why the profile has no cylinder; left out if it has one.
     """
     values = measurement.to_dict()
     if placed is not None:
         for record, twins in zip(values["cylinders"], placed, strict=True):
-            record[f"{twins[0].frame}_frame"] = _placed_record(twins)
+            record[f"{twins[0].frame}_frame"] = _build_placed_record(twins)
     record = {
         "schema": RECORD_SCHEMA,
         "source": source,
@@ -72,7 +72,7 @@ def measurement_record(
     return record
 
 
-def input_record(file: "ProfileFile", profile: int) -> Record:
+def build_input_record(file: "ProfileFile", profile: int) -> Record:
     """Return how a profile of a file was read: reader, units, lost points, attributes."""
     record: Record = {
         "reader": file.reader,
@@ -87,7 +87,7 @@ def input_record(file: "ProfileFile", profile: int) -> Record:
     }
     if file.attributes:
         record["attributes"] = {
-            name: finite_or_none(value) if isinstance(value, float) else value
+            name: replace_nonfinite(value) if isinstance(value, float) else value
             for name, value in file.attributes[profile].items()
         }
     return record
@@ -109,7 +109,7 @@ class JsonFormat:
         """Return False: the head never changes."""
         return False
 
-    def item(self, record: Record) -> str:
+    def format_item(self, record: Record) -> str:
         """Return the text of the next record on one line; indented text takes ten times as long."""
         separator, self._separator = self._separator, ",\n"
         return f"{separator}    {json.dumps(record, allow_nan=False)}"
@@ -140,13 +140,13 @@ class CsvFormat:
     tail = ""
 
     def __init__(self, frame: str | None = None) -> None:
-        self._fixed = [*CSV_COLUMNS, *([] if frame is None else _placed_columns(frame))]
+        self._fixed = [*CSV_COLUMNS, *([] if frame is None else _list_placed_columns(frame))]
         self._attributes: dict[str, str] = {}
 
     @property
     def head(self) -> str:
         """Return the header line."""
-        return self._lines([dict(zip(self._columns, self._columns, strict=True))])
+        return self._format_lines([dict(zip(self._columns, self._columns, strict=True))])
 
     def prepare(self, records: Sequence[Record]) -> bool:
         """Add a column for each new attribute of the records; return whether there is one.
@@ -155,26 +155,28 @@ class CsvFormat:
         """
         previous_count = len(self._attributes)
         for record in records:
-            for name in _attributes(record):
+            for name in _collect_attributes(record):
                 if name not in self._attributes:
-                    column = printable_cell(name)
+                    column = escape_cell(name)
                     while column in self._columns:
                         column = f"{column}_in_file"
                     self._attributes[name] = column
         return len(self._attributes) > previous_count
 
-    def item(self, record: Record) -> str:
+    def format_item(self, record: Record) -> str:
         """Return the rows of the next record."""
-        rows = [_csv_row(record, k, cylinder) for k, cylinder in enumerate(record["cylinders"])]
+        rows = [
+            _build_csv_row(record, k, cylinder) for k, cylinder in enumerate(record["cylinders"])
+        ]
         if not rows:
             source = {"source": record["source"], "profile": record["profile"]}
             rows = [source | {"reason": record.get("reason", "")}]
         attributes = {
             self._attributes[name]: value
-            for name, value in _attributes(record).items()
+            for name, value in _collect_attributes(record).items()
             if name in self._attributes
         }
-        return self._lines([row | attributes for row in rows])
+        return self._format_lines([row | attributes for row in rows])
 
     def convert(self, text: TextIO, head: str) -> Iterator[str]:
         """Yield rows written under another header with the columns of the present one."""
@@ -182,7 +184,7 @@ class CsvFormat:
         try:
             (columns,) = csv.reader([head])
             for row in csv.DictReader(text, columns):
-                yield self._lines([row])
+                yield self._format_lines([row])
         finally:
             csv.field_size_limit(limit)
 
@@ -190,13 +192,13 @@ class CsvFormat:
     def _columns(self) -> list[str]:
         return [*self._fixed, *self._attributes.values(), "reason"]
 
-    def _lines(self, rows: Sequence[Record]) -> str:
+    def _format_lines(self, rows: Sequence[Record]) -> str:
         text = io.StringIO()
         csv.DictWriter(text, self._columns, lineterminator="\n").writerows(rows)
         return text.getvalue()
 
 
-def _placed_record(twins: "tuple[PlacedCylinder, PlacedCylinder]") -> Record:
+def _build_placed_record(twins: "tuple[PlacedCylinder, PlacedCylinder]") -> Record:
     """Return the record of a cylinder in the robot's frame, with both possible directions."""
     from lsvision.cylinder.robot_frame import PLACED_COVARIANCE_ORDER
 
@@ -210,25 +212,25 @@ def _placed_record(twins: "tuple[PlacedCylinder, PlacedCylinder]") -> Record:
     }
 
 
-def _csv_row(record: Record, number: int, cylinder: Record) -> Record:
+def _build_csv_row(record: Record, number: int, cylinder: Record) -> Record:
     row: Record = {"source": record["source"], "profile": record["profile"], "cylinder": number}
-    row |= section_row(cylinder)
+    row |= build_section_row(cylinder)
     for frame in FRAMES:
         if f"{frame}_frame" in cylinder:
-            row |= _placed_row(frame, cylinder[f"{frame}_frame"])
+            row |= _build_placed_row(frame, cylinder[f"{frame}_frame"])
     return row
 
 
-def _attributes(record: Record) -> dict[str, Any]:
+def _collect_attributes(record: Record) -> dict[str, Any]:
     """Return the attributes of a profile; a spreadsheet must not evaluate the texts as formulas."""
     attributes: dict[str, Any] = record.get("input", {}).get("attributes", {})
     return {
-        name: printable_cell(value) if isinstance(value, str) else value
+        name: escape_cell(value) if isinstance(value, str) else value
         for name, value in attributes.items()
     }
 
 
-def _placed_columns(frame: str) -> list[str]:
+def _list_placed_columns(frame: str) -> list[str]:
     """Return the names of the columns of a cylinder in the robot's frame."""
     numbers = [0.0, 0.0, 0.0]
     twin = {"direction": numbers, "direction_std_deg": 0.0}
@@ -238,17 +240,17 @@ def _placed_columns(frame: str) -> list[str]:
         "twins": [twin, twin],
         "includes_calibration": False,
     }
-    return list(_placed_row(frame, empty))
+    return list(_build_placed_row(frame, empty))
 
 
-def _placed_row(frame: str, placed: Mapping[str, Any]) -> Record:
-    """Return the columns of a record from `_placed_record`."""
+def _build_placed_row(frame: str, placed: Mapping[str, Any]) -> Record:
+    """Return the columns of a record from `_build_placed_record`."""
     row: Record = {}
     for name, numbers in (("point", placed["point_mm"]), ("point_std", placed["point_std_mm"])):
-        row |= coordinate_columns(f"{frame}_{name}", numbers, "_mm")
+        row |= build_coordinate_columns(f"{frame}_{name}", numbers, "_mm")
     for sign, twin in zip(("plus", "minus"), placed["twins"], strict=True):
         name = f"{frame}_direction_{sign}"
-        row |= coordinate_columns(name, twin["direction"])
+        row |= build_coordinate_columns(name, twin["direction"])
         row[f"{name}_std_deg"] = twin["direction_std_deg"]
     row["includes_calibration"] = placed["includes_calibration"]
     return row

@@ -172,11 +172,11 @@ def pose_from_numbers(
     if pose_convention.rotation == "matrix":
         return _pose_from_matrix(values.reshape(4, 4), mm_per_unit)
     rad_per_unit = RAD_PER_UNIT[angle_unit or pose_convention.angle_unit]
-    rotation = _rotation_matrix(values[3:], pose_convention, rad_per_unit)
+    rotation = _build_rotation_matrix(values[3:], pose_convention, rad_per_unit)
     return Pose(rotation, values[:3] * mm_per_unit)
 
 
-def _rotation_matrix(
+def _build_rotation_matrix(
     values: FloatArray, pose_convention: PoseConvention, rad_per_unit: float
 ) -> FloatArray:
     """Return the rotation matrix (3, 3) of a quaternion, a rotation vector or Euler angles."""

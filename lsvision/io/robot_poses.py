@@ -149,13 +149,13 @@ def _read_files(path: str | Path, pose_convention: PoseConvention, skip_columns:
         )
     return PoseRows(
         rows,
-        _common_unit(path, [table.length_unit for table in tables]),
-        _common_unit(path, [table.angle_unit for table in tables]),
+        _find_common_unit(path, [table.length_unit for table in tables]),
+        _find_common_unit(path, [table.angle_unit for table in tables]),
         all(table.may_state_units for table in tables),
     )
 
 
-def _common_unit(path: str | Path, units: Sequence[_Unit | None]) -> _Unit | None:
+def _find_common_unit(path: str | Path, units: Sequence[_Unit | None]) -> _Unit | None:
     """Return the unit that all files state; None if none of them states one."""
     distinct = set(units)
     if len(distinct) > 1:
@@ -163,7 +163,7 @@ def _common_unit(path: str | Path, units: Sequence[_Unit | None]) -> _Unit | Non
     return units[0]
 
 
-def encoder_poses(count: int, direction: npt.ArrayLike, step: float) -> list[Pose]:
+def build_encoder_poses(count: int, direction: npt.ArrayLike, step: float) -> list[Pose]:
     """Return the poses of a section moved along an encoder axis in equal steps.
 
     Parameters
@@ -189,7 +189,7 @@ def encoder_poses(count: int, direction: npt.ArrayLike, step: float) -> list[Pos
 
     Examples
     --------
-    >>> encoder_poses(3, (0, 0, 1), step=0.5)[2].translation
+    >>> build_encoder_poses(3, (0, 0, 1), step=0.5)[2].translation
     array([0., 0., 1.])
     """
     if count < 1:
@@ -220,7 +220,7 @@ def _find_angle_problem(
                 for other in CONVENTIONS.values()
                 if other.fields == pose_convention.fields and other.is_euler
             ]
-            remedy = in_file + _angle_unit_remedy(pose_convention, "deg")
+            remedy = in_file + _suggest_angle_unit(pose_convention, "deg")
             return (
                 f"rotation vector of length {angle:.4g} rad, more than a revolution: for angles of "
                 f"another robot with the same columns use --convention {' or '.join(others)}, else "
@@ -229,13 +229,13 @@ def _find_angle_problem(
     elif MIN_ANGLE_RAD < largest <= MAX_ANGLE_RAD and len(rows) > 1:
         return (
             f"no angle above {largest:.4g}: these look like radians where {pose_convention.name} "
-            f"has degrees: {in_file}{_angle_unit_remedy(pose_convention, 'rad')}, or deg if they "
+            f"has degrees: {in_file}{_suggest_angle_unit(pose_convention, 'rad')}, or deg if they "
             "are so small"
         )
     return None
 
 
-def _angle_unit_remedy(pose_convention: PoseConvention, unit: AngleUnit) -> str:
+def _suggest_angle_unit(pose_convention: PoseConvention, unit: AngleUnit) -> str:
     """Return the remedy that states the unit of the angles in a header."""
     header = ",".join(
         pose_convention.fields[:3]
@@ -244,7 +244,7 @@ def _angle_unit_remedy(pose_convention: PoseConvention, unit: AngleUnit) -> str:
     return f"state the unit in a header, {header} (in Python angle_unit='{unit}')"
 
 
-def _length_unit_remedy(unit: LengthUnit) -> str:
+def _suggest_length_unit(unit: LengthUnit) -> str:
     """Return the remedy that states the unit of lengths in the first line."""
     return f"state the unit in a first line, # lengths in {unit} (in Python length_unit='{unit}')"
 
@@ -264,12 +264,12 @@ def _find_motion_problem(
         return (
             f"the poses reach {max_distance / 1000:.4g} m from the origin and spread over "
             f"{spread / 1000:.4g} m, probably millimetres read as metres: "
-            f"{in_file}{_length_unit_remedy('mm')}"
+            f"{in_file}{_suggest_length_unit('mm')}"
         )
     if stated is None and max_distance < MIN_POSITION_MM:
         return (
             f"no pose is more than {max_distance:.4g} mm from the origin, probably metres read as "
-            f"millimetres: {in_file}{_length_unit_remedy('m')}, or mm if that is correct"
+            f"millimetres: {in_file}{_suggest_length_unit('m')}, or mm if that is correct"
         )
     rotation_change = float(np.abs(rotations - rotations[0]).max())
     if len(origins) > 1 and spread < SAME_POSE_MM and rotation_change < SAME_POSE_RAD:

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from typing import TextIO
 
 from lsvision.errors import LsvisionError
-from lsvision.files.printable import printable_cell
+from lsvision.files.printable import escape_cell
 from lsvision.inspection.judged_measurements import JudgedMeasurement
 from lsvision.results.quantities import Record
 
@@ -39,7 +39,7 @@ class VerdictJsonFormat:
         """Return False, since no verdict changes the head."""
         return False
 
-    def item(self, judged: JudgedMeasurement) -> str:
+    def format_item(self, judged: JudgedMeasurement) -> str:
         """Return the text of the next verdict, indented."""
         separator, self._separator = self._separator, ",\n"
         text = json.dumps(judged.record, indent=2, allow_nan=False)
@@ -65,7 +65,7 @@ class VerdictCsvFormat:
     @property
     def head(self) -> str:
         """Return the header line."""
-        return _csv_line(self._columns)
+        return _format_csv_line(self._columns)
 
     def prepare(self, judged: Sequence[JudgedMeasurement]) -> bool:
         """Take the columns of the first verdict; return False.
@@ -76,11 +76,11 @@ class VerdictCsvFormat:
             self._columns = list(judged[0].rows[0])
         return False
 
-    def item(self, judged: JudgedMeasurement) -> str:
+    def format_item(self, judged: JudgedMeasurement) -> str:
         """Return the rows of the next verdict."""
         return "".join(
-            _csv_line(
-                [printable_cell(cell) if isinstance(cell, str) else cell for cell in row.values()]
+            _format_csv_line(
+                [escape_cell(cell) if isinstance(cell, str) else cell for cell in row.values()]
             )
             for row in judged.rows
         )
@@ -90,13 +90,13 @@ class VerdictCsvFormat:
         yield from text
 
 
-def _csv_line(cells: Sequence[object]) -> str:
+def _format_csv_line(cells: Sequence[object]) -> str:
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerow(cells)
     return text.getvalue()
 
 
-def verdicts_parquet(rows: Sequence[Record]) -> bytes:
+def encode_verdicts_parquet(rows: Sequence[Record]) -> bytes:
     """Return the rows of the CSV table as a Parquet file.
 
     Raises

@@ -113,7 +113,7 @@ def extract_laser_line(
     _check_exposure(line_image)
     direction = settings.direction or find_direction(line_image, settings)
     if direction == "rows":
-        line_image = line_image.transposed()
+        line_image = line_image.transpose()
     detected = find_line(line_image, settings)
     coarseness: FloatArray | float = 0.0
     if settings.luminance and line_image.colours:

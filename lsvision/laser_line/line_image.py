@@ -79,7 +79,7 @@ class LineImage:
         """
         return min(1.0, self.full_scale / 255) if self.raw_channel.dtype.kind == "f" else 1.0
 
-    def transposed(self) -> "LineImage":
+    def transpose(self) -> "LineImage":
         """Return the image with rows and columns exchanged."""
         signal = cv2.transpose(self.signal)
         # Channels that are the same array stay the same, which callers test.

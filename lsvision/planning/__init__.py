@@ -8,7 +8,7 @@ package shares no code with the fits, so that a fit can be compared with it.
 from lsvision.planning.bounds import scan_bound, section_bound
 from lsvision.planning.plan import AccuracyTarget, plan_scan, plan_section, sections_needed
 from lsvision.planning.predictions import ScanPrediction, SectionPrediction
-from lsvision.planning.sensor_view import Feed, SensorView, visible_points
+from lsvision.planning.sensor_view import Feed, SensorView, find_visible_points
 
 __all__ = [
     "AccuracyTarget",
@@ -16,10 +16,10 @@ __all__ = [
     "ScanPrediction",
     "SectionPrediction",
     "SensorView",
+    "find_visible_points",
     "plan_scan",
     "plan_section",
     "scan_bound",
     "section_bound",
     "sections_needed",
-    "visible_points",
 ]

@@ -16,7 +16,7 @@ from lsvision.geometry import (
     FloatArray,
     Points,
     as_readonly_array,
-    tangent_frame,
+    build_tangent_frame,
 )
 from lsvision.geometry.arrays import TINY, require_coordinates
 from lsvision.planning.predictions import ScanPrediction, SectionPrediction
@@ -36,7 +36,7 @@ _UNDETERMINED = (
 """Message for points that do not determine all parameters."""
 
 
-def fisher_information(jacobian: FloatArray, variances: FloatArray) -> FloatArray:
+def compute_fisher_information(jacobian: FloatArray, variances: FloatArray) -> FloatArray:
     """Return the Fisher information (k, k) of points with independent Gaussian errors.
 
     The sum over the points of j j' / variance. A row j of the Jacobian (n, k) is the derivative by
@@ -159,12 +159,12 @@ def section_bound(
     jacobian, normals = _section_jacobian(ellipse, points[valid])
     variances = np.einsum("ni,nij,nj->n", normals, covariances[valid], normals)
     prior = None if known_radius_std is None else (3, known_radius_std)
-    bound = invert_information(fisher_information(jacobian, variances), prior)
+    bound = invert_information(compute_fisher_information(jacobian, variances), prior)
     return _predict_section(ellipse, bound, int(valid.sum()))
 
 
 def _section_jacobian(ellipse: Ellipse, points: Points) -> tuple[FloatArray, FloatArray]:
-    """Return the Jacobian of `fisher_information` by (centre, a, b, eta), and outward normals."""
+    """Return the Jacobian of points by (centre, a, b, eta), and their outward normals."""
     a, b = ellipse.semi_major, ellipse.semi_minor
     u, v = ellipse.to_ellipse_frame(points).T
     anomaly = np.arctan2(v / b, u / a)
@@ -244,14 +244,14 @@ def scan_bound(
     points = as_readonly_array(points, ("n", 3), "points")
     require_coordinates(points)
     variances = as_readonly_array(variances, (len(points),), "variances")
-    basis = tangent_frame(cylinder.direction)[:2]
+    basis = build_tangent_frame(cylinder.direction)[:2]
     axial_positions = (points - cylinder.point) @ cylinder.direction
     lateral_normals = cylinder_normals(cylinder, points) @ basis.T
     jacobian = np.column_stack(
         [lateral_normals, axial_positions[:, None] * lateral_normals, np.ones(len(points))]
     )
     prior = None if known_radius_std is None else (4, known_radius_std)
-    covariance = invert_information(fisher_information(jacobian, variances), prior)
+    covariance = invert_information(compute_fisher_information(jacobian, variances), prior)
     if shared_errors is not None:
         # Linear response of the weighted least-squares fit to each shared error.
         weighted = covariance @ (jacobian / variances[:, None]).T

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lsvision.errors import DegenerateGeometry, TooFewPoints
-from lsvision.geometry import Cylinder, FloatArray, IntArray, Points, Pose, tangent_frame
+from lsvision.geometry import Cylinder, FloatArray, IntArray, Points, Pose, build_tangent_frame
 from lsvision.planning.bounds import scan_bound, section_bound
 from lsvision.planning.predictions import ScanPrediction, SectionPrediction
-from lsvision.planning.sensor_view import Feed, SensorView, cylinder_normals, visible_points
+from lsvision.planning.sensor_view import Feed, SensorView, cylinder_normals, find_visible_points
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -27,7 +27,7 @@ def plan_section(
     view: SensorView | None = None,
     known_radius_std: float | None = None,
 ) -> SectionPrediction:
-    """Predict the standard uncertainties of a tube measured in one section.
+    """Predict the standard uncertainties of a cylinder measured in one section.
 
     The steep flanks carry most information, so that the result depends on the position of the
     outermost point within a pitch: for a radius of 19 mm by up to 18 % in the default view, 29 % at
@@ -36,9 +36,9 @@ def plan_section(
     Parameters
     ----------
     radius : float
-        Radius of the tube. Units: mm.
+        Radius of the cylinder. Units: mm.
     theta, phi : float
-        Direction of the major axis, and angle between the tube and the laser plane's normal.
+        Direction of the major axis, and angle between the cylinder and the laser plane's normal.
         Units: rad.
     view : SensorView, optional
         Sensor, standoff and pitch; None = ``SensorView()``, an LPS 36 HI at 400 mm.
@@ -53,7 +53,7 @@ def plan_section(
     Raises
     ------
     TooFewPoints
-        If fewer than five points of the tube are visible.
+        If fewer than five points of the cylinder are visible.
     DegenerateGeometry
         If the visible arc does not determine the ellipse.
     ValueError
@@ -66,11 +66,11 @@ def plan_section(
     'radius 0.39 mm, phi 1.9 deg'
     """
     view = SensorView() if view is None else view
-    tube = _tube_in_view(radius, theta, phi, view)
-    points = visible_points(tube, view)
+    cylinder = _place_cylinder_in_view(radius, theta, phi, view)
+    points = find_visible_points(cylinder, view)
     _require_points(len(points))
     covariances = view.sensor.covariances(points)
-    return section_bound(tube.section(), points, covariances, known_radius_std)
+    return section_bound(cylinder.section(), points, covariances, known_radius_std)
 
 
 def plan_scan(
@@ -84,8 +84,9 @@ def plan_scan(
 ) -> ScanPrediction:
     """Predict the standard uncertainties of a joint fit to several parallel sections.
 
-    `view` gives the position of the tube in the middle of the scan. A tilted tube moves through
-    the field of view along the scan; sections contribute the points that are visible in them.
+    `view` gives the position of the cylinder in the middle of the scan. A tilted cylinder moves
+    through the field of view along the scan; sections contribute the points that are visible in
+    them.
 
     Parameters
     ----------
@@ -121,24 +122,26 @@ def plan_scan(
     """
     view = SensorView() if view is None else view
     feed = Feed() if feed is None else feed
-    tube = _tube_in_view(radius, theta, phi, view)
-    sections = [_visible_section(tube, view, shift) for shift in feed.shifts]
+    cylinder = _place_cylinder_in_view(radius, theta, phi, view)
+    sections = [_find_visible_section(cylinder, view, shift) for shift in feed.shifts]
     points = np.concatenate([points for points, _ in sections])
     _require_points(len(points))
     variances = np.concatenate([variances for _, variances in sections])
     point_sections = np.repeat(np.arange(feed.sections), [len(points) for points, _ in sections])
     prediction = scan_bound(
-        tube,
+        cylinder,
         points,
         variances,
         known_radius_std=known_radius_std,
-        shared_errors=_pose_error_jacobian(cylinder_normals(tube, points), point_sections, feed),
+        shared_errors=_pose_error_jacobian(
+            cylinder_normals(cylinder, points), point_sections, feed
+        ),
     )
     return replace(prediction, sections=feed.sections, length=feed.length)
 
 
-def _tube_in_view(radius: float, theta: float, phi: float, view: SensorView) -> Cylinder:
-    """Return the tube in the section frame, its axis through the centre of the view."""
+def _place_cylinder_in_view(radius: float, theta: float, phi: float, view: SensorView) -> Cylinder:
+    """Return the cylinder in the section frame, its axis through the centre of the view."""
     if not 0 <= phi < math.pi / 2:
         raise ValueError(
             f"expected phi from 0 to below pi/2 rad (90 deg), got {phi:.6g} rad "
@@ -151,14 +154,14 @@ def _tube_in_view(radius: float, theta: float, phi: float, view: SensorView) -> 
     return Cylinder(np.array([view.offset, -view.standoff, 0.0]), direction, radius)
 
 
-def _visible_section(
-    tube: Cylinder, view: SensorView, shift: FloatArray
+def _find_visible_section(
+    cylinder: Cylinder, view: SensorView, shift: FloatArray
 ) -> tuple[Points, FloatArray]:
     """Return visible points (n, 3), scan frame, and their variances along the surface normal."""
     scan_from_section = Pose(translation=shift)
-    tube_in_section = tube.transformed(scan_from_section.inverse())
-    points = visible_points(tube_in_section, view)
-    normals = cylinder_normals(tube_in_section, points)[:, :2]
+    cylinder_in_section = cylinder.transformed(scan_from_section.inverse())
+    points = find_visible_points(cylinder_in_section, view)
+    normals = cylinder_normals(cylinder_in_section, points)[:, :2]
     variances = np.einsum("ni,nij,nj->n", normals, view.sensor.covariances(points), normals)
     return scan_from_section.apply(points), variances
 
@@ -180,7 +183,7 @@ def _pose_error_jacobian(
         ((feed.pose_std * normals).ravel(), columns.ravel(), row_starts),
         shape=(count, 3 * feed.sections),
     )
-    positions, lateral = feed.shifts @ feed.unit, tangent_frame(feed.unit)[:2]
+    positions, lateral = feed.shifts @ feed.unit, build_tangent_frame(feed.unit)[:2]
     by_direction = feed.feed_std * positions[point_sections][:, None] * (normals @ lateral.T)
     return hstack([by_position, csr_array(by_direction)], format="csr")
 
@@ -219,7 +222,7 @@ class AccuracyTarget:
         if not all(value > 0 for value in values) or min(values) == math.inf:
             raise ValueError(f"expected at least one target, all of them positive, got {self}")
 
-    def met_by(self, prediction: ScanPrediction) -> bool:
+    def is_met_by(self, prediction: ScanPrediction) -> bool:
         """Return whether every standard uncertainty is within its limit."""
         return (
             prediction.radius_std <= self.radius_std
@@ -294,7 +297,7 @@ def sections_needed(  # noqa: PLR0913 - the parameters of `plan_scan`, and the t
     except (DegenerateGeometry, TooFewPoints):  # as of the direction at phi = 0, or few points
         prediction = plan(2)
     insufficient, sufficient = prediction.sections - 1, prediction.sections
-    while not target.met_by(prediction):
+    while not target.is_met_by(prediction):
         if sufficient == MAX_SECTIONS:
             raise DegenerateGeometry(_describe_unreachable(prediction))
         # No larger steps, since the uncertainties may have a minimum.
@@ -304,7 +307,7 @@ def sections_needed(  # noqa: PLR0913 - the parameters of `plan_scan`, and the t
     while sufficient - insufficient > 1:
         middle = (insufficient + sufficient) // 2
         candidate = plan(middle)
-        if target.met_by(candidate):
+        if target.is_met_by(candidate):
             sufficient, prediction = middle, candidate
         else:
             insufficient = middle

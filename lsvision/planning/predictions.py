@@ -37,10 +37,10 @@ class _Prediction(Result):
                 record[name if isinstance(value, int) else f"{name}_mm"] = value
         return record
 
-    def _summary(self) -> str:
+    def _summarise(self) -> str:
         return summarise_stds(self.to_dict())
 
-    def _cells(self) -> list[tuple[str, ...]]:
+    def _list_cells(self) -> list[tuple[str, ...]]:
         return build_std_cells(self.to_dict())
 
 
@@ -94,7 +94,7 @@ class ScanPrediction(_Prediction):
         Root mean square distance of the cylinder's `point` from the estimated axis. Units: mm.
     covariance : (5, 5) ndarray
         Covariance of point along e_phi and e_theta (mm), direction along e_phi and e_theta (rad),
-        radius (mm); for e_phi and e_theta see `tangent_frame`.
+        radius (mm); for e_phi and e_theta see `build_tangent_frame`.
     points, sections : int
         Number of points and of sections.
     length : float
@@ -120,7 +120,7 @@ def build_std_cells(record: Record) -> list[tuple[str, ...]]:
     >>> build_std_cells({"radius_std_mm": 0.3912, "points": 56})
     [('± radius mm', 'points'), ('0.39', '56')]
     """
-    columns = [(_heading(key), _number(key, value)) for key, value in record.items()]
+    columns = [(_format_heading(key), _format_number(key, value)) for key, value in record.items()]
     header, row = zip(*columns, strict=True)
     return [tuple(header), tuple(row)]
 
@@ -136,17 +136,17 @@ def summarise_stds(record: Record) -> str:
     texts = []
     for key, value in record.items():
         unit = next((unit for unit in ("mm", "deg") if key.endswith(f"_{unit}")), "")
-        name = _heading(key).removeprefix("± ").removesuffix(f" {unit}")
-        texts.append(f"{name} {_number(key, value)} {unit}".rstrip())
+        name = _format_heading(key).removeprefix("± ").removesuffix(f" {unit}")
+        texts.append(f"{name} {_format_number(key, value)} {unit}".rstrip())
     return f"one sigma: {', '.join(texts)}"
 
 
-def _heading(key: str) -> str:
+def _format_heading(key: str) -> str:
     """Return the heading of a key, such as ``± radius mm`` for ``radius_std_mm``."""
     name = key.replace("_std_", "_").replace("_", " ")
     return f"± {name}" if "_std_" in key else name
 
 
-def _number(key: str, value: float) -> str:
+def _format_number(key: str, value: float) -> str:
     """Return a number as text, with two digits if it is a standard uncertainty."""
     return format_std(value) if "_std_" in key else f"{value:g}"

@@ -1,4 +1,4 @@
-"""Planned view of a tube, planned scan, and the exact points that a sensor measures in a view."""
+"""Planned view of a cylinder, planned scan, and the exact points that a sensor measures."""
 
 import math
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ scan has: with far larger ones covariances overflow."""
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class SensorView(ShowsChanges):
-    """Sensor, and its position relative to the tube.
+    """Sensor, and its position relative to the cylinder.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class SensorView(ShowsChanges):
         its width. Units: mm.
     incidence_limit : float
         Largest angle between ray and surface normal at which a point is measured. The default
-        is for a matt tube; a glossy tube needs a smaller one. Units: rad.
+        is for a matt cylinder; a glossy one needs a smaller one. Units: rad.
 
     Raises
     ------
@@ -143,14 +143,14 @@ class Feed:
         return np.outer(steps, self.unit)
 
 
-def visible_points(cylinder: Cylinder, view: SensorView) -> Points:
+def find_visible_points(cylinder: Cylinder, view: SensorView) -> Points:
     """Return the noise-free points (n, 2) that a sensor measures of one cylinder, in mm.
 
-    Both are in the section frame; the cylinder need not be where the view places the tube. The
+    Both are in the section frame; the cylinder need not be where the view places it. The
     points are in the order of the rays; a pitch is that at the view's standoff.
     """
     rays, sensor = view.rays, view.sensor
-    ranges = _first_hits(cylinder.section(), np.asarray(sensor.origin), rays)
+    ranges = _find_first_hits(cylinder.section(), np.asarray(sensor.origin), rays)
     hit = np.isfinite(ranges)
     rays, ranges = rays[hit], ranges[hit]
     points: Points = sensor.origin + rays * ranges[:, None]
@@ -172,7 +172,7 @@ def cylinder_normals(cylinder: Cylinder, points: Points) -> FloatArray:
     return cylinder.normals(points)
 
 
-def _first_hits(ellipse: Ellipse, origin: FloatArray, rays: FloatArray) -> FloatArray:
+def _find_first_hits(ellipse: Ellipse, origin: FloatArray, rays: FloatArray) -> FloatArray:
     """Return the range at which each ray first meets the ellipse, or NaN. Units: mm."""
     # In the ellipse frame, with each coordinate divided by its semi-axis, the ellipse is the unit
     # circle. Directions are only rotated to that frame: adding the centre cancels the shift.

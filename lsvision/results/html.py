@@ -8,7 +8,7 @@ if TYPE_CHECKING:
 
 
 @cache
-def html_environment(package: str = "lsvision.results") -> "Environment":
+def build_html_environment(package: str = "lsvision.results") -> "Environment":
     """Return an environment with the templates of a package and those of `lsvision.results`.
 
     Templates are in the package's folder ``templates``. Pages extend ``base.html.j2`` of
@@ -16,7 +16,7 @@ def html_environment(package: str = "lsvision.results") -> "Environment":
 
     Examples
     --------
-    >>> template = html_environment().from_string("<p>{{ text }}</p>")
+    >>> template = build_html_environment().from_string("<p>{{ text }}</p>")
     >>> template.render(text="x < 2 mm")
     '<p>x &lt; 2 mm</p>'
     """

@@ -25,18 +25,18 @@ def with_minus_signs(text: str) -> str:
 
 
 def format_value(value: float, std: float) -> str:
-    """Return a number with the decimals of `decimals_for`, and its std as by `format_std`.
+    """Return a number with the decimals of `count_decimals`, and its std as by `format_std`.
 
     Examples
     --------
     >>> format_value(19.0234, 0.0512), format_value(359.4, 12.3), format_value(-0.01, 2.0)
     ('19.023 ± 0.051', '359 ± 12', '0.0 ± 2.0')
     """
-    return f"{value:z.{decimals_for(std)}f} ± {format_std(std)}"
+    return f"{value:z.{count_decimals(std)}f} ± {format_std(std)}"
 
 
 def format_std(std: float) -> str:
-    """Return a std with the decimals of `decimals_for`; "0" for 0, "unknown" if not finite.
+    """Return a std with the decimals of `count_decimals`; "0" for 0, "unknown" if not finite.
 
     Examples
     --------
@@ -45,10 +45,10 @@ def format_std(std: float) -> str:
     """
     if std == 0:
         return "0"
-    return f"{std:.{decimals_for(std)}f}" if math.isfinite(std) else "unknown"
+    return f"{std:.{count_decimals(std)}f}" if math.isfinite(std) else "unknown"
 
 
-def decimals_for(std: float) -> int:
+def count_decimals(std: float) -> int:
     """Return the number of decimals that shows two digits of a std.
 
     It is 0 from a std of 10 on, at most `MAX_DECIMALS`, and `DEFAULT_DECIMALS` for a std that is 0

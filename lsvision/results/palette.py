@@ -29,6 +29,6 @@ FRAME_AXES = ("#C8102E", "#00805E", "#0072B2")
 """X, Y and Z of a frame."""
 
 
-def cylinder_colour(number: int) -> str:
+def choose_cylinder_colour(number: int) -> str:
     """Return the colour of a cylinder, numbered from 1; colours repeat."""
     return CYLINDERS[(number - 1) % len(CYLINDERS)]

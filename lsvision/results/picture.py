@@ -8,7 +8,7 @@ import numpy as np
 
 from lsvision.geometry import Ellipse, FloatArray, Points
 from lsvision.results.number_format import with_minus_signs
-from lsvision.results.palette import EDGES, POINTS, cylinder_colour
+from lsvision.results.palette import EDGES, POINTS, choose_cylinder_colour
 
 WIDTH_PX, MAX_HEIGHT_PX = 420, 320
 """Largest width and height of a picture. Units: px."""
@@ -81,16 +81,18 @@ def draw_svg(points: Points, cylinders: Sequence[tuple[Points, Ellipse]], descri
         pixels: FloatArray = (coordinates - middle) * (scale, -scale) + (width / 2, height / 2)
         return pixels
 
-    elements = [_svg_dots(to_pixels(points), POINTS)]
+    elements = [_format_svg_dots(to_pixels(points), POINTS)]
     for number, ((arc, ellipse), outline) in enumerate(zip(cylinders, outlines, strict=True), 1):
-        colour = cylinder_colour(number)
-        elements.append(_svg_dots(to_pixels(arc), colour))
-        elements.append(_svg_line(to_pixels(outline), colour))
-        elements.append(_svg_text(str(number), to_pixels(np.array(ellipse.centre)), colour))
-    return _svg_element(elements, width, height, description)
+        colour = choose_cylinder_colour(number)
+        elements.append(_format_svg_dots(to_pixels(arc), colour))
+        elements.append(_format_svg_line(to_pixels(outline), colour))
+        elements.append(_format_svg_text(str(number), to_pixels(np.array(ellipse.centre)), colour))
+    return _format_svg_element(elements, width, height, description)
 
 
-def _svg_element(elements: Sequence[str], width: float, height: float, description: str) -> str:
+def _format_svg_element(
+    elements: Sequence[str], width: float, height: float, description: str
+) -> str:
     """Return an ``<svg>`` of a size in px with the given elements, on white.
 
     `description` is the alternative text; it is not escaped, nor are the elements.
@@ -102,13 +104,13 @@ def _svg_element(elements: Sequence[str], width: float, height: float, descripti
     )
 
 
-def _svg_line(pixels: FloatArray, colour: str, dashes: str = "none") -> str:
+def _format_svg_line(pixels: FloatArray, colour: str, dashes: str = "none") -> str:
     """Return a line through points (px), with dashes as in ``stroke-dasharray``."""
     path = "L".join(f"{x:.1f},{y:.1f}" for x, y in pixels)
     return f'<path d="M{path}" fill="none" stroke="{colour}" stroke-dasharray="{dashes}"/>'
 
 
-def _svg_text(
+def _format_svg_text(
     text: str, pixel: FloatArray, colour: str, size_px: int = 14, anchor: str = "middle"
 ) -> str:
     """Return a text with a white border.
@@ -124,7 +126,7 @@ def _svg_text(
     )
 
 
-def _svg_dots(pixels: FloatArray, colour: str) -> str:
+def _format_svg_dots(pixels: FloatArray, colour: str) -> str:
     """Return at most `MAX_POINTS` of the points (px) as dots: lines of length 0 with round ends."""
     valid = pixels[np.isfinite(pixels).all(axis=1)]
     sample = valid[:: max(1, math.ceil(len(valid) / MAX_POINTS))]
@@ -149,24 +151,26 @@ def draw_space_svg(cylinders: Sequence[DrawnCylinder], description: str) -> str:
         [array for points, rings, axis in cylinders for array in (points, *rings, axis)]
     )
     box = np.stack([all_points.min(axis=0), all_points.max(axis=0)])
-    corners = np.array(list(itertools.product(*box.T))) @ _projection().T
+    corners = np.array(list(itertools.product(*box.T))) @ _compute_projection().T
     low, high = corners.min(axis=0), corners.max(axis=0)
     drawing_size = np.array([WIDTH_PX, MAX_HEIGHT_PX]) - 2 * BORDER_PX
     scale = float((drawing_size / (high - low)).min())
     width, height = (high - low) * scale + 2 * BORDER_PX
 
     def to_pixels(points: Points) -> FloatArray:
-        pixels: FloatArray = (points @ _projection().T - low) * scale + BORDER_PX
+        pixels: FloatArray = (points @ _compute_projection().T - low) * scale + BORDER_PX
         return pixels
 
-    elements = [_svg_text("base frame, Z up", np.array(CAPTION_PX), EDGES, LABEL_PX, "start")]
-    elements += _axes(box, to_pixels)
+    elements = [
+        _format_svg_text("base frame, Z up", np.array(CAPTION_PX), EDGES, LABEL_PX, "start")
+    ]
+    elements += _draw_axes(box, to_pixels)
     for number, cylinder in enumerate(cylinders, 1):
-        elements += _cylinder(cylinder, number, to_pixels)
-    return _svg_element(elements, width, height, f"{description}, Z up; X, Y, Z in mm")
+        elements += _draw_cylinder(cylinder, number, to_pixels)
+    return _format_svg_element(elements, width, height, f"{description}, Z up; X, Y, Z in mm")
 
 
-def _projection() -> FloatArray:
+def _compute_projection() -> FloatArray:
     """Return the (2, 3) matrix that projects a point to the picture: to the right, downwards."""
     azimuth, elevation = math.radians(AZIMUTH_DEG), math.radians(ELEVATION_DEG)
     cos, sin = math.cos(azimuth), math.sin(azimuth)
@@ -175,37 +179,37 @@ def _projection() -> FloatArray:
     return np.array([right, down])
 
 
-def _axes(box: FloatArray, to_pixels: Callable[[Points], FloatArray]) -> list[str]:
+def _draw_axes(box: FloatArray, to_pixels: Callable[[Points], FloatArray]) -> list[str]:
     """Return the axes along edges of the box, each with the numbers of its ends."""
     elements = []
     for axis, (name, ends) in enumerate(EDGE_ENDS.items()):
         edge = to_pixels(np.array([[box[k, j] for j, k in enumerate(end)] for end in ends]))
-        numbers = _end_numbers(*box[:, axis])
+        numbers = _format_end_numbers(*box[:, axis])
         *offset, anchor = LABEL_POSITIONS[name]
         positions = edge + np.array(offset)
-        elements.append(_svg_line(edge, EDGES))
+        elements.append(_format_svg_line(edge, EDGES))
         for text, position in zip(
             (*numbers, f"{name} mm"), (*positions, positions.mean(axis=0)), strict=True
         ):
-            elements.append(_svg_text(text, position, EDGES, LABEL_PX, anchor))
+            elements.append(_format_svg_text(text, position, EDGES, LABEL_PX, anchor))
     return elements
 
 
-def _end_numbers(low: float, high: float) -> list[str]:
+def _format_end_numbers(low: float, high: float) -> list[str]:
     """Return both ends of an axis with at least two digits of their distance."""
     decimals = max(0, 1 - math.floor(math.log10(max(high - low, MIN_LENGTH_MM))))
     return [with_minus_signs(f"{value:z.{decimals}f}") for value in (low, high)]  # z: no -0.0
 
 
-def _cylinder(
+def _draw_cylinder(
     cylinder: DrawnCylinder, number: int, to_pixels: Callable[[Points], FloatArray]
 ) -> list[str]:
     """Return points, circles, axis and number of a cylinder."""
     points, rings, axis = cylinder
-    colour = cylinder_colour(number)
+    colour = choose_cylinder_colour(number)
     return [
-        _svg_dots(to_pixels(points), colour),
-        *(_svg_line(to_pixels(ring), colour) for ring in rings),
-        _svg_line(to_pixels(axis), colour, AXIS_DASHES),
-        _svg_text(str(number), to_pixels(axis)[1] - (0.0, NUMBER_RISE_PX), colour),
+        _format_svg_dots(to_pixels(points), colour),
+        *(_format_svg_line(to_pixels(ring), colour) for ring in rings),
+        _format_svg_line(to_pixels(axis), colour, AXIS_DASHES),
+        _format_svg_text(str(number), to_pixels(axis)[1] - (0.0, NUMBER_RISE_PX), colour),
     ]

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any, Literal
 
-from lsvision.results.number_format import decimals_for, format_value
+from lsvision.results.number_format import count_decimals, format_value
 
 Record = dict[str, Any]
 """Keys and values of a result, ready for JSON."""
@@ -54,7 +54,7 @@ class Quantity:
         """Factor that converts rad to deg; 1 for other units, in which numbers are given."""
         return DEG_PER_RAD if self.unit == "deg" else 1.0
 
-    def in_unit(self, interval: tuple[float, float]) -> tuple[float, float]:
+    def convert_to_unit(self, interval: tuple[float, float]) -> tuple[float, float]:
         """Return an interval in the unit of the quantity; that of an angle is given in rad."""
         low, high = interval
         return low * self.scale, high * self.scale
@@ -90,7 +90,7 @@ class Estimate:
     Examples
     --------
     >>> angle = Quantity("phi", "deg")
-    >>> phi = Estimate(angle, 28.648, 0.573, angle.in_unit((0.48, 0.52)))
+    >>> phi = Estimate(angle, 28.648, 0.573, angle.convert_to_unit((0.48, 0.52)))
     >>> phi.text, phi.interval_text
     ('28.65 ± 0.57', '27.50 .. 29.79')
     """
@@ -118,47 +118,47 @@ class Estimate:
     def interval_text(self) -> str:
         """Interval, with as many decimals as the number."""
         low, high = self.interval
-        decimals = decimals_for(self.std)
+        decimals = count_decimals(self.std)
         return f"{low:z.{decimals}f} .. {high:z.{decimals}f}"
 
     @property
     def record(self) -> Record:
         """Keys and numbers, ready for JSON."""
         numbers = (
-            finite_or_none(self.value),
-            finite_or_none(self.std),
-            [finite_or_none(limit) for limit in self.interval],
+            replace_nonfinite(self.value),
+            replace_nonfinite(self.std),
+            [replace_nonfinite(limit) for limit in self.interval],
         )
         return dict(zip(self.quantity.keys, numbers, strict=True))
 
 
-def finite_or_none(value: float) -> float | None:
+def replace_nonfinite(value: float) -> float | None:
     """Return a number for JSON: None if it is infinite or NaN."""
     return float(value) if math.isfinite(value) else None
 
 
-def json_numbers(values: Iterable[float]) -> list[float | None]:
+def convert_numbers_to_json(values: Iterable[float]) -> list[float | None]:
     """Return numbers as a list for JSON: None for infinite values and NaN."""
-    return [finite_or_none(float(value)) for value in values]
+    return [replace_nonfinite(float(value)) for value in values]
 
 
-def plain_value(value: Any) -> Any:
+def convert_to_plain(value: Any) -> Any:
     """Return a value ready for JSON: dataclasses and mappings as dicts, tuples as lists.
 
     NaN and infinity are None; a value of another kind is its text.
     """
     if is_dataclass(value) and not isinstance(value, type):
-        return {field.name: plain_value(getattr(value, field.name)) for field in fields(value)}
+        return {field.name: convert_to_plain(getattr(value, field.name)) for field in fields(value)}
     if isinstance(value, Mapping):
-        return {str(name): plain_value(member) for name, member in value.items()}
+        return {str(name): convert_to_plain(member) for name, member in value.items()}
     if isinstance(value, list | tuple):
-        return [plain_value(member) for member in value]
+        return [convert_to_plain(member) for member in value]
     if isinstance(value, float):
-        return finite_or_none(value)
+        return replace_nonfinite(value)
     return value if value is None or isinstance(value, bool | int | str) else str(value)
 
 
-def flat_row(record: Record, quantities: Sequence[Quantity] = ()) -> Record:
+def flatten_record(record: Record, quantities: Sequence[Quantity] = ()) -> Record:
     """Return a record as one row of a table, without nested values.
 
     The ends of the intervals of `quantities` become ``*_low_95_*`` and ``*_high_95_*``; three
@@ -167,7 +167,7 @@ def flat_row(record: Record, quantities: Sequence[Quantity] = ()) -> Record:
 
     Examples
     --------
-    >>> flat_row({"point_mm": [1.0, 2.0, 3.0], "rms_mm": 0.1, "covariance": [[1.0]]})
+    >>> flatten_record({"point_mm": [1.0, 2.0, 3.0], "rms_mm": 0.1, "covariance": [[1.0]]})
     {'point_x_mm': 1.0, 'point_y_mm': 2.0, 'point_z_mm': 3.0, 'rms_mm': 0.1}
     """
     row: Record = {}
@@ -178,17 +178,17 @@ def flat_row(record: Record, quantities: Sequence[Quantity] = ()) -> Record:
         elif isinstance(value, list) and len(value) == 3 and all(map(_is_float_or_none, value)):
             unit = next((unit for unit in ("_mm", "_deg") if key.endswith(unit)), "")
             stem = key.removesuffix(unit)
-            row |= coordinate_columns(stem, value, unit)
+            row |= build_coordinate_columns(stem, value, unit)
         elif not isinstance(value, list | dict):
             row[key] = value
     return row
 
 
 def _is_float_or_none(value: Any) -> bool:
-    """Return whether a value is what `finite_or_none` returns."""
+    """Return whether a value is what `replace_nonfinite` returns."""
     return value is None or isinstance(value, float)
 
 
-def coordinate_columns(stem: str, coordinates: Sequence[float], unit: str = "") -> Record:
+def build_coordinate_columns(stem: str, coordinates: Sequence[float], unit: str = "") -> Record:
     """Return three coordinates as columns ``stem_x``, ``stem_y``, ``stem_z``, then the unit."""
     return {f"{stem}_{axis}{unit}": n for axis, n in zip("xyz", coordinates, strict=True)}

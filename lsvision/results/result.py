@@ -5,9 +5,9 @@ from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
 
 from lsvision.geometry.equality import ComparedByValue
-from lsvision.results.html import html_environment
-from lsvision.results.quantities import Record, flat_row
-from lsvision.results.tables import Cells, text_table
+from lsvision.results.html import build_html_environment
+from lsvision.results.quantities import Record, flatten_record
+from lsvision.results.tables import Cells, format_text_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -100,43 +100,43 @@ class Result(ComparedByValue, ABC):
                 "to_dataframe needs pandas, which is not installed: pip install "
                 "'lsvision[dataframe]'"
             ) from error
-        return pd.DataFrame(self._rows())
+        return pd.DataFrame(self._list_rows())
 
     def __repr__(self) -> str:
-        return f"<{type(self).__name__}: {self._summary()}>"
+        return f"<{type(self).__name__}: {self._summarise()}>"
 
     def __str__(self) -> str:
-        return "\n".join(self._lines())
+        return "\n".join(self._format_lines())
 
     def _repr_html_(self) -> str:
         """Return the table and a small picture, for notebooks."""
         return (
-            html_environment()
+            build_html_environment()
             .get_template("result.html.j2")
-            .render(rows=self._cells(), notes=self._notes(), picture=self._picture())
+            .render(rows=self._list_cells(), notes=self._list_notes(), picture=self._draw_picture())
         )
 
     @abstractmethod
-    def _summary(self) -> str:
+    def _summarise(self) -> str:
         """Return the text of the repr after the name of the class."""
 
     @abstractmethod
-    def _cells(self) -> Cells:
+    def _list_cells(self) -> Cells:
         """Return the rows of the table, the first its header; empty or only that if it has none."""
 
-    def _notes(self) -> list[str]:
+    def _list_notes(self) -> list[str]:
         """Return the lines below the table."""
         return []
 
-    def _lines(self) -> list[str]:
+    def _format_lines(self) -> list[str]:
         """Return the printed lines: the table, and the notes below it."""
-        rows = self._cells()
-        return [*(text_table(rows) if len(rows) > 1 else []), *self._notes()]
+        rows = self._list_cells()
+        return [*(format_text_table(rows) if len(rows) > 1 else []), *self._list_notes()]
 
-    def _rows(self) -> list[Record]:
+    def _list_rows(self) -> list[Record]:
         """Return the rows of the data frame."""
-        return [flat_row(self.to_dict())]
+        return [flatten_record(self.to_dict())]
 
-    def _picture(self) -> str:
+    def _draw_picture(self) -> str:
         """Return an ``<svg>`` element, or an empty text if there is nothing to draw."""
         return ""

@@ -9,15 +9,15 @@ from lsvision.scan.scan_pipeline import (
 )
 from lsvision.scan.scan_result import ScanMeasurement, ScannedCylinder, ScanRejection
 from lsvision.scan.shape import measure_shape
-from lsvision.scan.shape_result import TubeShape
+from lsvision.scan.shape_result import CylinderShape
 
 __all__ = [
+    "CylinderShape",
     "PoseErrors",
     "ScanMeasurement",
     "ScanRejection",
     "ScanSettings",
     "ScannedCylinder",
-    "TubeShape",
     "fit_sections_jointly",
     "measure_scan",
     "measure_sections",

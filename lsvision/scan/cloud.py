@@ -86,7 +86,7 @@ class ScanCloud:
         table[self.point_sections, self.indices] = True
         return table[sections, indices]
 
-    def subset(self, rows: IntArray) -> "ScanCloud":
+    def select_rows(self, rows: IntArray) -> "ScanCloud":
         """Return the cloud with only the given rows."""
         return replace(
             self,

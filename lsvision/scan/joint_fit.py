@@ -58,7 +58,7 @@ class JointFitSettings:
     trial_sections : int
         Number of sections on which the twin is selected.
     max_straight_reduced_chi2 : float
-        Largest reduced chi^2 of the sections' lateral shifts at which the tube counts as
+        Largest reduced chi^2 of the sections' lateral shifts at which the cylinder counts as
         straight; above it, points are assigned about each section's own centre.
     max_normalised_rms : float
         Largest rms of the normalised residuals after a lateral shift of each section is fitted.
@@ -66,7 +66,7 @@ class JointFitSettings:
         Largest radius_std / radius.
     min_recognised_fraction : float
         Smallest fraction of the sections with points of the cylinder in which detection found
-        its arc. Clutter resembles an arc in some sections, a tube is detected in nearly all.
+        its arc. Clutter resembles an arc in some sections, a cylinder is detected in nearly all.
     """
 
     point_assignment: PointAssignmentSettings = PointAssignmentSettings()
@@ -97,8 +97,8 @@ class JointFit:
         Rms of the normalised residuals after a lateral shift of each section is fitted; 1 for a
         single section.
     twin : Cylinder or None
-        The other cylinder that fits equally well, of one section, of two that cross in the tube, or
-        of short arcs on opposite sides.
+        The other cylinder that fits equally well, of one section, of two that cross in the
+        cylinder, or of short arcs on opposite sides.
     known_radius : RadiusPrior or None
         Prior with which several sections were fitted.
     """
@@ -119,7 +119,7 @@ def fit_tracks(
     """Fit one cylinder to each track, in decreasing order of the tracks' point counts.
 
     Arcs of which half or more points already belong to an earlier cylinder are left out; a track of
-    which no arc remains is dropped without a rejection: both tracks are parts of one tube. The
+    which no arc remains is dropped without a rejection: both tracks are parts of one cylinder. The
     accepted cylinders have no common points; the other tracks are rejections.
     """
     has_one_section = len(np.unique(cloud.point_sections)) == 1
@@ -140,14 +140,14 @@ def fit_tracks(
         else:
             fits.append(result)
             fitted = result.cloud.contains(cloud.point_sections, cloud.indices)
-            cloud = cloud.subset(np.flatnonzero(~fitted))
+            cloud = cloud.select_rows(np.flatnonzero(~fitted))
     return fits, rejections
 
 
 def _build_single_section_fit(cloud: ScanCloud, observation: ArcObservation) -> JointFit:
     """Return one of the two twins of an arc, with the other one."""
     arc, section = observation.arc, observation.section
-    arc_points = cloud.subset(cloud.find_rows(section, arc.indices))
+    arc_points = cloud.select_rows(cloud.find_rows(section, arc.indices))
     fit, twin = fit_single_section(arc, arc_points.points, cloud.poses[section])
     return JointFit(fit, arc_points, 1.0, twin)
 
@@ -185,7 +185,7 @@ def fit_track(
     known_radius: RadiusPrior | None,
     settings: JointFitSettings,
 ) -> JointFit | ScanRejection:
-    """Fit one cylinder to all points of the cloud that lie on the tube of a track.
+    """Fit one cylinder to all points of the cloud that lie on the cylinder of a track.
 
     The cloud holds the points that are not assigned to a cylinder yet. A track of one arc is
     rejected.
@@ -344,7 +344,7 @@ def _assign_and_fit(
         if section_fit.reduced_chi2 > settings.max_straight_reduced_chi2:
             section_fit = fit_section_shifts(distances, free_radius=True)
             shifts = section_fit.interpolate(len(cloud.poses))
-            # On a bent tube, residuals at the arc ends come from the bend and not from a weld.
+            # On a bent cylinder, residuals at the arc ends come from the bend and not from a weld.
             assignment = replace(assignment, max_trimmed_points=0)
         previous_rows = rows
         rows = assign_points(
@@ -358,7 +358,9 @@ def _assign_and_fit(
             break
     distances = measure_point_distances(cloud, cylinder, rows)
     section_fit = fit_section_shifts(distances, free_radius=True)
-    return JointFit(fit, cloud.subset(rows), section_fit.normalised_rms, known_radius=known_radius)
+    return JointFit(
+        fit, cloud.select_rows(rows), section_fit.normalised_rms, known_radius=known_radius
+    )
 
 
 def _find_rejection_reason(joint_fit: JointFit, settings: JointFitSettings) -> str | None:

@@ -10,13 +10,13 @@ from lsvision.cylinder.problem import (
     propagate_point_errors,
     rotate_covariances,
 )
-from lsvision.geometry import BoolArray, Cylinder, FloatArray, IntArray, tangent_frame
+from lsvision.geometry import BoolArray, Cylinder, FloatArray, IntArray, build_tangent_frame
 from lsvision.geometry.arrays import rms
 from lsvision.scan.cloud import ScanCloud
 from lsvision.statistics.robust import mad_std
 
 GAUSS_NEWTON_ITERATIONS = 5
-"""Gauss-Newton steps for the section shifts; on a bent tube the fourth is of 1e-8 mm."""
+"""Gauss-Newton steps for the section shifts; on a bent cylinder the fourth is of 1e-8 mm."""
 MIN_STEP_MM = 1e-9
 """Change of the shifts and of the radius below which the iteration stops. Units: mm."""
 SHIFT_DAMPING_RADII = 0.5
@@ -50,9 +50,9 @@ class PointAssignmentSettings:
         the sensor diverge. From -1 to -0.25 it changes one point, with 0 three are lost.
     end_sigmas : float
         Points at the ends of the arcs are trimmed while their mean residual over all arcs exceeds
-        this many predicted standard deviations of the mean: a weld or a plate that touches the tube
-        leaves its surface gradually. With 1.75 the errors of the radius are 1.5 % larger (90 %
-        quantile), with 3.5 0.6 %.
+        this many predicted standard deviations of the mean: a weld or a plate that touches the
+        cylinder leaves its surface gradually. With 1.75 the errors of the radius are 1.5 % larger
+        (90 % quantile), with 3.5 0.6 %.
     max_trimmed_points : int
         Largest number of points trimmed from either end of each arc; at most half of the shortest
         arc. 4 and 7 change nothing.
@@ -85,7 +85,7 @@ class SectionShifts:
     shifts : (k, 2) ndarray
         Shift of each section's centre along e_phi and e_theta of the axis. Units: mm.
     reduced_chi2 : float
-        Chi^2 of the shifts divided by their number of components; about 1 for a straight tube.
+        Chi^2 of the shifts divided by their number of components; about 1 for a straight cylinder.
     normalised : (n,) ndarray
         Normalised residuals of the points from the shifted sections.
     """
@@ -139,16 +139,16 @@ class PointDistances:
     stds: FloatArray
     offsets: FloatArray
 
-    def normalised(self, shifts: FloatArray, radius: float) -> FloatArray:
+    def normalise(self, shifts: FloatArray, radius: float) -> FloatArray:
         """Return the normalised residuals (n,) with shifts (2, n) of the points' sections in mm."""
-        residuals: FloatArray = _lengths(self.lateral - shifts) - radius - self.offsets
+        residuals: FloatArray = _measure_lengths(self.lateral - shifts) - radius - self.offsets
         residuals /= self.stds
         return residuals
 
 
 def measure_point_distances(cloud: ScanCloud, cylinder: Cylinder, rows: IntArray) -> PointDistances:
     """Return the distances of the points at some rows (n,) of a cloud, ascending."""
-    frame = tangent_frame(cylinder.direction)
+    frame = build_tangent_frame(cylinder.direction)
     points, parameters = cloud.points[rows] @ frame.T, parameters_from_cylinder(frame, cylinder)
     covariances = rotate_covariances(cloud.covariances[rows], frame)
     stds, offsets, _ = propagate_point_errors(points, covariances, parameters)
@@ -159,8 +159,8 @@ def measure_point_distances(cloud: ScanCloud, cylinder: Cylinder, rows: IntArray
 def fit_section_shifts(distances: PointDistances, *, free_radius: bool) -> SectionShifts:
     """Return the lateral shift of each section, fitted by damped Gauss-Newton steps.
 
-    `free_radius` fits the common radius as well: that of a straight cylinder fitted to a bent tube
-    is wrong.
+    `free_radius` fits the common radius as well: that of a straight cylinder fitted to a bent
+    one is wrong.
     """
     cylinder, offsets, weights = distances.cylinder, distances.offsets, 1 / distances.stds
     sections, starts, index = np.unique(
@@ -172,7 +172,7 @@ def fit_section_shifts(distances: PointDistances, *, free_radius: bool) -> Secti
     damping = np.eye(2) / (SHIFT_DAMPING_RADII * radius) ** 2
     for _ in range(GAUSS_NEWTON_ITERATIONS):
         from_centre = distances.lateral - shifts.T[:, index]
-        lengths = _lengths(from_centre)
+        lengths = _measure_lengths(from_centre)
         jacobian = from_centre * (weights / lengths)
         residuals = (lengths - radius - offsets) * weights
         # Sums over the points of each section, (k, 2, 2) and (k, 2).
@@ -191,13 +191,13 @@ def fit_section_shifts(distances: PointDistances, *, free_radius: bool) -> Secti
         shifts, radius = shifts + step, radius + radius_step
         if max(np.abs(step).max(), abs(radius_step)) < MIN_STEP_MM:
             break
-    normalised = distances.normalised(shifts.T[:, index], radius)
+    normalised = distances.normalise(shifts.T[:, index], radius)
     chi2 = float(np.einsum("ki,kij,kj", shifts, information, shifts))
     straight = Cylinder(cylinder.point, cylinder.direction, radius)
     return SectionShifts(straight, sections, shifts, chi2 / shifts.size, normalised)
 
 
-def _lengths(vectors: FloatArray) -> FloatArray:
+def _measure_lengths(vectors: FloatArray) -> FloatArray:
     """Return the lengths (n,) of vectors (2, n); `np.hypot` takes twice as long."""
     lengths: FloatArray = np.sqrt(vectors[0] ** 2 + vectors[1] ** 2)
     return lengths
@@ -212,8 +212,9 @@ def assign_points(
 ) -> IntArray:
     """Return the rows (m,) of the cloud, ascending, that form arcs on a cylinder.
 
-    `shifts` (k, 2) are those of the tube in each of the scan's profiles along e_phi and e_theta, in
-    mm, `noise_factor` the ratio of the observed to the predicted standard deviation of the points.
+    `shifts` (k, 2) are those of the cylinder in each of the scan's profiles along e_phi and
+    e_theta, in mm, `noise_factor` the ratio of the observed to the predicted standard deviation of
+    the points.
     """
     # Preselection, which saves time; the limit on the normalised distance follows.
     largest_shift = float(np.abs(shifts).max(initial=0.0))
@@ -223,8 +224,8 @@ def assign_points(
         return near_rows
     distances = measure_point_distances(cloud, cylinder, near_rows)
     sections = distances.point_sections
-    normalised = distances.normalised(shifts.T[:, sections], cylinder.radius)
-    incidence_cosines = _incidence_cosines(distances, cloud)
+    normalised = distances.normalise(shifts.T[:, sections], cylinder.radius)
+    incidence_cosines = _compute_incidence_cosines(distances, cloud)
     inliers = (np.abs(normalised) < settings.sigmas * noise_factor) & (
         incidence_cosines > settings.min_incidence_cosine
     )
@@ -239,11 +240,11 @@ def assign_points(
     return rows
 
 
-def _incidence_cosines(distances: PointDistances, cloud: ScanCloud) -> FloatArray:
+def _compute_incidence_cosines(distances: PointDistances, cloud: ScanCloud) -> FloatArray:
     """Return the component of the surface normal towards the sensor at each point (n,)."""
-    towards_sensor = cloud.towards_sensor @ tangent_frame(distances.cylinder.direction)[:2].T
+    towards_sensor = cloud.towards_sensor @ build_tangent_frame(distances.cylinder.direction)[:2].T
     components = distances.lateral * towards_sensor.T[:, distances.point_sections]
-    cosines: FloatArray = components.sum(axis=0) / _lengths(distances.lateral)
+    cosines: FloatArray = components.sum(axis=0) / _measure_lengths(distances.lateral)
     return cosines
 
 

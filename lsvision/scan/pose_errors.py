@@ -13,7 +13,7 @@ from lsvision.cylinder.fit_result import CylinderFit, estimate_variance_factor
 from lsvision.cylinder.problem import PARAMETERS, axis_distances, parameters_from_cylinder
 from lsvision.cylinder.robot_frame import SectionMount, rigid_motion_jacobian
 from lsvision.ellipse.problem import RadiusPrior
-from lsvision.geometry import FloatArray, IntArray, Pose, tangent_frame
+from lsvision.geometry import FloatArray, IntArray, Pose, build_tangent_frame
 from lsvision.scan.cloud import PosedPoints, ScanCloud
 
 MAX_POSE_STD_MM = 1e3
@@ -121,7 +121,7 @@ def propagate_pose_errors(
         no_response = np.zeros((PARAMETERS, 0)), np.zeros((len(starts), PARAMETERS, 3))
         return fit.covariance, PoseErrorResponse(*no_response)
     if len(starts) == 1:
-        response = _single_section_response(fit, cloud, errors)
+        response = _compute_single_section_response(fit, cloud, errors)
         return fit.covariance + response.covariance, response
     # Outliers of a truncated fit have no weight.
     fit = replace(
@@ -129,7 +129,7 @@ def propagate_pose_errors(
         stds=np.where(fit.inliers, fit.stds, np.inf),
         normalised=np.where(fit.inliers, fit.normalised, 0.0),
     )
-    frame, stds = tangent_frame(fit.direction), fit.stds[:, None]
+    frame, stds = build_tangent_frame(fit.direction), fit.stds[:, None]
     parameters = parameters_from_cylinder(frame, fit.cylinder)
     _, normals, _ = axis_distances(cloud.points @ frame.T, parameters)
     along = (cloud.points - fit.point) @ fit.direction
@@ -168,7 +168,7 @@ def common_error_jacobian(
     columns = [np.zeros((len(directions), 0))]
     if errors.feed_std > 0:
         feed, distances = measure_feed(cloud.poses)
-        lateral = tangent_frame(feed)[:2]
+        lateral = build_tangent_frame(feed)[:2]
         columns.append(
             errors.feed_std * distances[cloud.point_sections][:, None] * (directions @ lateral.T)
         )
@@ -233,7 +233,7 @@ def _compute_covariance_root(covariance: FloatArray) -> FloatArray:
     return root
 
 
-def _single_section_response(
+def _compute_single_section_response(
     fit: CylinderFit, cloud: ScanCloud, errors: PoseErrors
 ) -> PoseErrorResponse:
     """Return the response of a cylinder that moves rigidly with its only section."""
@@ -243,7 +243,7 @@ def _single_section_response(
     common, own = [np.zeros((7, 0))], errors.pose_std * np.eye(7, 3)
     if errors.feed_std > 0:
         feed, distances = measure_feed(cloud.poses)
-        lateral = tangent_frame(feed)[:2].T
+        lateral = build_tangent_frame(feed)[:2].T
         common.append(errors.feed_std * distances[section] * np.eye(7, 3) @ lateral)
     if calibration is not None:
         axes = pose.rotation @ calibration.flange_from_section.rotation.T

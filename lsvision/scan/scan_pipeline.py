@@ -308,7 +308,7 @@ def _measure_axial_range(
     """
     along = (cloud.points - fit.point) @ fit.direction
     rows = np.array([along.argmin(), along.argmax()])
-    end_points, axes = cloud.subset(rows), np.tile(fit.direction, (2, 1))
+    end_points, axes = cloud.select_rows(rows), np.tile(fit.direction, (2, 1))
     by_direction = (end_points.points - cloud.poses[0].translation) @ fit.tangent_basis.T
     common = common_error_jacobian(axes, end_points, errors) + by_direction @ response.common[2:4]
     noise_covariance = (fit.covariance - response.covariance)[2:4, 2:4]

@@ -12,16 +12,16 @@ from lsvision.cylinder.fit_result import (
     AXIS_HEADER,
     AxisQuantity,
     CylinderFit,
-    axis_cells,
-    axis_record,
-    axis_row,
+    build_axis_record,
+    build_axis_row,
+    format_axis_cells,
 )
 from lsvision.geometry import Cylinder, FloatArray, IntArray, Points, Pose
 from lsvision.geometry.cylinder import WithCylinder
 from lsvision.measure import Measurement
 from lsvision.results.number_format import format_ranges
 from lsvision.results.picture import draw_space_svg
-from lsvision.results.quantities import Record, json_numbers
+from lsvision.results.quantities import Record, convert_numbers_to_json
 from lsvision.results.result import Result
 from lsvision.results.summaries import format_count, list_rejections, summarise_cylinders
 from lsvision.scan.pose_errors import PoseErrors
@@ -50,12 +50,12 @@ class ScannedCylinder(WithCylinder, Result):
         Index of each point's profile, and index of the point in that profile.
     axial_range : tuple of float
         Positions along the axis, from `point` along `direction`, of the first and the last
-        point; the tube may extend beyond the scan. Units: mm.
+        point; the cylinder may extend beyond the scan. Units: mm.
     axial_range_std : tuple of float
         Standard uncertainty of `axial_range`. Units: mm.
     twin : Cylinder or None
-        The other cylinder that fits equally well: of one section, of two that cross in the tube, or
-        of short arcs on opposite sides, then with another radius.
+        The other cylinder that fits equally well: of one section, of two that cross in the
+        cylinder, or of short arcs on opposite sides, then with another radius.
     includes_calibration : bool
         Whether the covariance includes the errors of a hand-eye calibration; otherwise the
         sensor mount is taken as exact.
@@ -65,7 +65,7 @@ class ScannedCylinder(WithCylinder, Result):
     poses : tuple of Pose
         ``base_from_section`` of each profile of the scan.
     pose_errors : PoseErrors
-        Stated uncertainty of the poses, which the shape of the tube takes into account.
+        Stated uncertainty of the poses, which the shape of the cylinder takes into account.
 
     Examples
     --------
@@ -172,48 +172,50 @@ class ScannedCylinder(WithCylinder, Result):
             Base frame; lengths in ``*_mm``, angles in ``*_deg``.
         """
         residuals, basis = self.section_residuals, self.fit.tangent_basis
-        return axis_record(self.fit) | {
+        return build_axis_record(self.fit) | {
             "includes_calibration": self.includes_calibration,
-            "e_phi": json_numbers(basis[0]),
-            "e_theta": json_numbers(basis[1]),
+            "e_phi": convert_numbers_to_json(basis[0]),
+            "e_theta": convert_numbers_to_json(basis[1]),
             "ends_mm": list(self.axial_range),
             "ends_std_mm": list(self.axial_range_std),
             "sections": list(self.sections),
-            "section_residuals_mean_mm": json_numbers(residuals[:, 0]),
-            "section_residuals_rms_mm": json_numbers(residuals[:, 1]),
+            "section_residuals_mean_mm": convert_numbers_to_json(residuals[:, 0]),
+            "section_residuals_rms_mm": convert_numbers_to_json(residuals[:, 1]),
             "points": len(self.points),
             "rms_mm": self.fit.rms,
-            "twin_direction": None if self.twin is None else json_numbers(self.twin.direction),
+            "twin_direction": None
+            if self.twin is None
+            else convert_numbers_to_json(self.twin.direction),
             "twin_radius_mm": None if self.twin is None else self.twin.radius,
         }
 
-    def _summary(self) -> str:
-        _, radius, direction, angle, *_, sections, points = tube_cells([self])[1]
+    def _summarise(self) -> str:
+        _, radius, direction, angle, *_, sections, points = format_cylinder_cells([self])[1]
         twin = ", one of two twins" if self.ambiguous else ""
         return (
             f"radius {radius} mm, direction ({direction}) ± {angle} deg, sections {sections}, "
             f"{points} points{twin}"
         )
 
-    def _cells(self) -> list[tuple[str, ...]]:
-        return tube_cells([self])
+    def _list_cells(self) -> list[tuple[str, ...]]:
+        return format_cylinder_cells([self])
 
-    def _notes(self) -> list[str]:
-        return twin_notes([self])
+    def _list_notes(self) -> list[str]:
+        return list_twin_notes([self])
 
-    def _rows(self) -> list[Record]:
+    def _list_rows(self) -> list[Record]:
         """Return the row of the cylinder for tables."""
         record = self.to_dict()
         start, stop = record["ends_mm"]
         return [
-            axis_row(record, self.interval("radius"))
+            build_axis_row(record, self.interval("radius"))
             | {"start_mm": start, "stop_mm": stop, "sections": len(self.sections)}
             | {key: record[key] for key in ("points", "rms_mm", "includes_calibration")}
             | {"ambiguous": self.ambiguous}
         ]
 
-    def _picture(self) -> str:
-        return _view_in_space([self])
+    def _draw_picture(self) -> str:
+        return _draw_in_space([self])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -246,16 +248,16 @@ class ScanRejection(Result):
         """
         return {"sections": list(self.sections), "reason": self.reason}
 
-    def _summary(self) -> str:
+    def _summarise(self) -> str:
         return f"sections {format_ranges(self.sections)}: {self.reason}"
 
-    def _cells(self) -> list[tuple[str, ...]]:
+    def _list_cells(self) -> list[tuple[str, ...]]:
         return []
 
-    def _notes(self) -> list[str]:
-        return [self._summary()]
+    def _list_notes(self) -> list[str]:
+        return [self._summarise()]
 
-    def _rows(self) -> list[Record]:
+    def _list_rows(self) -> list[Record]:
         return [{"sections": format_ranges(self.sections), "reason": self.reason}]
 
 
@@ -326,67 +328,67 @@ class ScanMeasurement(Result):
         """
         return {
             "frame": "base",
-            "cylinders": [tube.to_dict() for tube in self.cylinders],
+            "cylinders": [cylinder.to_dict() for cylinder in self.cylinders],
             "rejections": [rejection.to_dict() for rejection in self.rejections],
             "cylinders_by_section": [
                 len(measurement.cylinders) for measurement in self.measurements
             ],
         }
 
-    def _summary(self) -> str:
+    def _summarise(self) -> str:
         profiles = format_count(len(self.measurements), "profile")
         return f"{summarise_cylinders(self.cylinders)}, {profiles}"
 
-    def _cells(self) -> list[tuple[str, ...]]:
-        return tube_cells(self.cylinders)
+    def _list_cells(self) -> list[tuple[str, ...]]:
+        return format_cylinder_cells(self.cylinders)
 
-    def _notes(self) -> list[str]:
+    def _list_notes(self) -> list[str]:
         if not self.cylinders and not self.rejections:
             return [f"no cylinder found: {self.reason}"]
         rejected = list_rejections(self.rejections, "track", has_cylinders=bool(self.cylinders))
-        return [*twin_notes(self.cylinders), *rejected]
+        return [*list_twin_notes(self.cylinders), *rejected]
 
-    def _rows(self) -> list[Record]:
-        return [row for tube in self.cylinders for row in tube._rows()]
+    def _list_rows(self) -> list[Record]:
+        return [row for cylinder in self.cylinders for row in cylinder._list_rows()]
 
-    def _picture(self) -> str:
-        return _view_in_space(self.cylinders) if self.cylinders else ""
+    def _draw_picture(self) -> str:
+        return _draw_in_space(self.cylinders) if self.cylinders else ""
 
 
-def _view_in_space(tubes: Sequence[ScannedCylinder]) -> str:
+def _draw_in_space(cylinders: Sequence[ScannedCylinder]) -> str:
     """Return an SVG picture of the points and cylinders, Z of the base frame upwards."""
     angles = np.linspace(0.0, 2 * np.pi, RING_POINTS)
     drawn = [
         (
-            tube.points,
-            [tube.cylinder.ring(end, angles) for end in tube.axial_range],
-            tube.point + np.outer(tube.axial_range, tube.direction),
+            cylinder.points,
+            [cylinder.cylinder.ring(end, angles) for end in cylinder.axial_range],
+            cylinder.point + np.outer(cylinder.axial_range, cylinder.direction),
         )
-        for tube in tubes
+        for cylinder in cylinders
     ]
-    return draw_space_svg(drawn, f"{format_count(len(tubes), 'cylinder')} in the base frame")
+    return draw_space_svg(drawn, f"{format_count(len(cylinders), 'cylinder')} in the base frame")
 
 
-def tube_cells(tubes: Sequence[ScannedCylinder]) -> list[tuple[str, ...]]:
+def format_cylinder_cells(cylinders: Sequence[ScannedCylinder]) -> list[tuple[str, ...]]:
     """Return the cells of a table: a header and one row per cylinder, numbers with one sigma."""
     rows: list[tuple[str, ...]] = [("", *AXIS_HEADER, "sections", "points")]
-    for number, tube in enumerate(tubes, 1):
-        points = str(len(tube.points))
-        rows.append((str(number), *axis_cells(tube.fit), format_ranges(tube.sections), points))
+    for number, cylinder in enumerate(cylinders, 1):
+        sections, points = format_ranges(cylinder.sections), str(len(cylinder.points))
+        rows.append((str(number), *format_axis_cells(cylinder.fit), sections, points))
     return rows
 
 
-def twin_notes(tubes: Sequence[ScannedCylinder]) -> list[str]:
+def list_twin_notes(cylinders: Sequence[ScannedCylinder]) -> list[str]:
     """Return a numbered line for each cylinder that has a twin."""
     return [
-        f"  {number}: {twin_note(tube, tube.twin)}"
-        for number, tube in enumerate(tubes, 1)
-        if tube.twin is not None
+        f"  {number}: {describe_twin(cylinder, cylinder.twin)}"
+        for number, cylinder in enumerate(cylinders, 1)
+        if cylinder.twin is not None
     ]
 
 
-def twin_note(tube: ScannedCylinder, twin: Cylinder) -> str:
+def describe_twin(cylinder: ScannedCylinder, twin: Cylinder) -> str:
     """Return a line with the other possible direction of a cylinder, and radius if different."""
     direction = " ".join(f"{component:+z.4f}" for component in twin.direction)
-    radius = f", radius {twin.radius:.5g} mm," if tube.twin_has_other_radius else ""
+    radius = f", radius {twin.radius:.5g} mm," if cylinder.twin_has_other_radius else ""
     return f"its twin ({direction}){radius} fits equally well; a further section decides"

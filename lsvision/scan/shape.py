@@ -1,6 +1,6 @@
-"""Form deviations of a scanned tube: bow, taper, ovality, and the centre of each section.
+"""Form deviations of a scanned cylinder: bow, taper, ovality, and the centre of each section.
 
-The joint fit assumes a straight circular cylinder. Here a deviating tube is fitted to the same
+The joint fit assumes a straight circular cylinder. Here a deviating cylinder is fitted to the same
 points: its axis is a parabola, its radius changes linearly along the axis, and its cross-section
 is r + o1 cos 2 psi + o2 sin 2 psi. Each of the three deviations is tested against zero. psi is
 the angle about the axis in space, so that the tilt of the sections needs no correction.
@@ -13,17 +13,17 @@ import numpy as np
 
 from lsvision.cylinder.fit_result import estimate_variance_factor
 from lsvision.errors import DegenerateGeometry
-from lsvision.geometry import FloatArray, IntArray, Points, tangent_frame
+from lsvision.geometry import FloatArray, IntArray, Points, build_tangent_frame
 from lsvision.scan.pose_errors import PoseErrors
 from lsvision.scan.scan_result import ScannedCylinder
 from lsvision.scan.shape_pose_errors import PoseDisplacements, centre_covariances
-from lsvision.scan.shape_result import FormDeviation, SectionCentres, TubeShape
+from lsvision.scan.shape_result import CylinderShape, FormDeviation, SectionCentres
 
 PARAMETERS = 10
 """Point (2) and direction (2) perpendicular to the axis, radius; bow (2), taper (1), ovality
 (2)."""
 CENTRE, TILT, RADIUS = slice(0, 2), slice(2, 4), 4
-"""Indices of the parameters of the straight tube."""
+"""Indices of the parameters of the straight cylinder."""
 BOW, TAPER, OVALITY = slice(5, 7), slice(7, 8), slice(8, 10)
 """Indices of the deviations among the parameters."""
 DERIVATIVE_STEP_RADII = 1e-5
@@ -36,41 +36,41 @@ MIN_SPACING_FRACTION = 0.05
 distance between the first and the last: at 0.02 some fits of the bow do not converge."""
 MAX_LINEAR_STD_FRACTION = 0.02
 """Largest standard deviation of a parameter with which the fit continues at the bent shape, over
-the smaller of radius and half of the measured length. Of scans of straight tubes shorter than half
-a radius, 11 % would have a bow with a p-value below 0.001 without this limit, 1 % with 0.03, and
-none of 40 has with 0.02."""
+the smaller of radius and half of the measured length. Of scans of straight cylinders shorter than
+half a radius, 11 % would have a bow with a p-value below 0.001 without this limit, 1 % with 0.03,
+and none of 40 has with 0.02."""
 GAUSS_NEWTON_ITERATIONS = 6
 """Gauss-Newton steps for the circle of a section; from 1 mm away four are enough."""
 FACETS = 96
-"""Facets around a tube's surface; they deviate from the circle by less than r / 1800."""
+"""Facets around a cylinder's surface; they deviate from the circle by less than r / 1800."""
 
 
-def measure_shape(tube: ScannedCylinder) -> TubeShape:
-    """Return bow, taper, ovality and the section centres of a scanned tube.
+def measure_shape(cylinder: ScannedCylinder) -> CylinderShape:
+    """Return bow, taper, ovality and the section centres of a scanned cylinder.
 
     Parameters
     ----------
-    tube : ScannedCylinder
+    cylinder : ScannedCylinder
         Measured in sections at three or more positions along it.
 
     Returns
     -------
-    TubeShape
+    CylinderShape
         Bow, taper and ovality are estimated together; each test accounts for the other two.
 
     Raises
     ------
     DegenerateGeometry
-        If the tube was measured at fewer than three positions, see `count_positions`, or all points
-        are as near to one plane as their noise.
+        If the cylinder was measured at fewer than three positions, see `count_positions`, or all
+        points are as near to one plane as their noise.
 
     Notes
     -----
     An arc of less than about 90 deg hardly distinguishes an oval from a displaced circle: the
     covariance is large then and the test not significant. Errors of the poses that were stated to
     `measure_scan` are included; those that were not show as a bow, taper or ovality: of straight
-    tubes in 5 sections with an unstated error of 0.1 mm, 3 of 10 have a significant bow. A feed
-    that deviates from a straight line shows as the same bow on every tube.
+    cylinders in 5 sections with an unstated error of 0.1 mm, 3 of 10 have a significant bow. A feed
+    that deviates from a straight line shows as the same bow on every cylinder.
 
     Examples
     --------
@@ -82,29 +82,29 @@ def measure_shape(tube: ScannedCylinder) -> TubeShape:
     >>> shape.bow.size < 5 * shape.bow.size_std
     True
     """
-    positions = count_positions(tube)
+    positions = count_positions(cylinder)
     if positions < MIN_POSITIONS:
         raise DegenerateGeometry(
-            f"the shape of a tube needs sections at {MIN_POSITIONS} different positions along it, "
-            f"got {positions}: scan more of it"
+            f"the shape of a cylinder needs sections at {MIN_POSITIONS} different positions along "
+            f"it, got {positions}: scan more of it"
         )
-    _require_noncoplanar_points(tube)
-    axis_points = _transform_to_axis_frame(tube)
+    _require_noncoplanar_points(cylinder)
+    axis_points = _transform_to_axis_frame(cylinder)
     estimate, jacobian, residuals = _fit_deviations(axis_points)
-    covariance, factor, dof, std_scale = _estimate_covariance(tube, jacobian, residuals)
+    covariance, factor, dof, std_scale = _estimate_covariance(cylinder, jacobian, residuals)
     bow, taper, ovality = (
         _test_form_deviation(estimate[indices], covariance[indices, indices], dof)
         for indices in (BOW, TAPER, OVALITY)
     )
     # Centres refer to the straight axis of the joint fit; only the radius is the mean radius here.
-    points = axis_points.points + np.array([[0.0], [0.0], [sum(tube.axial_range) / 2]])
+    points = axis_points.points + np.array([[0.0], [0.0], [sum(cylinder.axial_range) / 2]])
     stds = axis_points.stds * std_scale * math.sqrt(factor)
     radius, radius_std = float(estimate[RADIUS]), math.sqrt(covariance[RADIUS, RADIUS])
-    centres = fit_section_centres(tube.point_sections, points, stds, radius, radius_std)
-    if tube.pose_errors != PoseErrors():
-        by_poses = centre_covariances(tube, centres.along)
+    centres = fit_section_centres(cylinder.point_sections, points, stds, radius, radius_std)
+    if cylinder.pose_errors != PoseErrors():
+        by_poses = centre_covariances(cylinder, centres.along)
         centres = replace(centres, deviation_covariances=centres.deviation_covariances + by_poses)
-    return TubeShape(
+    return CylinderShape(
         centres=centres,
         bow=bow,
         taper=taper,
@@ -115,7 +115,7 @@ def measure_shape(tube: ScannedCylinder) -> TubeShape:
 
 
 def _estimate_covariance(
-    tube: ScannedCylinder, jacobian: FloatArray, residuals: FloatArray
+    cylinder: ScannedCylinder, jacobian: FloatArray, residuals: FloatArray
 ) -> tuple[FloatArray, float, float, float]:
     """Return the covariance (10, 10) of the parameters, with the stated errors of the poses.
 
@@ -124,26 +124,26 @@ def _estimate_covariance(
     """
     inverse = np.asarray(np.linalg.inv(jacobian.T @ jacobian), dtype=np.float64)
     by_poses, absorbed_dof = np.zeros((PARAMETERS, PARAMETERS)), 0.0
-    if tube.pose_errors != PoseErrors():
-        displacements = PoseDisplacements.of_tube(tube)
+    if cylinder.pose_errors != PoseErrors():
+        displacements = PoseDisplacements.of_cylinder(cylinder)
         by_poses = displacements.covariance(jacobian, inverse)
         residuals, absorbed_dof = displacements.remove_from(residuals, jacobian)
     factor, dof, std_scale = estimate_variance_factor(
         residuals,
         max(len(residuals) - PARAMETERS - round(absorbed_dof), 1),
-        known_noise=math.isinf(tube.fit.degrees_of_freedom),
+        known_noise=math.isinf(cylinder.fit.degrees_of_freedom),
     )
     return factor * std_scale**2 * inverse + by_poses, factor, dof, std_scale
 
 
-def count_positions(tube: ScannedCylinder) -> int:
+def count_positions(cylinder: ScannedCylinder) -> int:
     """Return the number of positions along the axis at which sections were measured.
 
     Sections closer together than `MIN_SPACING_FRACTION`, such as profiles of a sensor that stands
     still, count once.
     """
-    along = (tube.points - tube.point) @ tube.direction
-    _, index = np.unique(tube.point_sections, return_inverse=True)
+    along = (cylinder.points - cylinder.point) @ cylinder.direction
+    _, index = np.unique(cylinder.point_sections, return_inverse=True)
     means = np.sort(np.bincount(index, along) / np.bincount(index))
     spacing = MIN_SPACING_FRACTION * float(means[-1] - means[0])
     count, last = 1, means[0]
@@ -153,18 +153,18 @@ def count_positions(tube: ScannedCylinder) -> int:
     return count
 
 
-def _require_noncoplanar_points(tube: ScannedCylinder) -> None:
+def _require_noncoplanar_points(cylinder: ScannedCylinder) -> None:
     """Raise DegenerateGeometry unless the points are farther from a common plane than their noise.
 
     Some deviations combined have no effect in one plane. Their derivatives at noisy points there
     are proportional to the noise: fitted to it, they would be large and significant.
     """
-    centred = tube.points - tube.points.mean(axis=0)
+    centred = cylinder.points - cylinder.points.mean(axis=0)
     distance_rms = float(np.linalg.svd(centred, compute_uv=False)[-1]) / math.sqrt(len(centred))
-    noise = float(np.median(tube.fit.stds))
+    noise = float(np.median(cylinder.fit.stds))
     if distance_rms <= noise:
         raise DegenerateGeometry(
-            "the shape of a tube needs sections apart from each other, got points "
+            "the shape of a cylinder needs sections apart from each other, got points "
             f"{distance_rms:.2g} mm rms from one plane, with a noise of {noise:.2g} mm: scan more "
             "of it"
         )
@@ -172,7 +172,7 @@ def _require_noncoplanar_points(tube: ScannedCylinder) -> None:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _AxisFramePoints:
-    """Points of a tube along e_phi, e_theta and the axis, from the middle of the measured length.
+    """Points of a cylinder along e_phi, e_theta and axis, from the middle of the measured length.
 
     Parameters
     ----------
@@ -191,20 +191,20 @@ class _AxisFramePoints:
     half_length: float
 
 
-def _transform_to_axis_frame(tube: ScannedCylinder) -> _AxisFramePoints:
-    """Return the points of a tube along e_phi, e_theta and its axis."""
-    fit = tube.fit
-    middle = fit.point + fit.direction * sum(tube.axial_range) / 2
-    points = tangent_frame(fit.direction) @ (tube.points - middle).T
+def _transform_to_axis_frame(cylinder: ScannedCylinder) -> _AxisFramePoints:
+    """Return the points of a cylinder along e_phi, e_theta and its axis."""
+    fit = cylinder.fit
+    middle = fit.point + fit.direction * sum(cylinder.axial_range) / 2
+    points = build_tangent_frame(fit.direction) @ (cylinder.points - middle).T
     offsets = fit.residuals - fit.normalised * fit.stds
-    half_length = (tube.axial_range[1] - tube.axial_range[0]) / 2
+    half_length = (cylinder.axial_range[1] - cylinder.axial_range[0]) / 2
     return _AxisFramePoints(points, fit.stds, offsets, fit.radius, half_length)
 
 
 def _fit_deviations(axis_points: _AxisFramePoints) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the parameters (10,), the derivatives (n, 10) of the normalised residuals, and these.
 
-    If one Gauss-Newton step from the straight tube shows that the points do not determine the
+    If one Gauss-Newton step from the straight cylinder shows that the points do not determine the
     deviations, its result is returned: further steps would lead to any shape, with an uncertainty
     that is far too small.
     """
@@ -250,7 +250,7 @@ def _jacobian(axis_points: _AxisFramePoints, parameters: FloatArray) -> FloatArr
 
 
 def _residuals(axis_points: _AxisFramePoints, parameters: FloatArray) -> FloatArray:
-    """Return the normalised distances from the bent, tapering, oval tube.
+    """Return the normalised distances from the bent, tapering, oval cylinder.
 
     Tilt, bow and taper are displacements at the end of the measured length (t = 1): so all
     parameters are in mm and of similar magnitude.
@@ -292,7 +292,7 @@ def fit_section_centres(
 
     Points (3, n) along e_phi, e_theta and the axis, origin on the axis; `point_sections` and `stds`
     (n,) are the section of each and the standard deviation of its distance from the axis; `radius`
-    and `radius_std` those of the tube's mean radius. Units: mm.
+    and `radius_std` those of the cylinder's mean radius. Units: mm.
     """
     sections, index = np.unique(point_sections, return_inverse=True)
     lateral, along = points[:2], points[2]
@@ -338,14 +338,16 @@ def _fit_circles(
     return circles, covariances
 
 
-def triangulate_tube(tube: ScannedCylinder, facets: int = FACETS) -> tuple[Points, IntArray]:
+def triangulate_cylinder(
+    cylinder: ScannedCylinder, facets: int = FACETS
+) -> tuple[Points, IntArray]:
     """Return a triangle mesh of the fitted cylinder over its measured length; ends are open.
 
     Points (2 * facets, 3): ring at the first end, then ring at the second, base frame, in mm.
     Triangles (2 * facets, 3): rows of the points, counter-clockwise seen from outside.
     """
     angles = np.linspace(0.0, 2 * np.pi, facets, endpoint=False)
-    rings = [tube.cylinder.ring(end, angles) for end in tube.axial_range]
+    rings = [cylinder.cylinder.ring(end, angles) for end in cylinder.axial_range]
     vertex = np.arange(facets)
     next_vertex = (vertex + 1) % facets
     lower = np.column_stack([vertex, next_vertex, next_vertex + facets])

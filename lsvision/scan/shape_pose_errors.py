@@ -1,7 +1,7 @@
-"""Effect of the errors of the poses on the shape of a scanned tube.
+"""Effect of the errors of the poses on the shape of a scanned cylinder.
 
-A section that lies beside its stated place makes a straight tube look bent, and a feed along
-another direction shears a round tube to an oval one. Neither shows in the residuals.
+A section that lies beside its stated place makes a straight cylinder look bent, and a feed along
+another direction shears a round cylinder to an oval one. Neither shows in the residuals.
 """
 
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from lsvision.scan.scan_result import ScannedCylinder
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PoseDisplacements:
-    """Displacements of the points of a tube along its surface normals, by the errors of the poses.
+    """Displacements of the points of a cylinder along its normals, by the errors of the poses.
 
     Each is that by an error of one standard deviation, divided by the standard deviation of the
     point, as normalised residuals are.
@@ -40,14 +40,14 @@ class PoseDisplacements:
     point_sections: IntArray
 
     @classmethod
-    def of_tube(cls, tube: ScannedCylinder) -> Self:
-        """Return the displacements of the points of a tube."""
-        normals = tube.cylinder.normals(tube.points)
-        scale = tube.fit.stds[:, None]
+    def of_cylinder(cls, cylinder: ScannedCylinder) -> Self:
+        """Return the displacements of the points of a cylinder."""
+        normals = cylinder.cylinder.normals(cylinder.points)
+        scale = cylinder.fit.stds[:, None]
         return cls(
-            common_error_jacobian(normals, tube, tube.pose_errors) / scale,
-            section_error_jacobian(normals, tube, tube.pose_errors) / scale,
-            tube.point_sections,
+            common_error_jacobian(normals, cylinder, cylinder.pose_errors) / scale,
+            section_error_jacobian(normals, cylinder, cylinder.pose_errors) / scale,
+            cylinder.point_sections,
         )
 
     def covariance(self, jacobian: FloatArray, inverse: FloatArray) -> FloatArray:
@@ -73,7 +73,7 @@ class PoseDisplacements:
         return remove_pose_errors(residuals, jacobian, self.common, self.own, self.point_sections)
 
 
-def centre_covariances(tube: ScannedCylinder, along: FloatArray) -> FloatArray:
+def centre_covariances(cylinder: ScannedCylinder, along: FloatArray) -> FloatArray:
     """Return the covariances (k, 2, 2) of the section centres' deviations from the axis, in mm^2.
 
     They are those by the errors of the poses alone, along e_phi and e_theta (`tangent_basis`). Each
@@ -82,17 +82,19 @@ def centre_covariances(tube: ScannedCylinder, along: FloatArray) -> FloatArray:
 
     Parameters
     ----------
-    tube : ScannedCylinder
-        Tube with the stated errors of its poses.
+    cylinder : ScannedCylinder
+        Cylinder with the stated errors of its poses.
     along : (k,) ndarray
-        Position of each section along the axis, from ``tube.point``. Units: mm.
+        Position of each section along the axis, from ``cylinder.point``. Units: mm.
     """
-    sections, counts = np.unique(tube.point_sections, return_counts=True)
-    centres = _Centres(tube.point + along[:, None] * tube.direction, sections, tube.poses)
-    lateral = [np.tile(axis, (len(along), 1)) for axis in tube.tangent_basis]
+    sections, counts = np.unique(cylinder.point_sections, return_counts=True)
+    centres = _Centres(
+        cylinder.point + along[:, None] * cylinder.direction, sections, cylinder.poses
+    )
+    lateral = [np.tile(axis, (len(along), 1)) for axis in cylinder.tangent_basis]
     # (k, 2, errors): displacement of each centre along e_phi and e_theta.
     common, own = (
-        np.stack([jacobian(axis, centres, tube.pose_errors) for axis in lateral], axis=1)
+        np.stack([jacobian(axis, centres, cylinder.pose_errors) for axis in lateral], axis=1)
         for jacobian in (common_error_jacobian, section_error_jacobian)
     )
     line = np.column_stack([np.ones(len(along)), along - along.mean()])

@@ -1,4 +1,4 @@
-"""Result of `measure_shape`: bow, taper and ovality of a tube, in numbers and text."""
+"""Result of `measure_shape`: bow, taper and ovality of a cylinder, in numbers and text."""
 
 import math
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ import numpy as np
 from lsvision.geometry import FloatArray, IntArray
 from lsvision.geometry.equality import ComparedByValue
 from lsvision.results.number_format import format_value
-from lsvision.results.quantities import Record, finite_or_none, json_numbers
+from lsvision.results.quantities import Record, convert_numbers_to_json, replace_nonfinite
 from lsvision.results.result import Result
 
 SIGNIFICANCE = 0.01
@@ -17,7 +17,7 @@ SIGNIFICANCE = 0.01
 
 @dataclass(frozen=True, eq=False)
 class SectionCentres(ComparedByValue):
-    """Circle fitted to the points of each section, projected along the axis of the tube.
+    """Circle fitted to the points of each section, projected along the axis of the cylinder.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ class SectionCentres(ComparedByValue):
         Mean position of each section's points along the axis, from ``ScannedCylinder.point``.
         Units: mm.
     deviations : (k, 2) ndarray
-        Deviation of the centre of a circle with the tube's mean radius from the straight axis,
+        Deviation of the centre of a circle with the cylinder's mean radius from the straight axis,
         along e_phi and e_theta. Units: mm.
     deviation_covariances : (k, 2, 2) ndarray
         Covariances of `deviations`, with the error of the mean radius, which is common to all
@@ -54,7 +54,7 @@ class SectionCentres(ComparedByValue):
 
 @dataclass(frozen=True, eq=False)
 class FormDeviation(ComparedByValue):
-    """One deviation of a tube from a straight circular cylinder.
+    """One deviation of a cylinder from a straight circular one.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ class FormDeviation(ComparedByValue):
     covariance : (k, k) ndarray
         Covariance of `values`. Units: mm^2.
     p_value : float
-        Probability of a deviation at least as large if the tube has none.
+        Probability of a deviation at least as large if the cylinder has none.
     """
 
     values: FloatArray
@@ -90,8 +90,8 @@ class FormDeviation(ComparedByValue):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class TubeShape(Result):
-    """Form deviations of a tube along its axis.
+class CylinderShape(Result):
+    """Form deviations of a cylinder along its axis.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ class TubeShape(Result):
         Amplitudes o1, o2 of the radius r + o1 cos 2 psi + o2 sin 2 psi, with the angle psi about
         the axis from e_phi towards e_theta. Units: mm.
     radius : float
-        Mean radius of the deviating tube. Units: mm.
+        Mean radius of the deviating cylinder. Units: mm.
     half_length : float
         Half of the measured length along the axis. Units: mm.
     """
@@ -139,7 +139,7 @@ class TubeShape(Result):
 
     @property
     def ovality_std(self) -> float:
-        """Standard uncertainty of `ovality`; on a round tube, `ovality` is about as large."""
+        """Standard uncertainty of `ovality`; on a round cylinder, `ovality` is about as large."""
         return 2 * self.ovality_terms.size_std / self.radius
 
     @property
@@ -160,30 +160,30 @@ class TubeShape(Result):
             "bow_mm": self.bow.size,
             "bow_std_mm": self.bow.size_std,
             "bow_p_value": self.bow.p_value,
-            "bow_radius_mm": finite_or_none(self.bow_radius),
+            "bow_radius_mm": replace_nonfinite(self.bow_radius),
             "taper_mm_per_mm": self.taper_slope,
             "taper_p_value": self.taper.p_value,
             "ovality": self.ovality,
             "ovality_std": self.ovality_std,
             "ovality_p_value": self.ovality_terms.p_value,
             "sections": [int(section) for section in centres.sections],
-            "along_mm": json_numbers(centres.along),
-            "deviations_mm": [json_numbers(row) for row in centres.deviations],
-            "deviations_std_mm": [json_numbers(row) for row in centres.deviations_std],
-            "radii_mm": json_numbers(centres.radii),
-            "radii_std_mm": json_numbers(centres.radii_std),
+            "along_mm": convert_numbers_to_json(centres.along),
+            "deviations_mm": [convert_numbers_to_json(row) for row in centres.deviations],
+            "deviations_std_mm": [convert_numbers_to_json(row) for row in centres.deviations_std],
+            "radii_mm": convert_numbers_to_json(centres.radii),
+            "radii_std_mm": convert_numbers_to_json(centres.radii_std),
         }
 
-    def _summary(self) -> str:
-        return ", ".join(shape_lines(self))
+    def _summarise(self) -> str:
+        return ", ".join(format_shape_lines(self))
 
-    def _cells(self) -> list[tuple[str, ...]]:
+    def _list_cells(self) -> list[tuple[str, ...]]:
         return []  # no table: the notes contain everything
 
-    def _notes(self) -> list[str]:
-        return shape_lines(self)
+    def _list_notes(self) -> list[str]:
+        return format_shape_lines(self)
 
-    def _rows(self) -> list[Record]:
+    def _list_rows(self) -> list[Record]:
         """Return a row per section: its centre relative to the straight axis, and its radius."""
         record = self.to_dict()
         columns = {"section": record["sections"], "along_mm": record["along_mm"]}
@@ -194,7 +194,7 @@ class TubeShape(Result):
         return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
-def shape_lines(shape: TubeShape) -> list[str]:
+def format_shape_lines(shape: CylinderShape) -> list[str]:
     """Return a line for bow, taper and ovality each: value, standard uncertainty, significance."""
     bow = (
         f"{format_value(shape.bow.size, shape.bow.size_std)} mm over {2 * shape.half_length:.0f} mm"
@@ -205,12 +205,12 @@ def shape_lines(shape: TubeShape) -> list[str]:
     slope_std = 1e3 * shape.taper.size_std / shape.half_length
     ovality = format_value(100 * shape.ovality, 100 * shape.ovality_std)
     return [
-        f"bow {bow} ({_significance(shape.bow)})",
-        f"taper {format_value(slope, slope_std)} mm/m ({_significance(shape.taper)})",
-        f"ovality {ovality} % ({_significance(shape.ovality_terms)})",
+        f"bow {bow} ({_describe_significance(shape.bow)})",
+        f"taper {format_value(slope, slope_std)} mm/m ({_describe_significance(shape.taper)})",
+        f"ovality {ovality} % ({_describe_significance(shape.ovality_terms)})",
     ]
 
 
-def _significance(deviation: FormDeviation) -> str:
+def _describe_significance(deviation: FormDeviation) -> str:
     """Return whether a deviation is significant, in words."""
     return "significant" if deviation.is_significant() else "not significant"

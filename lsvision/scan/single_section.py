@@ -5,7 +5,7 @@ import numpy as np
 from lsvision.cylinder.fit_result import CylinderFit
 from lsvision.cylinder.robot_frame import twin_jacobian
 from lsvision.ellipse.section import CylinderSection
-from lsvision.geometry import Cylinder, FloatArray, Points, Pose, tangent_frame
+from lsvision.geometry import Cylinder, FloatArray, Points, Pose, build_tangent_frame
 
 
 def fit_single_section(
@@ -34,7 +34,7 @@ def fit_single_section(
 
 def _single_section_covariance(arc: CylinderSection, first: Cylinder, pose: Pose) -> FloatArray:
     """Return `CylinderFit.covariance` propagated from that of (centre_x, centre_y, a, b, theta)."""
-    basis = tangent_frame(first.direction)[:2] @ pose.rotation
+    basis = build_tangent_frame(first.direction)[:2] @ pose.rotation
     by_ellipse = twin_jacobian(arc, 1.0)
     jacobian = np.vstack([basis @ by_ellipse[:3], basis @ by_ellipse[3:6], by_ellipse[6]])
     covariance: FloatArray = jacobian @ arc.covariance @ jacobian.T

@@ -2,8 +2,8 @@
 
 Sections are processed in order. Each track predicts where the next section cuts its cylinder:
 along the line through its arc centres, or along both twins while the centres are too close
-together to determine a direction. Solid tubes do not penetrate each other, so a gate of a third
-of the radius separates even welded neighbours and still admits a bent tube.
+together to determine a direction. Solid cylinders do not penetrate each other, so a gate of a third
+of the radius separates even welded neighbours and still admits a bent cylinder.
 """
 
 import math
@@ -124,8 +124,8 @@ def associate_arcs(
     """Return the tracks: arcs of different sections, grouped by cylinder.
 
     The arcs may be in any order. A track has at most one arc of each section; tracks are in the
-    order of their first arcs. A tube with two arcs in one section yields two tracks here; the joint
-    fit unites them.
+    order of their first arcs. A cylinder with two arcs in one section yields two tracks here; the
+    joint fit unites them.
     """
     tracks: list[list[ArcObservation]] = []
     for section in sorted({observation.section for observation in observations}):

@@ -72,7 +72,7 @@ def distort(normalised: Points, coefficients: FloatArray) -> tuple[Points, Float
     jacobian[:, 1, 0] = cross + 2 * p1 * x + 2 * p2 * y + 2 * x * prism_y
     jacobian[:, 1, 1] = radial + 2 * y * (y * slope + prism_y) + 6 * p1 * y + 2 * p2 * x
     if tau_x or tau_y:
-        return _tilt(distorted, jacobian, _tilt_homography(tau_x, tau_y))
+        return _apply_tilt(distorted, jacobian, _build_tilt_homography(tau_x, tau_y))
     return distorted, jacobian
 
 
@@ -93,27 +93,27 @@ def undistort(distorted: Points, coefficients: FloatArray) -> tuple[Points, Floa
         step = np.einsum("nij,nj->ni", invert_2x2(jacobian), residual)
         normalised = normalised - np.clip(step, -MAX_NEWTON_STEP, MAX_NEWTON_STEP)
     # Beyond a fold the model mirrors the image: its determinant is negative. Beyond two it is not.
-    valid = (largest <= NEWTON_TOLERANCE) & (_determinants(jacobian) > 0)
+    valid = (largest <= NEWTON_TOLERANCE) & (_compute_determinants(jacobian) > 0)
     radii = np.where(valid, np.hypot(*normalised.T), -1.0)
     far = radii >= min(FAR_RADIUS, radii.max(initial=0.0))
-    if far.any() and _beyond_folds(normalised[far], coefficients).any():
-        valid[valid] = ~_beyond_folds(normalised[valid], coefficients)
+    if far.any() and _is_beyond_folds(normalised[far], coefficients).any():
+        valid[valid] = ~_is_beyond_folds(normalised[valid], coefficients)
     normalised[~valid], jacobian[~valid] = np.nan, np.nan
     return normalised, jacobian
 
 
-def _beyond_folds(normalised: Points, coefficients: FloatArray) -> BoolArray:
+def _is_beyond_folds(normalised: Points, coefficients: FloatArray) -> BoolArray:
     """Return whether a fold lies between the optical axis and each of n points (n,)."""
     fractions = np.arange(1, FOLD_SAMPLES)[:, None, None] / FOLD_SAMPLES
     between = (fractions * normalised).reshape(-1, 2)
-    determinants = _determinants(distort(between, coefficients)[1])
+    determinants = _compute_determinants(distort(between, coefficients)[1])
     beyond: BoolArray = determinants.reshape(-1, len(normalised)).min(axis=0) <= 0
     return beyond
 
 
 def invert_2x2(matrices: FloatArray) -> FloatArray:
     """Return inverse matrices (n, 2, 2); zero for singular ones, NaN for NaN."""
-    determinants = _determinants(matrices)
+    determinants = _compute_determinants(matrices)
     divisors = np.where(np.abs(determinants) < MIN_DETERMINANT, np.inf, determinants)
     adjugates = np.empty_like(matrices)
     adjugates[:, 0, 0], adjugates[:, 1, 1] = matrices[:, 1, 1], matrices[:, 0, 0]
@@ -121,12 +121,12 @@ def invert_2x2(matrices: FloatArray) -> FloatArray:
     return adjugates / divisors[:, None, None]
 
 
-def _determinants(matrices: FloatArray) -> FloatArray:
+def _compute_determinants(matrices: FloatArray) -> FloatArray:
     """Return the determinants (n,) of matrices (n, 2, 2)."""
     return matrices[:, 0, 0] * matrices[:, 1, 1] - matrices[:, 0, 1] * matrices[:, 1, 0]
 
 
-def _tilt_homography(tau_x: float, tau_y: float) -> FloatArray:
+def _build_tilt_homography(tau_x: float, tau_y: float) -> FloatArray:
     """Return OpenCV's (3, 3) homography of a sensor tilted by `tau_x`, `tau_y` (Scheimpflug)."""
     about_x = [
         [1.0, 0.0, 0.0],
@@ -143,7 +143,7 @@ def _tilt_homography(tau_x: float, tau_y: float) -> FloatArray:
     return np.array(projection) @ R
 
 
-def _tilt(
+def _apply_tilt(
     points: Points, jacobian: FloatArray, homography: FloatArray
 ) -> tuple[Points, FloatArray]:
     """Return points (n, 2) and Jacobians (n, 2, 2) after the homography of a tilted sensor."""

@@ -214,7 +214,7 @@ class LightSection(ComparedByValue):
             Profile with one point for each point of the line; lost where the line is lost, or its
             ray does not meet the laser plane.
         """
-        points, jacobians = self._section_points(line.pixels)
+        points, jacobians = self._intersect_pixels(line.pixels)
         scaled = jacobians * _pixel_stds(line)[:, None, :]
         return Profile(points, PointNoise(scaled @ scaled.transpose(0, 2, 1)))
 
@@ -232,7 +232,7 @@ class LightSection(ComparedByValue):
             Points in the section frame; NaN rows for lost points and where a ray misses the laser
             plane. Units: mm.
         """
-        return self._section_points(np.asarray(pixels, dtype=np.float64))[0]
+        return self._intersect_pixels(np.asarray(pixels, dtype=np.float64))[0]
 
     def project(self, points: npt.ArrayLike) -> Points:
         """Return the pixels of points of the section.
@@ -332,7 +332,7 @@ class LightSection(ComparedByValue):
         px_per_unit = length / (NORMAL_STEP_MM * size / point[0, 2])
         return (stop - start) / length, float(growth / px_per_unit)
 
-    def _section_points(self, pixels: Points) -> tuple[Points, FloatArray]:
+    def _intersect_pixels(self, pixels: Points) -> tuple[Points, FloatArray]:
         """Return the section points (n, 2) of pixels, and their Jacobian by the pixel (n, 2, 2)."""
         rays, ray_jacobians = self.camera.rays_with_jacobian(pixels)
         normal, pose = self.laser_plane.normal, self.camera_from_section

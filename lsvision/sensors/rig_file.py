@@ -36,7 +36,7 @@ _DAMAGE_ERRORS = (
 )
 
 
-def camera_as_json(camera: Camera) -> dict[str, Any]:
+def convert_camera_to_json(camera: Camera) -> dict[str, Any]:
     """Return a camera as JSON values; inverse of `camera_from_json`."""
     return {
         "matrix": camera.matrix.tolist(),
@@ -46,7 +46,7 @@ def camera_as_json(camera: Camera) -> dict[str, Any]:
 
 
 def camera_from_json(values: Mapping[str, Any]) -> Camera:
-    """Return the camera of JSON values; inverse of `camera_as_json`.
+    """Return the camera of JSON values; inverse of `convert_camera_to_json`.
 
     Raises
     ------
@@ -57,13 +57,13 @@ def camera_from_json(values: Mapping[str, Any]) -> Camera:
     return Camera(values["matrix"], values["distortion"], tuple(values["size"]))
 
 
-def plane_as_json(plane: Plane) -> dict[str, Any]:
+def convert_plane_to_json(plane: Plane) -> dict[str, Any]:
     """Return a plane as JSON values; inverse of `plane_from_json`."""
     return {"normal": plane.normal.tolist(), "distance": plane.distance}
 
 
 def plane_from_json(values: Mapping[str, Any]) -> Plane:
-    """Return the plane of JSON values; inverse of `plane_as_json`.
+    """Return the plane of JSON values; inverse of `convert_plane_to_json`.
 
     Raises
     ------
@@ -141,8 +141,8 @@ def write_rig(
         If a number is beyond the limits of this module.
     """
     values = {
-        "camera": camera_as_json(camera),
-        "laser_plane": plane_as_json(plane),
+        "camera": convert_camera_to_json(camera),
+        "laser_plane": convert_plane_to_json(plane),
         "line_blur_px": line_blur_px,
         "provenance": dict(provenance),
     }

@@ -137,8 +137,8 @@ def simulate_boards(
 def _draw_crossed_pose(scene: BoardScene, rng: np.random.Generator) -> tuple[Pose, Points]:
     """Return a random pose in which the line crosses the board, and the line's points on it."""
     for _ in range(MAX_DRAWS):
-        pose = _random_pose(scene, rng)
-        line = _line_on_board(scene, pose)
+        pose = _draw_random_pose(scene, rng)
+        line = _intersect_board(scene, pose)
         if line is not None:
             return pose, line
     raise ValueError(
@@ -151,8 +151,8 @@ def _measure(
     scene: BoardScene, pose: Pose, line: Points, rng: np.random.Generator
 ) -> SimulatedBoard:
     """Return corners and line points in the image, with noise."""
-    corners = _corners(scene)
-    bent = corners + np.outer(_height(scene, corners[:, :2]), (0.0, 0.0, 1.0))
+    corners = _build_corners(scene)
+    bent = corners + np.outer(_compute_height(scene, corners[:, :2]), (0.0, 0.0, 1.0))
     pixels = _project(scene, pose.apply(bent))
     line_pixels = _project(scene, pose.apply(line))
     tangents = np.gradient(line_pixels, axis=0)
@@ -166,7 +166,7 @@ def _measure(
     )
 
 
-def _random_pose(scene: BoardScene, rng: np.random.Generator) -> Pose:
+def _draw_random_pose(scene: BoardScene, rng: np.random.Generator) -> Pose:
     """Return a random ``camera_from_board`` within the limits of the scene."""
     about_x, about_y = rng.uniform(-scene.tilt, scene.tilt, 2)
     about_z = rng.uniform(-MAX_ROTATION, MAX_ROTATION)
@@ -177,36 +177,36 @@ def _random_pose(scene: BoardScene, rng: np.random.Generator) -> Pose:
     focal_lengths = scene.matrix[[0, 1], [0, 1]]
     offset_px = rng.uniform(-MAX_OFFSET_FRACTION, MAX_OFFSET_FRACTION, 2) * scene.size
     centre = np.array([*(offset_px / focal_lengths * depth), depth])
-    middle = _corners(scene).mean(axis=0)
+    middle = _build_corners(scene).mean(axis=0)
     return Pose(rotation, centre - rotation @ middle)
 
 
-def _line_on_board(scene: BoardScene, pose: Pose) -> Points | None:
+def _intersect_board(scene: BoardScene, pose: Pose) -> Points | None:
     """Return (m, 3) points of the laser line, board frame, evenly spaced in x. Units: mm.
 
     None unless the line crosses the board from its first column to its last.
     """
-    corners = _corners(scene)
+    corners = _build_corners(scene)
     low, high = corners[:, :2].min(axis=0), corners[:, :2].max(axis=0)
     x = np.linspace(low[0], high[0], scene.line_points)
     plane = scene.plane.transformed(pose.inverse())
     y = np.zeros_like(x)
     for _ in range(LINE_ITERATIONS):
         # Fixed-point iteration, which converges because the bow is small.
-        z = _height(scene, np.column_stack([x, y]))
+        z = _compute_height(scene, np.column_stack([x, y]))
         y = (plane.distance - plane.normal[0] * x - plane.normal[2] * z) / plane.normal[1]
     if not ((y > low[1]) & (y < high[1])).all():
         return None
-    return np.column_stack([x, y, _height(scene, np.column_stack([x, y]))])
+    return np.column_stack([x, y, _compute_height(scene, np.column_stack([x, y]))])
 
 
-def _corners(scene: BoardScene) -> Points:
+def _build_corners(scene: BoardScene) -> Points:
     """Return the nominal corners (n, 3) of the flat board, board frame. Units: mm."""
     row, column = np.divmod(np.arange(scene.columns * scene.rows), scene.columns)
     return np.column_stack([column, row, np.zeros(len(row))]) * scene.square
 
 
-def _height(scene: BoardScene, points: Points) -> FloatArray:
+def _compute_height(scene: BoardScene, points: Points) -> FloatArray:
     """Return z of the bent board at (n, 2) points. Units: mm."""
     half = np.array([scene.columns - 1, scene.rows - 1]) * scene.square / 2
     scaled = (points - half) / half

@@ -49,17 +49,17 @@ def place_outline(outline: npt.ArrayLike, centre: Centre, tilt: float = 0.0) -> 
     return Prism(rotated + centre)
 
 
-def ground(width: float, centre: Centre, tilt: float = 0.0) -> Prism:
+def build_ground(width: float, centre: Centre, tilt: float = 0.0) -> Prism:
     """Return a flat ground: a straight line as outline."""
     return place_outline([[-width / 2, 0.0], [width / 2, 0.0]], centre, tilt)
 
 
-def bar(width: float, thickness: float, centre: Centre, tilt: float = 0.0) -> Prism:
+def build_bar(width: float, thickness: float, centre: Centre, tilt: float = 0.0) -> Prism:
     """Return a flat bar or box: a rectangle.
 
     Examples
     --------
-    >>> bar(40.0, 5.0, (0.0, -400.0)).outline[0]
+    >>> build_bar(40.0, 5.0, (0.0, -400.0)).outline[0]
     array([ -20., -400.])
     """
     x = width / 2
@@ -67,7 +67,7 @@ def bar(width: float, thickness: float, centre: Centre, tilt: float = 0.0) -> Pr
     return place_outline(corners, centre, tilt)
 
 
-def rounded_box(
+def build_rounded_box(
     width: float, height: float, corner: float, centre: Centre, tilt: float = 0.0
 ) -> Prism:
     """Return a square tube: a rectangle with rounded corners, open below.
@@ -87,7 +87,7 @@ def rounded_box(
     return place_outline(np.vstack([left, right]), centre, tilt)
 
 
-def v_groove(
+def build_v_groove(
     width: float, opening: float, depth: float, centre: Centre, tilt: float = 0.0
 ) -> Prism:
     """Return a plate with a V groove, as for a weld."""
@@ -96,7 +96,7 @@ def v_groove(
     return place_outline(outline, centre, tilt)
 
 
-def angle_iron(leg: float, thickness: float, centre: Centre, tilt: float = 0.0) -> Prism:
+def build_angle_iron(leg: float, thickness: float, centre: Centre, tilt: float = 0.0) -> Prism:
     """Return an angle iron with both edges on the ground and its corner towards the sensor."""
     x, edge = leg / math.sqrt(2), thickness / math.sqrt(2)
     inner = [[x - edge, -x - edge], [0.0, -2 * edge], [-x + edge, -x - edge]]
@@ -104,34 +104,36 @@ def angle_iron(leg: float, thickness: float, centre: Centre, tilt: float = 0.0) 
     return place_outline(outline, centre, tilt)
 
 
-def sine_sheet(
+def build_sine_sheet(
     width: float, amplitude: float, wavelength: float, centre: Centre, tilt: float = 0.0
 ) -> Prism:
     """Return a corrugated sheet: a sine."""
-    x = _abscissae(width)
+    x = _space_abscissae(width)
     wave = amplitude * np.sin(2 * math.pi * x / wavelength)
     return place_outline(np.column_stack([x, wave]), centre, tilt)
 
 
-def gaussian_bumps(width: float, bumps: npt.ArrayLike, centre: Centre, tilt: float = 0.0) -> Prism:
+def build_gaussian_bumps(
+    width: float, bumps: npt.ArrayLike, centre: Centre, tilt: float = 0.0
+) -> Prism:
     """Return a sheet with dents and bumps.
 
     `bumps` (k, 3) are position along the sheet, height (negative: a dent) and standard width, in
     mm.
     """
-    x = _abscissae(width)
+    x = _space_abscissae(width)
     position, height, spread = np.asarray(bumps, dtype=np.float64).T[:, :, None]
     y = (height * np.exp(-0.5 * ((x - position) / spread) ** 2)).sum(axis=0)
     return place_outline(np.column_stack([x, y]), centre, tilt)
 
 
-def parabola(width: float, depth: float, centre: Centre, tilt: float = 0.0) -> Prism:
+def build_parabola(width: float, depth: float, centre: Centre, tilt: float = 0.0) -> Prism:
     """Return a ridge, or with negative depth a trough, with a parabolic section."""
-    x = _abscissae(width)
+    x = _space_abscissae(width)
     return place_outline(np.column_stack([x, -depth * (2 * x / width) ** 2]), centre, tilt)
 
 
-def spline_sheet(knots: npt.ArrayLike, centre: Centre, tilt: float = 0.0) -> Prism:
+def build_spline_sheet(knots: npt.ArrayLike, centre: Centre, tilt: float = 0.0) -> Prism:
     """Return a free-form sheet: a natural cubic spline.
 
     It runs through the knots (k, 2) in mm with ascending x; the outline ends within 0.15 mm of the
@@ -143,12 +145,14 @@ def spline_sheet(knots: npt.ArrayLike, centre: Centre, tilt: float = 0.0) -> Pri
     return place_outline(np.column_stack([x_fine, curve(x_fine)]), centre, tilt)
 
 
-def _abscissae(width: float) -> FloatArray:
+def _space_abscissae(width: float) -> FloatArray:
     """Return evenly spaced x from -width / 2 to width / 2. Units: mm."""
     return np.linspace(-width / 2, width / 2, math.ceil(width / SEGMENT_LENGTH_MM) + 1)
 
 
-def clutter_around(tubes: list[Ellipse], draw: DrawShape, rng: np.random.Generator) -> list[Prism]:
+def draw_clutter_around(
+    tubes: list[Ellipse], draw: DrawShape, rng: np.random.Generator
+) -> list[Prism]:
     """Return two to four random shapes beside or behind tubes, and in 60 % of cases a ground.
 
     `draw` is `draw_planar` or `draw_mixed`. The top of a shape whose x overlaps a tube's is at most
@@ -157,7 +161,7 @@ def clutter_around(tubes: list[Ellipse], draw: DrawShape, rng: np.random.Generat
     shapes = [_place_shape(draw(rng), tubes, rng) for _ in range(rng.integers(2, 5))]
     if rng.random() < 0.6:
         depth = min([-MAX_RANGE_MM, *(tube.centre[1] - tube.semi_major for tube in tubes)])
-        shapes.append(ground(500.0, (0.0, depth), rng.uniform(-0.05, 0.05)))
+        shapes.append(build_ground(500.0, (0.0, depth), rng.uniform(-0.05, 0.05)))
     return shapes
 
 
@@ -168,12 +172,12 @@ def draw_planar(rng: np.random.Generator) -> Prism:
     choice = rng.integers(4)
     if choice == 0:
         height = rng.uniform(10.0, 60.0)
-        return bar(width * 0.6, height, ORIGIN, tilt / 3)
+        return build_bar(width * 0.6, height, ORIGIN, tilt / 3)
     if choice == 1:
         leg, thickness = rng.uniform(15.0, 45.0), rng.uniform(3.0, 6.0)
-        return angle_iron(leg, thickness, ORIGIN, tilt)
+        return build_angle_iron(leg, thickness, ORIGIN, tilt)
     thickness = rng.uniform(3.0, 10.0)
-    return bar(width, thickness, ORIGIN, tilt)
+    return build_bar(width, thickness, ORIGIN, tilt)
 
 
 def draw_mixed(rng: np.random.Generator) -> Prism:
@@ -195,19 +199,19 @@ def draw_mixed(rng: np.random.Generator) -> Prism:
 def _place_shape(shape: Prism, tubes: list[Ellipse], rng: np.random.Generator) -> Prism:
     """Return a shape at a random position: beside the tubes at any range, or behind their crests.
 
-    See `clutter_around`.
+    See `draw_clutter_around`.
     """
-    low, high = _bounding_box(shape.outline)
+    low, high = _compute_bounding_box(shape.outline)
     top = rng.uniform(MIN_RANGE_MM, MAX_RANGE_MM - 40.0)
     x = rng.uniform(-HALF_FIELD_PER_RANGE, HALF_FIELD_PER_RANGE) * top
     for tube in tubes:
-        left, right = _bounding_box(tube.points_at(np.linspace(0.0, 2 * math.pi, 181)))
+        left, right = _compute_bounding_box(tube.points_at(np.linspace(0.0, 2 * math.pi, 181)))
         if x + high[0] > left[0] - 3.0 and x + low[0] < right[0] + 3.0:
             top = max(top, rng.uniform(-0.4 * tube.semi_minor, 40.0) - tube.centre[1])
     return Prism(shape.outline + np.array([x, -top - high[1]]))
 
 
-def _bounding_box(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _compute_bounding_box(points: FloatArray) -> tuple[FloatArray, FloatArray]:
     return points.min(axis=0), points.max(axis=0)
 
 
@@ -219,7 +223,7 @@ def _draw_sine(rng: np.random.Generator) -> Prism:
     else:
         wavelength = rng.uniform(22.0, 70.0)
         amplitude = wavelength * MAX_SLOPE * rng.uniform(0.3, 1.0) / (2 * math.pi)
-    return sine_sheet(width, amplitude, wavelength, ORIGIN, tilt)
+    return build_sine_sheet(width, amplitude, wavelength, ORIGIN, tilt)
 
 
 def _draw_bumps(rng: np.random.Generator) -> Prism:
@@ -231,7 +235,7 @@ def _draw_bumps(rng: np.random.Generator) -> Prism:
         steepest = MAX_SLOPE * spread * math.sqrt(math.e)
         height = rng.choice([-1.0, 1.0]) * rng.uniform(0.3, 0.95) * steepest
         bumps.append((position, height, spread))
-    return gaussian_bumps(width, bumps, ORIGIN, tilt)
+    return build_gaussian_bumps(width, bumps, ORIGIN, tilt)
 
 
 def _draw_ridge(rng: np.random.Generator) -> Prism:
@@ -239,14 +243,14 @@ def _draw_ridge(rng: np.random.Generator) -> Prism:
     tilt, flat = rng.uniform(-0.3, 0.3), rng.random() < 0.6
     vertex = rng.uniform(60.0, 150.0) if flat else rng.uniform(1.5, 5.0)
     width = rng.uniform(50.0, 110.0) if flat else rng.uniform(10.0, 24.0)
-    return parabola(width, width**2 / (8 * vertex), ORIGIN, tilt)
+    return build_parabola(width, width**2 / (8 * vertex), ORIGIN, tilt)
 
 
 def _draw_trough(rng: np.random.Generator) -> Prism:
     """Draw a concave parabola with the curvature of a tube."""
     tilt, vertex = rng.uniform(-0.3, 0.3), rng.uniform(12.0, 45.0)
     width = vertex * rng.uniform(0.8, 2.0)
-    return parabola(width, -(width**2) / (8 * vertex), ORIGIN, tilt)
+    return build_parabola(width, -(width**2) / (8 * vertex), ORIGIN, tilt)
 
 
 def _draw_spline(rng: np.random.Generator) -> Prism:
@@ -255,21 +259,21 @@ def _draw_spline(rng: np.random.Generator) -> Prism:
     count = int(rng.integers(5, 8))
     x = (np.arange(count) - (count - 1) / 2) * spacing
     y = rng.uniform(-1.0, 1.0, count)
-    outline = spline_sheet(np.column_stack([x, y]), ORIGIN).outline
+    outline = build_spline_sheet(np.column_stack([x, y]), ORIGIN).outline
     steepest = np.abs(np.diff(outline[:, 1]) / np.diff(outline[:, 0])).max()
     knots = np.column_stack([x, y * MAX_SLOPE * rng.uniform(0.4, 1.0) / steepest])
-    return spline_sheet(knots, ORIGIN, tilt)
+    return build_spline_sheet(knots, ORIGIN, tilt)
 
 
 def _draw_rounded_box(rng: np.random.Generator) -> Prism:
     """Draw a square tube with corners of 2-5 mm."""
     width, height, tilt = rng.uniform(20.0, 70.0), rng.uniform(12.0, 50.0), rng.uniform(-0.5, 0.5)
     corner = rng.uniform(2.0, MAX_CORNER_RADIUS)
-    return rounded_box(width, height, corner, ORIGIN, tilt)
+    return build_rounded_box(width, height, corner, ORIGIN, tilt)
 
 
 def _draw_v_groove(rng: np.random.Generator) -> Prism:
     """Draw a plate with a V groove."""
     width, tilt = rng.uniform(40.0, 110.0), rng.uniform(-0.4, 0.4)
     opening, depth = rng.uniform(8.0, 25.0), rng.uniform(4.0, 15.0)
-    return v_groove(width, opening, depth, ORIGIN, tilt)
+    return build_v_groove(width, opening, depth, ORIGIN, tilt)

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from lsvision.geometry import BoolArray, FloatArray, Plane, Pose
 from lsvision.profile import Profile
-from lsvision.simulate.section import correlated_unit_noise
+from lsvision.simulate.section import draw_correlated_unit_noise
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -57,7 +57,7 @@ class SectionView:
         return np.linspace(-self.width / 2, self.width / 2, self.columns)
 
 
-def sphere_profile(
+def simulate_sphere_profile(
     centre: FloatArray, radius: float, view: SectionView, rng: np.random.Generator
 ) -> Profile:
     """Simulate the profile of a sphere with a centre (3,) in mm, section frame.
@@ -67,7 +67,7 @@ def sphere_profile(
     Examples
     --------
     >>> noise_free = SectionView(columns=3, width=6.0, range_std=0.0)
-    >>> sphere_profile((0, -300, 4), 5.0, noise_free, np.random.default_rng(0)).points
+    >>> simulate_sphere_profile((0, -300, 4), 5.0, noise_free, np.random.default_rng(0)).points
     array([[  nan,   nan],
            [   0., -297.],
            [  nan,   nan]])
@@ -80,24 +80,25 @@ def sphere_profile(
     max_distance = math.sin(view.max_slope) * math.sqrt(max(circle_radius2, 0.0))
     measured = (height2 > 0) & (np.abs(x - cx) <= max_distance)
     y = cy + np.sqrt(np.where(measured, height2, 0.0))
-    return _noisy_profile(x, y, measured, view, rng)
+    return _add_noise(x, y, measured, view, rng)
 
 
-def plane_profile(plane: Plane, view: SectionView, rng: np.random.Generator) -> Profile:
+def simulate_plane_profile(plane: Plane, view: SectionView, rng: np.random.Generator) -> Profile:
     """Simulate the profile of a plane; without points if it is steeper than the view allows.
 
-    The plane is given in the section frame; other parameters are those of `sphere_profile`.
+    The plane is given in the section frame; other parameters are those of
+    `simulate_sphere_profile`.
     """
     x = view.x
     nx, ny, _ = plane.normal
     # A plane parallel to the section has neither nx nor ny.
     if ny == 0 or abs(ny) < math.cos(view.max_slope) * math.hypot(nx, ny):
-        return _noisy_profile(x, np.zeros_like(x), np.zeros(len(x), dtype=bool), view, rng)
+        return _add_noise(x, np.zeros_like(x), np.zeros(len(x), dtype=bool), view, rng)
     y = (plane.distance - nx * x) / ny
-    return _noisy_profile(x, y, np.ones(len(x), dtype=bool), view, rng)
+    return _add_noise(x, y, np.ones(len(x), dtype=bool), view, rng)
 
 
-def _noisy_profile(
+def _add_noise(
     x: FloatArray,
     y: FloatArray,
     measured: BoolArray,
@@ -105,7 +106,7 @@ def _noisy_profile(
     rng: np.random.Generator,
 ) -> Profile:
     """Return the profile with noise and height scale; points that are not measured are lost."""
-    noise = view.range_std * correlated_unit_noise(len(x), view.correlation, rng)
+    noise = view.range_std * draw_correlated_unit_noise(len(x), view.correlation, rng)
     heights = view.height_scale * y + noise
     measured = measured & (heights >= view.depth[0]) & (heights <= view.depth[1])
     points = np.where(measured[:, None], np.column_stack([x, heights]), np.nan)
@@ -118,7 +119,7 @@ def rotation_from_vector(vector: npt.ArrayLike) -> FloatArray:
     return rotation
 
 
-def noisy_pose(
+def perturb_pose(
     pose: Pose, position_std: float, rotation_std: float, rng: np.random.Generator
 ) -> Pose:
     """Return a robot pose with random errors of position (mm) and rotation (rad).
@@ -156,7 +157,7 @@ class TargetMotion:
     working_y: float = 0.0
 
 
-def section_poses_about(
+def draw_section_poses_about(
     target: FloatArray, count: int, motion: TargetMotion, rng: np.random.Generator
 ) -> list[Pose]:
     """Draw random ``base_from_section`` poses from which a target is visible.

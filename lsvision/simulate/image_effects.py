@@ -60,7 +60,9 @@ class StrayLight:
             )
 
 
-def stray_light(shape: tuple[int, ...], stray: StrayLight, rng: np.random.Generator) -> FloatArray:
+def simulate_stray_light(
+    shape: tuple[int, ...], stray: StrayLight, rng: np.random.Generator
+) -> FloatArray:
     """Return the (height, width) mean brightness without the laser. Units: DN."""
     height, width = shape[:2]
     angle = rng.uniform(0, 2 * math.pi)
@@ -69,14 +71,14 @@ def stray_light(shape: tuple[int, ...], stray: StrayLight, rng: np.random.Genera
         abs(math.cos(angle)) + abs(math.sin(angle))
     )
     light = stray.ambient + stray.gradient * slope
-    light = light + _streaks((height, width), stray, rng)
+    light = light + _draw_streaks((height, width), stray, rng)
     for _ in range(stray.blobs):
         centre = rng.uniform((0, 0), (width, height))
         _add_blob(light, centre, rng.uniform(2, 15), rng.uniform(*stray.brightness))
     return light
 
 
-def glint_gain(
+def simulate_glint_gain(
     truth_pixels: Points, shape: tuple[int, ...], glints: int, rng: np.random.Generator
 ) -> FloatArray:
     """Return the (height, width) factor on the laser light of specular reflections.
@@ -92,7 +94,9 @@ def glint_gain(
     return gain
 
 
-def _streaks(shape: tuple[int, int], stray: StrayLight, rng: np.random.Generator) -> FloatArray:
+def _draw_streaks(
+    shape: tuple[int, int], stray: StrayLight, rng: np.random.Generator
+) -> FloatArray:
     """Return the (height, width) brightness of the streaks. Units: DN."""
     layer: FloatArray = np.zeros(shape)
     for _ in range(stray.streaks):
@@ -129,7 +133,7 @@ def _add_blob(image: FloatArray, centre: FloatArray, sigma: float, height: float
     window += height * np.exp(-0.5 * (v[:, None] ** 2 + u**2) / sigma**2)
 
 
-def speckle_field(
+def simulate_speckle_field(
     shape: tuple[int, int], looks: int, fwhm: float, *, rng: np.random.Generator
 ) -> FloatArray:
     """Return the speckle factor (height, width) on the light in each pixel, with mean 1.

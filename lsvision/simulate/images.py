@@ -22,9 +22,9 @@ from lsvision.simulate.image_effects import (
     ImageSensor,
     StrayLight,
     expose,
-    glint_gain,
-    speckle_field,
-    stray_light,
+    simulate_glint_gain,
+    simulate_speckle_field,
+    simulate_stray_light,
 )
 from lsvision.simulate.imaging_rig import ImagingRig
 from lsvision.simulate.scene import Scene
@@ -57,8 +57,8 @@ class ImageSettings:
     psf_sigma : float
         Standard deviation of the lens blur. Units: px.
     speckle_looks : int
-        Number of independent speckle patterns that are averaged, see `speckle_field`. 0: no
-        speckle.
+        Number of independent speckle patterns that are averaged, see `simulate_speckle_field`. 0:
+        no speckle.
     speckle_fwhm : float
         Full width at half maximum of the autocorrelation of the speckle. Units: px.
     glints : int
@@ -144,8 +144,8 @@ def simulate_image(
     if settings.speckle_looks:
         line = _multiply_speckle(line, settings, rng)
     if settings.glints:
-        line = line * glint_gain(truth_pixels, line.shape, settings.glints, rng)
-    background = stray_light(line.shape, settings.stray, rng)
+        line = line * simulate_glint_gain(truth_pixels, line.shape, settings.glints, rng)
+    background = simulate_stray_light(line.shape, settings.stray, rng)
     sensitivity = settings.sensor.draw_sensitivity(line.shape, rng)
     return SimulatedImage(
         expose(background + line, sensitivity, settings.sensor, rng),
@@ -160,11 +160,11 @@ def _render_sheet(scene: Scene, rig: ImagingRig, sheet_sigma: float) -> tuple[Fl
     The light is the sheet's Gaussian profile times the cosine of incidence, thus at most 1.
     """
     # Transposed, so that the samples of a column are consecutive.
-    columns, rows = np.nonzero(_illuminated_pixels(scene, rig, sheet_sigma).T)
+    columns, rows = np.nonzero(_mask_illuminated_pixels(scene, rig, sheet_sigma).T)
     offsets = (np.arange(SUB_ROWS) - (SUB_ROWS - 1) / 2) / SUB_ROWS
     u = np.repeat(columns, SUB_ROWS)
     v = (rows[:, None] + offsets).ravel()
-    rays = rig.rays(np.column_stack([u, v]))
+    rays = rig.compute_rays(np.column_stack([u, v]))
     hits, labels = scene.first_hits(rays)
     hit = np.isfinite(hits.distances)
     depth = np.where(hit, hits.distances, 0.0)
@@ -172,7 +172,7 @@ def _render_sheet(scene: Scene, rig: ImagingRig, sheet_sigma: float) -> tuple[Fl
     heights = points[:, 2]  # distance from the middle of the sheet, z = 0
     in_sheet = hit & (np.abs(heights) < SHEET_CUTOFF_SIGMAS * sheet_sigma)
     light = np.zeros(len(u))
-    light[in_sheet] = _irradiance(scene, rig, points[in_sheet], hits.normals[in_sheet])
+    light[in_sheet] = _compute_irradiance(scene, rig, points[in_sheet], hits.normals[in_sheet])
     truth = _find_crossings(u, v, np.where(light > 0, heights, np.nan), depth, labels)
     light *= np.exp(-0.5 * (heights / sheet_sigma) ** 2)
     width, height = rig.size
@@ -184,7 +184,7 @@ def _render_sheet(scene: Scene, rig: ImagingRig, sheet_sigma: float) -> tuple[Fl
     return image, pixels
 
 
-def _illuminated_pixels(scene: Scene, rig: ImagingRig, sheet_sigma: float) -> BoolArray:
+def _mask_illuminated_pixels(scene: Scene, rig: ImagingRig, sheet_sigma: float) -> BoolArray:
     """Return a (height, width) mask of the cells in whose neighbourhood the sheet may be visible.
 
     A cell counts if the surfaces seen at its corner and at those of its neighbours are not all on
@@ -194,7 +194,7 @@ def _illuminated_pixels(scene: Scene, rig: ImagingRig, sheet_sigma: float) -> Bo
     u, v = np.meshgrid(
         np.arange(0, width + CELL_PX, CELL_PX), np.arange(0, height + CELL_PX, CELL_PX)
     )
-    rays = rig.rays(np.column_stack([u.ravel(), v.ravel()]))
+    rays = rig.compute_rays(np.column_stack([u.ravel(), v.ravel()]))
     distances = scene.first_hits(rays)[0].distances.reshape(u.shape)
     direction_z = rays.directions[:, 2].reshape(u.shape)
     origin_z = rays.origins[:, 2].reshape(u.shape)
@@ -210,7 +210,9 @@ def _illuminated_pixels(scene: Scene, rig: ImagingRig, sheet_sigma: float) -> Bo
     return pixels
 
 
-def _irradiance(scene: Scene, rig: ImagingRig, points: Points, normals: FloatArray) -> FloatArray:
+def _compute_irradiance(
+    scene: Scene, rig: ImagingRig, points: Points, normals: FloatArray
+) -> FloatArray:
     """Return the cosine of incidence of the laser at each point, 0 in shadow."""
     origin = np.array([*rig.laser_origin, 0.0])
     to_points = points - origin
@@ -257,5 +259,7 @@ def _multiply_speckle(
     band = slice(rows[0], rows[-1] + 1)
     speckled = line.copy()
     shape = speckled[band].shape
-    speckled[band] *= speckle_field(shape, settings.speckle_looks, settings.speckle_fwhm, rng=rng)
+    speckled[band] *= simulate_speckle_field(
+        shape, settings.speckle_looks, settings.speckle_fwhm, rng=rng
+    )
     return speckled

@@ -95,7 +95,7 @@ class ImagingRig:
         """Laser plane in the camera frame. Units: mm."""
         return Plane(np.array([0.0, 0.0, 1.0]), 0.0).transformed(self.camera_from_section)
 
-    def rays(self, pixels: Points) -> Rays:
+    def compute_rays(self, pixels: Points) -> Rays:
         """Return the rays through (n, 2) pixels, section frame; distances are depths in mm.
 
         Wrong beyond the largest distorted radius of the lens, where no ray has such a pixel.

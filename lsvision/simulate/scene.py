@@ -150,7 +150,7 @@ class SectionTruth:
     tubes: tuple[TubeTruth, ...]
 
 
-def tube_truths(
+def list_tube_truths(
     scene: Scene, base_from_section: Pose, labels: IntArray, points: Points
 ) -> tuple[TubeTruth, ...]:
     """Return the truth of each tube of a scene (base frame) whose axis a section cuts.
@@ -165,14 +165,14 @@ def tube_truths(
             continue
         cylinder = cylinder.transformed(base_from_section.inverse())
         ellipse = cylinder.section()
-        run = longest_run(labels, label)
-        arc = _angular_coverage(points[run], ellipse)
+        run = find_longest_run(labels, label)
+        arc = _measure_angular_coverage(points[run], ellipse)
         count = int((labels == label).sum())
         truths.append(TubeTruth(label, cylinder, ellipse, count, len(run), arc))
     return tuple(truths)
 
 
-def longest_run(labels: IntArray, label: int) -> IntArray:
+def find_longest_run(labels: IntArray, label: int) -> IntArray:
     """Return the columns of a tube's longest arc, without large steps or other objects in between.
 
     `labels` (n,) are those of all columns.
@@ -185,7 +185,7 @@ def longest_run(labels: IntArray, label: int) -> IntArray:
     return max(np.split(columns, np.flatnonzero(interrupted) + 1), key=len)
 
 
-def _angular_coverage(points: Points, ellipse: Ellipse) -> float:
+def _measure_angular_coverage(points: Points, ellipse: Ellipse) -> float:
     """Return the angle about the cylinder's axis that the points of an arc cover. Units: rad."""
     if len(points) < 2:
         return 0.0

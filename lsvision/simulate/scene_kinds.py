@@ -17,11 +17,11 @@ from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import Ellipse
 from lsvision.geometry.arguments import as_numbers
 from lsvision.sensors.profile_sensor import ProfileSensor
-from lsvision.simulate.clutter import DrawShape, clutter_around, draw_mixed, draw_planar
+from lsvision.simulate.clutter import DrawShape, draw_clutter_around, draw_mixed, draw_planar
 from lsvision.simulate.scene import Scene
 from lsvision.simulate.section import SectionSettings, SimulatedSection, simulate_section
 from lsvision.simulate.solids import Prism, Tube
-from lsvision.simulate.welds import nested_centre, touching_centre, weld_bead
+from lsvision.simulate.welds import build_weld_bead, compute_nested_centre, compute_touching_centre
 
 MAX_PHI_DEG = 80.0
 """Largest tilt of a random tube; the axis ratio of its section is then almost six."""
@@ -30,8 +30,8 @@ NOISE_MM = (0.02, 0.1)
 MIN_RANDOM_SCENE_ARC = math.radians(80.0)
 """Smallest visible arc of every tube of a random scene, for an ideal sensor. Units: rad."""
 MAX_BULGE = 0.11
-"""Largest bulge of a weld bead (see `weld_bead`); a larger one spans an arc of more than 50 deg and
-resembles a tube."""
+"""Largest bulge of a weld bead (see `build_weld_bead`); a larger one spans an arc of more than
+50 deg and resembles a tube."""
 TOP_RANGE_MM = (330.0, 440.0)
 """Limits of the range of the tubes' highest point; it is larger if the field is too narrow there.
 Units: mm."""
@@ -157,22 +157,22 @@ def random_section(
     return simulate_section(scene, sensor, settings or SectionSettings(), rng=rng)
 
 
-def single(rng: np.random.Generator, tubes: TubeRanges) -> Scene:
+def draw_single_scene(rng: np.random.Generator, tubes: TubeRanges) -> Scene:
     """Draw one tube without clutter."""
-    return _draw_visible(lambda rng: [tubes.draw_ellipse(rng)], _no_clutter, rng)
+    return _draw_visible(lambda rng: [tubes.draw_ellipse(rng)], _draw_no_clutter, rng)
 
 
-def welded_pair(rng: np.random.Generator, tubes: TubeRanges) -> Scene:
+def draw_welded_pair_scene(rng: np.random.Generator, tubes: TubeRanges) -> Scene:
     """Draw two touching, mostly parallel tubes with a weld bead, without clutter."""
     return _draw_visible(lambda rng: _draw_pair(rng, tubes), _draw_bead, rng)
 
 
-def planar(rng: np.random.Generator, tubes: TubeRanges) -> Scene:
+def draw_planar_scene(rng: np.random.Generator, tubes: TubeRanges) -> Scene:
     """Draw one tube among bars, boxes and angle irons, mostly with a ground."""
     return _draw_in_clutter(draw_planar, rng, tubes)
 
 
-def complex_clutter(rng: np.random.Generator, tubes: TubeRanges) -> Scene:
+def draw_complex_scene(rng: np.random.Generator, tubes: TubeRanges) -> Scene:
     """Draw one tube among shapes of every kind, flat and curved; see `draw_mixed`."""
     return _draw_in_clutter(draw_mixed, rng, tubes)
 
@@ -181,38 +181,38 @@ def _draw_in_clutter(draw: DrawShape, rng: np.random.Generator, tubes: TubeRange
     """Draw one tube among shapes of a kind."""
     return _draw_visible(
         lambda rng: [tubes.draw_ellipse(rng)],
-        lambda ellipses, rng: clutter_around(ellipses, draw, rng),
+        lambda ellipses, rng: draw_clutter_around(ellipses, draw, rng),
         rng,
     )
 
 
-def welded_complex(rng: np.random.Generator, tubes: TubeRanges) -> Scene:
+def draw_welded_complex_scene(rng: np.random.Generator, tubes: TubeRanges) -> Scene:
     """Draw two touching tubes with a weld bead among shapes of every kind; see `draw_mixed`."""
 
     def draw_clutter(ellipses: list[Ellipse], rng: np.random.Generator) -> list[Prism]:
-        return _draw_bead(ellipses, rng) + clutter_around(ellipses, draw_mixed, rng)
+        return _draw_bead(ellipses, rng) + draw_clutter_around(ellipses, draw_mixed, rng)
 
     return _draw_visible(lambda rng: _draw_pair(rng, tubes), draw_clutter, rng)
 
 
-def three_stacked(rng: np.random.Generator, tubes: TubeRanges) -> Scene:
+def draw_three_stacked_scene(rng: np.random.Generator, tubes: TubeRanges) -> Scene:
     """Draw two tubes side by side and a third in the groove between them."""
-    return _draw_visible(lambda rng: _draw_stack(rng, tubes), _no_clutter, rng)
+    return _draw_visible(lambda rng: _draw_stack(rng, tubes), _draw_no_clutter, rng)
 
 
-def empty(rng: np.random.Generator, _tubes: TubeRanges) -> Scene:
+def draw_empty_scene(rng: np.random.Generator, _tubes: TubeRanges) -> Scene:
     """Draw shapes of every kind without a tube; see `draw_mixed`."""
-    return Scene(tuple(clutter_around([], draw_mixed, rng)))
+    return Scene(tuple(draw_clutter_around([], draw_mixed, rng)))
 
 
 SCENE_KINDS: dict[str, Callable[[np.random.Generator, TubeRanges], Scene]] = {
-    "single": single,
-    "welded_pair": welded_pair,
-    "planar": planar,
-    "complex": complex_clutter,
-    "welded_complex": welded_complex,
-    "three_stacked": three_stacked,
-    "empty": empty,
+    "single": draw_single_scene,
+    "welded_pair": draw_welded_pair_scene,
+    "planar": draw_planar_scene,
+    "complex": draw_complex_scene,
+    "welded_complex": draw_welded_complex_scene,
+    "three_stacked": draw_three_stacked_scene,
+    "empty": draw_empty_scene,
 }
 """Function that draws a random scene, by the name of its kind."""
 
@@ -242,7 +242,7 @@ def _draw_visible(
     )
 
 
-def _no_clutter(_ellipses: list[Ellipse], _rng: np.random.Generator) -> list[Prism]:
+def _draw_no_clutter(_ellipses: list[Ellipse], _rng: np.random.Generator) -> list[Prism]:
     """Return no clutter, for scenes of tubes alone."""
     return []
 
@@ -256,25 +256,28 @@ def _draw_pair(rng: np.random.Generator, tubes: TubeRanges) -> list[Ellipse]:
             second, semi_major=second.semi_minor * axis_ratio, theta=first.theta
         )
     direction = math.radians(rng.uniform(-40.0, 40.0))
-    return [first, dataclasses.replace(second, centre=touching_centre(first, second, direction))]
+    return [
+        first,
+        dataclasses.replace(second, centre=compute_touching_centre(first, second, direction)),
+    ]
 
 
 def _draw_stack(rng: np.random.Generator, tubes: TubeRanges) -> list[Ellipse]:
     """Draw two sections side by side, touching or slightly apart, and one in the groove."""
     left, right = (tubes.draw_ellipse(rng, (0.15, 1.0)) for _ in range(2))
     top = tubes.draw_ellipse(rng, (0.0, 0.5))
-    x, y = touching_centre(left, right, math.radians(rng.uniform(-15.0, 15.0)))
+    x, y = compute_touching_centre(left, right, math.radians(rng.uniform(-15.0, 15.0)))
     gap = rng.uniform(0.0, 0.8) * top.semi_minor  # the third tube must rest on both
     factor = 1.0 + gap / math.hypot(x, y)
     right = dataclasses.replace(right, centre=(x * factor, y * factor))
-    return [left, right, dataclasses.replace(top, centre=nested_centre(left, right, top))]
+    return [left, right, dataclasses.replace(top, centre=compute_nested_centre(left, right, top))]
 
 
 def _draw_bead(pair: list[Ellipse], rng: np.random.Generator) -> list[Prism]:
     """Draw the weld bead of a pair: a concave fillet (bulge 0) or a convex bead."""
     leg = rng.uniform(0.45, 0.85) * min(pair[0].semi_minor, pair[1].semi_minor)
     bulge = 0.0 if rng.random() < 0.5 else rng.uniform(0.02, MAX_BULGE)
-    return [weld_bead(pair[0], pair[1], leg=leg, bulge=bulge)]
+    return [build_weld_bead(pair[0], pair[1], leg=leg, bulge=bulge)]
 
 
 def _move_into_field(ellipses: list[Ellipse], rng: np.random.Generator) -> list[Ellipse]:

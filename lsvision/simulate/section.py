@@ -24,7 +24,7 @@ from lsvision.geometry.pose import as_poses
 from lsvision.geometry.settings_repr import ShowsChanges
 from lsvision.profile import NoiseModel, PointNoise, Profile
 from lsvision.sensors.profile_sensor import LATERAL_STD_RATIO, ProfileSensor
-from lsvision.simulate.scene import NOTHING, Scene, SectionTruth, tube_truths
+from lsvision.simulate.scene import NOTHING, Scene, SectionTruth, list_tube_truths
 from lsvision.simulate.solids import Hits, Rays
 
 SAME_SURFACE_TOLERANCE = 1e-6
@@ -161,28 +161,28 @@ def simulate_section(
     '50 points, radius 20 mm'
     """
     pose = base_from_section or Pose()
-    rays = column_rays(sensor, settings)
+    rays = build_column_rays(sensor, settings)
     base_rays = rays.transformed(pose)
     hits, labels = scene.first_hits(base_rays)
     depths = -hits.distances * rays.directions[:, 1]
     measured = (depths >= sensor.min_range) & (depths <= sensor.max_range)
-    measured &= visible_at_incidence(hits, base_rays, settings, rng)
+    measured &= is_visible_at_incidence(hits, base_rays, settings, rng)
     exact = rays.origins + np.where(measured, hits.distances, np.nan)[:, None] * rays.directions
     if settings.camera is not None:
         measured &= _visible_from(settings.camera, exact, scene, pose)
-    measured &= ~lost_columns(sensor.columns, settings, rng)
+    measured &= ~draw_lost_columns(sensor.columns, settings, rng)
     labels = np.where(measured, labels, NOTHING)
     exact = np.where(measured[:, None], exact, np.nan)[:, :2]
     std = noise_std(exact, sensor)
     jumps = draw_jumps(sensor.columns, settings, rng)
-    unit_noise = correlated_unit_noise(sensor.columns, settings.correlation_columns, rng)
+    unit_noise = draw_correlated_unit_noise(sensor.columns, settings.correlation_columns, rng)
     noise = settings.noise_factor * std * unit_noise
     points = exact + (noise + jumps)[:, None] * rays.directions[:, :2]
     if sensor.quantum > 0:
         points = np.round(points / sensor.quantum) * sensor.quantum
     labels = np.where(jumps != 0, NOTHING, labels).astype(np.int64)
-    profile = Profile(points, noise=_noise_model(std, sensor, settings))
-    truth = SectionTruth(labels, exact, tube_truths(scene, pose, labels, exact))
+    profile = Profile(points, noise=_build_noise_model(std, sensor, settings))
+    truth = SectionTruth(labels, exact, list_tube_truths(scene, pose, labels, exact))
     return SimulatedSection(profile, truth, sensor, settings)
 
 
@@ -211,7 +211,7 @@ def simulate_scan(
     )
 
 
-def column_rays(sensor: ProfileSensor, settings: SectionSettings) -> Rays:
+def build_column_rays(sensor: ProfileSensor, settings: SectionSettings) -> Rays:
     """Return the rays of the sensor's columns, section frame, with unit directions."""
     half = sensor.width_at_max_range / 2
     x = np.linspace(-half, half, sensor.columns)
@@ -239,7 +239,9 @@ def _visible_from(
     return visible
 
 
-def _noise_model(std: FloatArray, sensor: ProfileSensor, settings: SectionSettings) -> NoiseModel:
+def _build_noise_model(
+    std: FloatArray, sensor: ProfileSensor, settings: SectionSettings
+) -> NoiseModel:
     """Return the sensor; for parallel rays, which it cannot model, the covariance of each point."""
     if settings.rays == "fan":
         return sensor
@@ -260,7 +262,7 @@ def noise_std(exact: Points, sensor: ProfileSensor) -> FloatArray:
     return sensor.range_std * (dx * dx + dy * dy) / sensor.reference_range**2
 
 
-def visible_at_incidence(
+def is_visible_at_incidence(
     hits: Hits, rays: Rays, settings: SectionSettings, rng: np.random.Generator
 ) -> BoolArray:
     """Return the mask of points that are not lost because of their angle of incidence.
@@ -275,7 +277,9 @@ def visible_at_incidence(
     return visible
 
 
-def lost_columns(columns: int, settings: SectionSettings, rng: np.random.Generator) -> BoolArray:
+def draw_lost_columns(
+    columns: int, settings: SectionSettings, rng: np.random.Generator
+) -> BoolArray:
     """Return a random mask of lost columns, single ones and runs."""
     lost: BoolArray = rng.random(columns) < settings.lost_fraction
     for _ in range(settings.lost_runs):
@@ -297,7 +301,9 @@ def draw_jumps(columns: int, settings: SectionSettings, rng: np.random.Generator
     )
 
 
-def correlated_unit_noise(columns: int, filter_std: float, rng: np.random.Generator) -> FloatArray:
+def draw_correlated_unit_noise(
+    columns: int, filter_std: float, rng: np.random.Generator
+) -> FloatArray:
     """Return a standard normal error of each column, correlated by a Gaussian filter.
 
     `filter_std` is its standard deviation in columns; 0 for independent errors.

@@ -10,7 +10,7 @@ from typing import Self
 
 import numpy as np
 
-from lsvision.geometry import Cylinder, FloatArray, IntArray, Points, Pose, tangent_frame
+from lsvision.geometry import Cylinder, FloatArray, IntArray, Points, Pose, build_tangent_frame
 from lsvision.geometry.arguments import as_numbers
 from lsvision.geometry.arrays import as_unit_vector, freeze_arrays
 
@@ -267,7 +267,7 @@ class BentTube:
         distance = np.linalg.norm(in_plane, axis=1)
         central = distance == 0
         # From the axis of the bend all points of the circle are equally near: any one will do.
-        in_plane[central], distance[central] = tangent_frame(self.bend_normal)[0], 1.0
+        in_plane[central], distance[central] = build_tangent_frame(self.bend_normal)[0], 1.0
         from_axis = relative - in_plane * (self.bend_radius / distance)[:, None]
         length = np.linalg.norm(from_axis, axis=1)
         normals = from_axis / np.where(length > 0, length, 1.0)[:, None]
@@ -309,7 +309,7 @@ class Prism:
         shear = np.array([self.along[0], self.along[1]]) / self.along[2]
         start = rays.origins[:, :2] - rays.origins[:, 2:] * shear
         ray = rays.directions[:, :2] - rays.directions[:, 2:] * shear
-        distances, segments = _first_segments(start, ray, self.outline)
+        distances, segments = _find_first_segments(start, ray, self.outline)
         dx, dy = np.diff(self.outline, axis=0)[segments].T
         # The normal is perpendicular to the segment and to the direction of extrusion.
         normals = np.column_stack([-dy, dx, dy * shear[0] - dx * shear[1]])
@@ -320,7 +320,9 @@ class Prism:
         return Hits(distances, normals)
 
 
-def _first_segments(start: Points, ray: FloatArray, outline: Points) -> tuple[FloatArray, IntArray]:
+def _find_first_segments(
+    start: Points, ray: FloatArray, outline: Points
+) -> tuple[FloatArray, IntArray]:
     """Return the distance along each ray to the outline, and the index of the segment met."""
     segment = np.diff(outline, axis=0)
     determinant = ray[:, 0, None] * segment[:, 1] - ray[:, 1, None] * segment[:, 0]

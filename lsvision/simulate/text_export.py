@@ -35,18 +35,18 @@ RAW_DECIMALS = 4
 """Decimals of the profile of a sensor without quantisation."""
 
 
-def profile_text(section: SimulatedSection, title: str) -> str:
+def format_profile(section: SimulatedSection, title: str) -> str:
     """Return the profile of a section as comma-separated text; `title` is in its first line.
 
     Examples
     --------
     >>> from lsvision.simulate import random_section
     >>> section = random_section("single", 1, noise_mm=0.05)
-    >>> profile_text(section, "single, seed 1").splitlines()[3]
+    >>> format_profile(section, "single, seed 1").splitlines()[3]
     'x [mm],z [mm]'
     """
     sensor = section.sensor
-    decimals = _decimals(sensor.quantum) if sensor.quantum > 0 else RAW_DECIMALS
+    decimals = _count_decimals(sensor.quantum) if sensor.quantum > 0 else RAW_DECIMALS
     lines = [
         f"# {title}",
         f"# sensor: {sensor.name}, noise {_round(sensor.range_std)} mm along the ray at "
@@ -58,19 +58,19 @@ def profile_text(section: SimulatedSection, title: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _decimals(quantum: float) -> int:
+def _count_decimals(quantum: float) -> int:
     """Return the number of decimals with which multiples of a number are exact."""
     exponent = Decimal(str(quantum)).normalize().as_tuple().exponent
     return max(0, -int(exponent))
 
 
-def _settings_record(settings: SectionSettings) -> dict[str, Any]:
+def _build_settings_record(settings: SectionSettings) -> dict[str, Any]:
     """Return the settings of a section by their keys in truth files."""
     record = dataclasses.asdict(settings)
     return {SETTINGS_KEYS.get(name, name): value for name, value in record.items()}
 
 
-def truth_text(section: SimulatedSection, source: dict[str, Any]) -> str:
+def format_truth(section: SimulatedSection, source: dict[str, Any]) -> str:
     """Return the truth of a section, all but the profile, as JSON with one line per key.
 
     `source` is its origin (kind, seed, command), written first.
@@ -79,16 +79,16 @@ def truth_text(section: SimulatedSection, source: dict[str, Any]) -> str:
         "schema": TRUTH_SCHEMA,
         **source,
         "frame": "section: X along the laser line, Y towards the sensor (z of the csv), mm",
-        "sensor": _sensor_record(section.sensor),
-        "settings": _settings_record(section.settings),
-        "tubes": [_tube_record(tube) for tube in section.truth.tubes],
+        "sensor": _build_sensor_record(section.sensor),
+        "settings": _build_settings_record(section.settings),
+        "tubes": [_build_tube_record(tube) for tube in section.truth.tubes],
         "label_meaning": LABEL_MEANING,
         "labels": section.truth.labels.tolist(),
     }
-    return _json_lines(record)
+    return _format_json_lines(record)
 
 
-def scan_truth_text(
+def format_scan_truth(
     scene: Scene,
     base_from_sections: Sequence[Pose],
     sections: Sequence[SimulatedSection],
@@ -102,29 +102,30 @@ def scan_truth_text(
         "schema": SCAN_SCHEMA,
         **source,
         "frame": "base; a section's own frame has X along the laser line, Y towards the sensor, mm",
-        "sensor": _sensor_record(sections[0].sensor),
-        "settings": _settings_record(sections[0].settings),
+        "sensor": _build_sensor_record(sections[0].sensor),
+        "settings": _build_settings_record(sections[0].settings),
         "tubes_in_base": [
-            {"label": label, **_solid_record(tube)} for label, tube in enumerate(scene.tubes, 1)
+            {"label": label, **_build_solid_record(tube)}
+            for label, tube in enumerate(scene.tubes, 1)
         ],
         "base_from_sections": [
             [[_round(value) for value in row] for row in pose.matrix] for pose in base_from_sections
         ],
         "tubes_by_section": [
-            [_tube_record(tube) for tube in section.truth.tubes] for section in sections
+            [_build_tube_record(tube) for tube in section.truth.tubes] for section in sections
         ],
         "label_meaning": LABEL_MEANING,
         "labels_by_section": [section.truth.labels.tolist() for section in sections],
     }
-    return _json_lines(record)
+    return _format_json_lines(record)
 
 
-def _json_lines(record: dict[str, Any]) -> str:
+def _format_json_lines(record: dict[str, Any]) -> str:
     lines = [f"{json.dumps(key)}: {json.dumps(value)}" for key, value in record.items()]
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
-def _solid_record(tube: TubeSolid) -> dict[str, Any]:
+def _build_solid_record(tube: TubeSolid) -> dict[str, Any]:
     """Return the parameters of a solid tube, vectors as lists."""
     if isinstance(tube, Tube):
         record = {"point_mm": tube.cylinder.point, "direction": tube.cylinder.direction,
@@ -140,7 +141,7 @@ def _solid_record(tube: TubeSolid) -> dict[str, Any]:
     }
 
 
-def _tube_record(tube: TubeTruth) -> dict[str, Any]:
+def _build_tube_record(tube: TubeTruth) -> dict[str, Any]:
     """Return the truth of a tube as a JSON object."""
     return {
         "label": tube.label,
@@ -156,7 +157,7 @@ def _tube_record(tube: TubeTruth) -> dict[str, Any]:
     }
 
 
-def _sensor_record(sensor: ProfileSensor) -> dict[str, Any]:
+def _build_sensor_record(sensor: ProfileSensor) -> dict[str, Any]:
     """Return the data of a sensor as a JSON object."""
     return {
         "name": sensor.name,

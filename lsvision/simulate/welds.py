@@ -21,7 +21,9 @@ CURVE_SEGMENTS = 40
 """Number of segments of a bead's surface, which is about 20 mm long at most."""
 
 
-def touching_centre(fixed: Ellipse, moved: Ellipse, direction: float) -> tuple[float, float]:
+def compute_touching_centre(
+    fixed: Ellipse, moved: Ellipse, direction: float
+) -> tuple[float, float]:
     """Return the centre (x, y) in mm at which the ellipse `moved` touches `fixed` from outside.
 
     `direction` is that from the centre of `fixed` to the result, from X towards Y, in rad.
@@ -29,7 +31,7 @@ def touching_centre(fixed: Ellipse, moved: Ellipse, direction: float) -> tuple[f
     Examples
     --------
     >>> circle = Ellipse((0.0, -400.0), 10.0, 10.0, 0.0)
-    >>> x, y = touching_centre(circle, Ellipse((0.0, 0.0), 15.0, 15.0, 0.0), 0.0)
+    >>> x, y = compute_touching_centre(circle, Ellipse((0.0, 0.0), 15.0, 15.0, 0.0), 0.0)
     >>> f"{x:.6f} {y:.6f}"
     '25.000000 -400.000000'
     """
@@ -38,7 +40,7 @@ def touching_centre(fixed: Ellipse, moved: Ellipse, direction: float) -> tuple[f
     return x + distance * math.cos(direction), y + distance * math.sin(direction)
 
 
-def nested_centre(left: Ellipse, right: Ellipse, moved: Ellipse) -> tuple[float, float]:
+def compute_nested_centre(left: Ellipse, right: Ellipse, moved: Ellipse) -> tuple[float, float]:
     """Return the centre at which an ellipse touches two others, on the side of the sensor.
 
     These touch, or have a gap that is smaller than `moved`; otherwise ValueError.
@@ -50,7 +52,7 @@ def nested_centre(left: Ellipse, right: Ellipse, moved: Ellipse) -> tuple[float,
 
         It is negative at 0, where `moved` and `right` overlap.
         """
-        x, y = touching_centre(left, moved, to_right + angle)
+        x, y = compute_touching_centre(left, moved, to_right + angle)
         dx, dy = x - right.centre[0], y - right.centre[1]
         contact_distance, _ = _find_contact(right, moved, math.atan2(dy, dx))
         return math.hypot(dx, dy) - contact_distance
@@ -58,20 +60,20 @@ def nested_centre(left: Ellipse, right: Ellipse, moved: Ellipse) -> tuple[float,
     if not gap(0.0) < 0 < gap(math.pi * 0.9):
         raise ValueError("expected two ellipses closer than the third is wide, got a wider gap")
     angle = brentq(gap, 0.0, math.pi * 0.9, xtol=1e-13)
-    return touching_centre(left, moved, to_right + angle)
+    return compute_touching_centre(left, moved, to_right + angle)
 
 
-def contact_point(first: Ellipse, second: Ellipse) -> tuple[float, float]:
+def find_contact_point(first: Ellipse, second: Ellipse) -> tuple[float, float]:
     """Return the common point of two touching ellipses. Units: mm."""
     dx, dy = second.centre[0] - first.centre[0], second.centre[1] - first.centre[1]
     _, normal = _find_contact(first, second, math.atan2(dy, dx))
     u = np.array([math.cos(normal), math.sin(normal)])
-    shape = _shape(first)
+    shape = _compute_shape_matrix(first)
     x, y = np.asarray(first.centre) + shape @ u / math.sqrt(u @ shape @ u)
     return float(x), float(y)
 
 
-def weld_bead(
+def build_weld_bead(
     first: Ellipse,
     second: Ellipse,
     *,
@@ -87,12 +89,12 @@ def weld_bead(
     fillet, tangential to both tubes; larger: a convex bead that meets the tubes in an edge. `along`
     is the direction of extrusion.
     """
-    contact = np.asarray(contact_point(first, second))
-    feet = [_foot(ellipse, contact, leg) for ellipse in (first, second)]
+    contact = np.asarray(find_contact_point(first, second))
+    feet = [_find_foot(ellipse, contact, leg) for ellipse in (first, second)]
     control = (
-        _fillet_control_point(feet, contact)
+        _find_fillet_control_point(feet, contact)
         if bulge == 0
-        else _bulged_control_point(feet, contact, bulge)
+        else _find_bulged_control_point(feet, contact, bulge)
     )
     t = np.linspace(0.0, 1.0, CURVE_SEGMENTS + 1)[:, None]
     (start, _), (stop, _) = feet
@@ -106,7 +108,7 @@ def _find_contact(fixed: Ellipse, moved: Ellipse, direction: float) -> tuple[flo
     `direction` is that from the centre of `fixed` to that of `moved`. The bodies touch where the
     sum of their support widths along a unit vector, over its cosine with `direction`, is smallest.
     """
-    shapes = _shape(fixed), _shape(moved)
+    shapes = _compute_shape_matrix(fixed), _compute_shape_matrix(moved)
 
     def distance(angle: FloatArray) -> FloatArray:
         u = np.array([np.cos(direction + angle), np.sin(direction + angle)])
@@ -123,14 +125,14 @@ def _find_contact(fixed: Ellipse, moved: Ellipse, direction: float) -> tuple[flo
     return float(distance(middle)), direction + float(middle)
 
 
-def _shape(ellipse: Ellipse) -> FloatArray:
+def _compute_shape_matrix(ellipse: Ellipse) -> FloatArray:
     """Return the matrix S with which sqrt(u' S u) is the support width along u."""
     axes = ellipse.from_ellipse_frame(np.diag([ellipse.semi_major, ellipse.semi_minor]))
     axes = axes - ellipse.centre
     return axes.T @ axes
 
 
-def _foot(ellipse: Ellipse, contact: FloatArray, leg: float) -> tuple[FloatArray, FloatArray]:
+def _find_foot(ellipse: Ellipse, contact: FloatArray, leg: float) -> tuple[FloatArray, FloatArray]:
     """Return point and unit tangent at arc length `leg` from the contact, towards the sensor."""
     u, v = ellipse.to_ellipse_frame(contact[None])[0]
     anomaly = math.atan2(v / ellipse.semi_minor, u / ellipse.semi_major)
@@ -148,7 +150,7 @@ def _foot(ellipse: Ellipse, contact: FloatArray, leg: float) -> tuple[FloatArray
     return path[index], tangent / np.linalg.norm(tangent)
 
 
-def _fillet_control_point(
+def _find_fillet_control_point(
     feet: list[tuple[FloatArray, FloatArray]], contact: FloatArray
 ) -> FloatArray:
     """Return the control point of a fillet: the intersection of the tangents at both feet.
@@ -163,7 +165,7 @@ def _fillet_control_point(
     return control
 
 
-def _bulged_control_point(
+def _find_bulged_control_point(
     feet: list[tuple[FloatArray, FloatArray]], contact: FloatArray, bulge: float
 ) -> Points:
     """Return the control point of a convex bead of given height over the line of its feet."""

@@ -33,12 +33,12 @@ class LeastSquares(NamedTuple):
     converged: bool
 
 
-def compiled_module(name: str) -> ModuleType:
+def import_compiled_module(name: str) -> ModuleType:
     """Return a compiled module of scipy, if possible without importing the package that has it.
 
     Examples
     --------
-    >>> compiled_module("scipy.linalg._flapack").dposv([[4.0]], [2.0])[1].tolist()
+    >>> import_compiled_module("scipy.linalg._flapack").dposv([[4.0]], [2.0])[1].tolist()
     [0.5]
     """
     if name in sys.modules:
@@ -55,14 +55,14 @@ def compiled_module(name: str) -> ModuleType:
     return module
 
 
-_flapack = compiled_module("scipy.linalg._flapack")
+_flapack = import_compiled_module("scipy.linalg._flapack")
 dposv, dpotrf, dsyevd, dtrtrs = (
     _flapack.dposv, _flapack.dpotrf, _flapack.dsyevd, _flapack.dtrtrs
 )  # fmt: skip
 """Routines of LAPACK, see `scipy.linalg.lapack`."""
 
 
-def levenberg_marquardt(
+def minimise_by_levenberg_marquardt(
     residuals: Callable[[FloatArray], Any],
     jacobian: Callable[[FloatArray], Any],
     initial_guess: FloatArray,
@@ -86,14 +86,14 @@ def levenberg_marquardt(
     Examples
     --------
     >>> points = np.array([1.0, 2.0, 3.0])
-    >>> solution = levenberg_marquardt(
+    >>> solution = minimise_by_levenberg_marquardt(
     ...     lambda x: x - points, lambda x: np.ones((3, 1)), np.zeros(1),
     ...     xtol=1e-9, ftol=1e-9, max_evaluations=20,
     ... )
     >>> solution.parameters.round(6).tolist(), solution.converged
     ([2.0], True)
     """
-    lmder = compiled_module("scipy.optimize._minpack")._lmder
+    lmder = import_compiled_module("scipy.optimize._minpack")._lmder
     start = np.array(initial_guess, dtype=np.float64)  # which MINPACK writes to
     parameters, _, status = lmder(
         residuals, jacobian, start, (), True, False, ftol, xtol, 0.0, max_evaluations,

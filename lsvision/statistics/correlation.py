@@ -93,7 +93,7 @@ def estimate_correlation(normalised: FloatArray) -> Correlation:
     if len(normalised) < MIN_SPECTRUM_POINTS:
         dof = LOW_FREQUENCY_DOF if neighbours else math.inf
         return Correlation(time, dof, neighbours)
-    low, form, reference = _band_powers(normalised)
+    low, form, reference = _compute_band_powers(normalised)
     if not neighbours:
         if low < MAX_LOW_FREQUENCY_POWER:
             return Correlation(time, math.inf, neighbours_correlated=False)
@@ -106,12 +106,12 @@ def estimate_correlation(normalised: FloatArray) -> Correlation:
     return Correlation(max(time, reference, low * rise), LOW_FREQUENCY_DOF, neighbours)
 
 
-def _band_powers(normalised: FloatArray) -> tuple[float, float, float]:
+def _compute_band_powers(normalised: FloatArray) -> tuple[float, float, float]:
     """Return the mean powers of the low-frequency, form and reference band.
 
     They are relative to those of uncorrelated errors with the same sum of squares.
     """
-    transform = _cosines(len(normalised)) @ normalised
+    transform = _compute_cosines(len(normalised)) @ normalised
     scale = 2 / max(float(normalised @ normalised), TINY)
     parts = transform[_LOW_ROWS], transform[_FORM_ROWS], transform[_REFERENCE_ROWS]
     low, form, reference = (scale * float(part @ part) / len(part) for part in parts)
@@ -119,7 +119,7 @@ def _band_powers(normalised: FloatArray) -> tuple[float, float, float]:
 
 
 @lru_cache(maxsize=256)
-def _cosines(count: int) -> FloatArray:
+def _compute_cosines(count: int) -> FloatArray:
     """Return the cosine transform to the frequencies of the bands, (26, n).
 
     For the few frequencies of the bands it is faster than a Fourier transform.

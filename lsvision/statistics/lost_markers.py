@@ -93,8 +93,8 @@ def find_lost_markers(
     # The nearest suspect first: if it is no marker, the next one is compared with it, too.
     for index in sorted(suspects, key=lambda i: _distance(float(unique[i]), initial_others)):
         value, count = float(unique[index]), int(counts[index])
-        spans = _min_spans(value, count, limits, is_range=is_range, known_only=known_only)
-        min_distance = spans * _central_span(unique[others], counts[others])
+        spans = _compute_min_spans(value, count, limits, is_range=is_range, known_only=known_only)
+        min_distance = spans * _compute_central_span(unique[others], counts[others])
         is_repeated = count >= MIN_MULTIPLICITY_RATIO * counts[others].mean()
         is_known = value in limits or _is_known_marker(value) or (is_range and value <= 0)
         if (is_known or is_repeated) and _distance(value, unique[others]) > min_distance:
@@ -122,7 +122,7 @@ def _may_have_marker(finite: FloatArray) -> bool:
     return bool(repeated) or any(map(_is_known_marker, (low, high)))
 
 
-def _min_spans(
+def _compute_min_spans(
     value: float, count: int, limits: Sequence[float], *, is_range: bool, known_only: bool
 ) -> float:
     """Return the smallest distance of a marker, in spans of the others; inf if it is none."""
@@ -166,7 +166,7 @@ def _distance(value: float, others: FloatArray) -> float:
     return float(np.abs(others - value).min())
 
 
-def _central_span(others: FloatArray, counts: IntArray) -> float:
+def _compute_central_span(others: FloatArray, counts: IntArray) -> float:
     """Return the span between the 2 % and 98 % quantiles, which leaves out single outliers."""
     heights = np.repeat(others, counts)
     low, high = np.quantile(heights, [0.02, 0.98])

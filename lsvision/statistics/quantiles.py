@@ -101,7 +101,7 @@ def _solve_student_quantile(dof: FloatArray, level: float, guess: FloatArray) ->
     for _ in range(MAX_STEPS):
         # Only for few dof the integral from 0 is smooth enough for the quadrature.
         start, end = np.where(is_few, 0.0, v), np.where(is_few, v, math.pi / 2)
-        integral = _sine_power_integral(start, end, dof - 1)
+        integral = _integrate_sine_power(start, end, dof - 1)
         excess = np.where(is_few, integral - (1 - level) * total, level * total - integral)
         step = excess / np.sin(v) ** (dof - 1)
         # Rounding errors dominate the step at levels very close to 1.
@@ -111,7 +111,7 @@ def _solve_student_quantile(dof: FloatArray, level: float, guess: FloatArray) ->
     return np.sqrt(dof) / np.tan(v)
 
 
-def _sine_power_integral(start: FloatArray, end: FloatArray, power: FloatArray) -> FloatArray:
+def _integrate_sine_power(start: FloatArray, end: FloatArray, power: FloatArray) -> FloatArray:
     """Return the integral of sin^power from start to end, all (k,), by quadrature.
 
     Over w = v^(1/4), the integrand is smooth at v = 0 for any power >= 0.

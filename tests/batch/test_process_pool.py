@@ -14,7 +14,7 @@ from lsvision.batch.process_pool import (
     IN_FLIGHT_PER_JOB,
     EndedProcess,
     Finished,
-    default_jobs,
+    count_usable_cores,
     run_tasks,
 )
 from lsvision.errors import LsvisionError
@@ -135,7 +135,7 @@ def test_an_exception_of_a_task_reaches_the_caller(jobs):
 
 
 def test_by_default_there_is_a_process_for_each_core():
-    assert default_jobs() == len(os.sched_getaffinity(0))
+    assert count_usable_cores() == len(os.sched_getaffinity(0))
 
 
 @pytest.mark.parametrize("jobs", [1, 2])

@@ -11,22 +11,22 @@ from pyarrow import csv
 
 import lsvision as lsv
 from lsvision.batch.measure_file import BatchJob, FileTask, measure_file
-from lsvision.batch.result_table import result_table
+from lsvision.batch.result_table import build_result_table
 from lsvision.io.profiles.streaming import iterate_profiles
 from tests.batch.sources import profiles, write_nested, write_parquet
 
 
 @pytest.fixture
-def part(tmp_path):
+def chunk(tmp_path):
     """Two profiles of a file, one after the other."""
     path = tmp_path / "a.npy"
     np.save(path, np.stack(profiles(2)))
-    (part,) = iterate_profiles(path)
-    return part
+    (chunk,) = iterate_profiles(path)
+    return chunk
 
 
-def table_of(part):
-    return result_table("a", part, [lsv.measure_cylinders(p) for p in part.file.profiles])
+def table_of(chunk):
+    return build_result_table("a", chunk, [lsv.measure_cylinders(p) for p in chunk.file.profiles])
 
 
 @pytest.mark.parametrize(
@@ -38,22 +38,22 @@ def table_of(part):
         (({"part": 1}, {"part": 10**25}), ["1", str(10**25)]),
     ],
 )
-def test_an_attribute_may_be_missing_or_of_another_type_in_a_profile(part, attributes, expected):
-    table = table_of(replace(part, file=replace(part.file, attributes=attributes)))
+def test_an_attribute_may_be_missing_or_of_another_type_in_a_profile(chunk, attributes, expected):
+    table = table_of(replace(chunk, file=replace(chunk.file, attributes=attributes)))
     assert dict(zip(*table.select(["profile", "part"]).to_pydict().values(), strict=True)) == dict(
         enumerate(expected)
     )
 
 
-def test_no_column_of_the_file_is_lost_by_its_name(part):
+def test_no_column_of_the_file_is_lost_by_its_name(chunk):
     columns = pa.table({"source": ["x", "y"], "source_in_file": [1, 2], "radius_mm": [3, 4]})
-    row = table_of(replace(part, columns=columns)).to_pylist()[-1]
+    row = table_of(replace(chunk, columns=columns)).to_pylist()[-1]
     names = ("source", "source_in_file", "source_in_file_in_file", "radius_mm_in_file")
     assert [row[name] for name in names] == ["a", 2, "y", 4]
 
 
-def test_a_file_without_other_columns_adds_none(part):
-    names = table_of(part).column_names
+def test_a_file_without_other_columns_adds_none(chunk):
+    names = table_of(chunk).column_names
     assert names[:3] == ["source", "profile", "cylinder"]
     assert names[-2:] == ["reason", "rejections"]
     assert len(set(names)) == len(names)

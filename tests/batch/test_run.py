@@ -278,7 +278,7 @@ def test_a_process_that_ends_costs_nothing_and_a_file_that_ends_it_twice_is_set_
 def test_a_file_that_grows_while_it_is_read_has_no_results(folder, monkeypatch):
     (task, *_) = tasks_of(folder)
     versions = iter([(1, 1), (2, 2)])
-    monkeypatch.setattr("lsvision.batch.measure_file.file_version", lambda _: next(versions))
+    monkeypatch.setattr("lsvision.batch.measure_file.read_file_version", lambda _: next(versions))
     task.output.parent.mkdir()
     outcome = measure_file(task)
     assert "it changed while it was read" in outcome.error
@@ -315,7 +315,7 @@ def test_a_folder_without_locks_is_not_taken_for_one_of_another_run(folder, monk
 
 
 def test_the_profiles_without_a_point_are_noted_once_for_all_parts_of_a_file(folder, monkeypatch):
-    monkeypatch.setattr("lsvision.io.profiles.streaming.PROFILES_PER_PART", 2)
+    monkeypatch.setattr("lsvision.io.profiles.streaming.PROFILES_PER_CHUNK", 2)
     write_parquet(folder / "in" / "part-1.parquet", 5, empty=(2, 4))
     (task,) = [task for task in tasks_of(folder) if task.name == "part-1.parquet"]
     task.output.parent.mkdir()

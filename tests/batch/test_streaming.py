@@ -1,4 +1,4 @@
-"""Parts of a file hold what the whole file holds."""
+"""Chunks of a file hold what the whole file holds."""
 
 import numpy as np
 import pyarrow as pa
@@ -11,45 +11,45 @@ from lsvision.io.profiles.streaming import iterate_profiles
 from tests.batch.sources import profiles, write_nested, write_parquet
 
 
-def joined(parts):
-    return [profile for part in parts for profile in part.file.profiles]
+def joined(chunks):
+    return [profile for chunk in chunks for profile in chunk.file.profiles]
 
 
 @pytest.mark.parametrize("at_once", [1, 2, 5, 100])
-def test_parquet_in_parts_is_parquet_as_a_whole(tmp_path, at_once):
+def test_parquet_in_chunks_is_parquet_as_a_whole(tmp_path, at_once):
     path = tmp_path / "a.parquet"
     write_parquet(path)
-    parts = list(iterate_profiles(path, at_once=at_once))
-    assert joined(parts) == list(inspect_profiles(path).profiles)
-    assert [part.first for part in parts] == list(range(0, 5, at_once))
-    assert all(len(part.file.profiles) <= at_once for part in parts)
-    columns = pa.concat_tables([part.columns for part in parts])
+    chunks = list(iterate_profiles(path, at_once=at_once))
+    assert joined(chunks) == list(inspect_profiles(path).profiles)
+    assert [chunk.first for chunk in chunks] == list(range(0, 5, at_once))
+    assert all(len(chunk.file.profiles) <= at_once for chunk in chunks)
+    columns = pa.concat_tables([chunk.columns for chunk in chunks])
     assert columns.equals(pq.read_table(path, columns=["part_id", "station", "taken"]))
 
 
-def test_arrays_in_parts_are_arrays_as_a_whole(tmp_path):
+def test_arrays_in_chunks_are_arrays_as_a_whole(tmp_path):
     points = np.array([p[:200] for p in profiles(5)])
     cube, heights = tmp_path / "cube.npy", tmp_path / "heights.npy"
     np.save(cube, points)
     np.save(heights, points[:, :, 1])
     assert joined(iterate_profiles(cube, at_once=2)) == list(inspect_profiles(cube).profiles)
     options = {"x0": -3.0, "dx": 0.25}
-    parts = list(iterate_profiles(heights, at_once=2, **options))
-    assert joined(parts) == list(inspect_profiles(heights, **options).profiles)
-    assert len(parts) == 3
+    chunks = list(iterate_profiles(heights, at_once=2, **options))
+    assert joined(chunks) == list(inspect_profiles(heights, **options).profiles)
+    assert len(chunks) == 3
 
 
-def test_a_table_of_points_and_a_text_are_one_part(tmp_path):
+def test_a_table_of_points_and_a_text_are_one_chunk(tmp_path):
     points = profiles(1)[0]
     long, text = tmp_path / "long.parquet", tmp_path / "a.csv"
     pq.write_table(pa.table({"x": points[:, 0], "z": points[:, 1]}), long)
     np.savetxt(text, points, delimiter=",")
     for path in (long, text):
-        (part,) = iterate_profiles(path, at_once=3)
-        assert list(part.file.profiles) == list(inspect_profiles(path).profiles)
+        (chunk,) = iterate_profiles(path, at_once=3)
+        assert list(chunk.file.profiles) == list(inspect_profiles(path).profiles)
 
 
-def test_a_lost_marker_counts_in_all_parts_after_the_one_that_shows_it(tmp_path):
+def test_a_lost_marker_counts_in_all_chunks_after_the_one_that_shows_it(tmp_path):
     points = np.array(
         [np.column_stack([np.arange(60.0), np.linspace(-300.0, -250.0, 60)]) for _ in range(4)]
     )
@@ -87,7 +87,7 @@ def test_a_file_whose_points_are_all_lost_is_an_error(tmp_path, at_once):
 
 
 @pytest.mark.parametrize("columns", [1, 2, 3])
-def test_an_array_of_few_columns_is_one_part(tmp_path, columns):
+def test_an_array_of_few_columns_is_one_chunk(tmp_path, columns):
     path = tmp_path / "a.npy"
     np.save(
         path,
@@ -96,17 +96,17 @@ def test_an_array_of_few_columns_is_one_part(tmp_path, columns):
         ],
     )
     spacing = {"dx": 0.5} if columns == 1 else {}
-    (part,) = iterate_profiles(path, at_once=2, **spacing)
-    assert part.file.profiles == inspect_profiles(path, **spacing).profiles
+    (chunk,) = iterate_profiles(path, at_once=2, **spacing)
+    assert chunk.file.profiles == inspect_profiles(path, **spacing).profiles
     if not spacing:  # the array has x
         with pytest.raises(UnreadableFile, match="--dx is for heights without x"):
             list(iterate_profiles(path, at_once=2, dx=0.5))
 
 
-def test_columns_that_the_user_names_make_an_array_one_part(tmp_path):
+def test_columns_that_the_user_names_make_an_array_one_chunk(tmp_path):
     np.save(tmp_path / "a.npy", np.random.default_rng(1).normal(size=(9, 30)))
-    (part,) = iterate_profiles(tmp_path / "a.npy", at_once=2, columns=(0, 2))
-    assert [len(profile) for profile in part.file.profiles] == [9]
+    (chunk,) = iterate_profiles(tmp_path / "a.npy", at_once=2, columns=(0, 2))
+    assert [len(profile) for profile in chunk.file.profiles] == [9]
     with pytest.raises(UnreadableFile, match="--dx is for heights without x"):
         list(iterate_profiles(tmp_path / "a.npy", at_once=2, dx=0.5, columns=(0, 2)))
 
@@ -118,9 +118,9 @@ def test_a_file_without_profiles_is_reported_as_when_read_whole(tmp_path):
     for name in ("a.npy", "a.parquet"):
         with pytest.raises(UnreadableFile) as whole:
             inspect_profiles(tmp_path / name)
-        with pytest.raises(UnreadableFile) as in_parts:
+        with pytest.raises(UnreadableFile) as in_chunks:
             list(iterate_profiles(tmp_path / name))
-        assert str(in_parts.value) == str(whole.value)
+        assert str(in_chunks.value) == str(whole.value)
         if name == "a.parquet":
             assert "a.parquet: the table has no row, so no profile: export it" in str(whole.value)
 
@@ -135,32 +135,32 @@ def test_two_columns_of_one_name_are_rejected(tmp_path):
         list(iterate_profiles(tmp_path / "a.parquet"))
 
 
-def test_a_part_of_no_profile_is_a_slip_of_the_caller(tmp_path):
+def test_a_chunk_of_no_profile_is_a_slip_of_the_caller(tmp_path):
     with pytest.raises(ValueError, match="expected at_once of at least 1, got 0"):
         list(iterate_profiles(tmp_path / "a.npy", at_once=0))
 
 
-def test_attributes_of_parts_are_those_of_the_whole_array(tmp_path):
+def test_attributes_of_chunks_are_those_of_the_whole_array(tmp_path):
     cube = np.zeros((5, 9, 3))
     cube[:, :, 0], cube[:, :, 1] = np.arange(9.0), np.arange(5.0)[:, np.newaxis]
     cube[:, :, 2] = -400 - cube[:, :, 0] ** 2 / 9
     np.save(tmp_path / "a.npy", cube)
     whole = inspect_profiles(tmp_path / "a.npy").attributes
-    parts = iterate_profiles(tmp_path / "a.npy", at_once=2)
-    assert [row for part in parts for row in part.file.attributes] == list(whole)
+    chunks = iterate_profiles(tmp_path / "a.npy", at_once=2)
+    assert [row for chunk in chunks for row in chunk.file.attributes] == list(whole)
     assert list(whole) == [{"y": float(y)} for y in range(5)]
 
 
 @pytest.mark.parametrize("at_once", [1, 2, 100])
 def test_columns_of_any_type_come_along_and_those_of_points_are_named(tmp_path, at_once):
     names = write_nested(tmp_path / "a.parquet")
-    parts = list(iterate_profiles(tmp_path / "a.parquet", at_once=at_once))
-    columns = pa.concat_tables([part.columns for part in parts])
+    chunks = list(iterate_profiles(tmp_path / "a.parquet", at_once=at_once))
+    columns = pa.concat_tables([chunk.columns for chunk in chunks])
     assert columns.to_pylist() == pq.read_table(tmp_path / "a.parquet", columns=names).to_pylist()
-    assert {part.point_columns for part in parts} == {("intensity",)}
+    assert {chunk.point_columns for chunk in chunks} == {("intensity",)}
 
 
-def test_a_column_of_points_in_the_first_part_remains_one(tmp_path):
+def test_a_column_of_points_in_the_first_chunk_remains_one(tmp_path):
     points = np.column_stack([np.arange(9.0), -400 - np.arange(9.0)])
     table = pa.table(
         {
@@ -171,5 +171,7 @@ def test_a_column_of_points_in_the_first_part_remains_one(tmp_path):
         }
     )
     pq.write_table(table, tmp_path / "a.parquet")
-    parts = list(iterate_profiles(tmp_path / "a.parquet", at_once=1))
-    assert {(part.point_columns, *part.columns.column_names) for part in parts} == {(("a",), "b")}
+    chunks = list(iterate_profiles(tmp_path / "a.parquet", at_once=1))
+    assert {(chunk.point_columns, *chunk.columns.column_names) for chunk in chunks} == {
+        (("a",), "b")
+    }

@@ -24,11 +24,11 @@ from lsvision.sensors.camera import Camera
 from lsvision.simulate.hand_eye import (
     SectionView,
     TargetMotion,
-    noisy_pose,
-    plane_profile,
+    draw_section_poses_about,
+    perturb_pose,
     rotation_from_vector,
-    section_poses_about,
-    sphere_profile,
+    simulate_plane_profile,
+    simulate_sphere_profile,
 )
 from tests.calibration.hand_eye_scenes import RADIUS, TARGET
 
@@ -70,7 +70,7 @@ class Case:
     def reported(self, flange, rng):
         """Return a flange pose as the robot reports it, inverted for a stationary sensor."""
         pose = flange if self.mounting == "eye_in_hand" else flange.inverse()
-        return noisy_pose(pose, self.position_std, np.radians(self.rotation_std_deg), rng)
+        return perturb_pose(pose, self.position_std, np.radians(self.rotation_std_deg), rng)
 
 
 def random_mount(rng):
@@ -86,8 +86,8 @@ def sphere_data(rng, case):
     motion = TargetMotion(offset=0.8 * RADIUS, working_y=WORK[1])
     profiles, poses = [], []
     while len(poses) < case.count:
-        (section,) = section_poses_about(TARGET, 1, motion, rng)
-        profile = sphere_profile(section.inverse().apply_one(TARGET), RADIUS, view, rng)
+        (section,) = draw_section_poses_about(TARGET, 1, motion, rng)
+        profile = simulate_sphere_profile(section.inverse().apply_one(TARGET), RADIUS, view, rng)
         if len(profile) - profile.lost >= MIN_POINTS:
             profiles.append(profile)
             poses.append(case.reported(section @ mount.inverse(), rng))
@@ -99,8 +99,10 @@ def plane_data(rng, case):
     mount = random_mount(rng)
     plane = Plane((0.1, -0.05, 1.0), 310.0)
     motion = TargetMotion(tilt=np.radians(40), working_y=WORK[1], offset=0.0)
-    sections = section_poses_about(TARGET, case.count, motion, rng)
-    profiles = [plane_profile(plane.transformed(s.inverse()), case.view, rng) for s in sections]
+    sections = draw_section_poses_about(TARGET, case.count, motion, rng)
+    profiles = [
+        simulate_plane_profile(plane.transformed(s.inverse()), case.view, rng) for s in sections
+    ]
     return mount, profiles, [case.reported(s @ mount.inverse(), rng) for s in sections]
 
 
@@ -110,7 +112,7 @@ def planned_data(rng, case):
     Its errors are 1 mm and 0.5 deg per axis (one sigma), as of a mount according to a drawing.
     """
     mount = random_mount(rng)
-    nominal = noisy_pose(mount, 1.0, np.radians(0.5), rng)
+    nominal = perturb_pose(mount, 1.0, np.radians(0.5), rng)
     plan = plan_hand_eye_poses(
         nominal,
         TARGET,
@@ -120,7 +122,9 @@ def planned_data(rng, case):
     profiles, poses = [], []
     for flange in plan.base_from_flanges:
         section = flange @ mount
-        profiles.append(sphere_profile(section.inverse().apply_one(TARGET), RADIUS, case.view, rng))
+        profiles.append(
+            simulate_sphere_profile(section.inverse().apply_one(TARGET), RADIUS, case.view, rng)
+        )
         poses.append(case.reported(flange, rng))
     return mount, profiles, poses
 

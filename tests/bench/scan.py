@@ -11,7 +11,7 @@ import numpy as np
 
 from lsvision.geometry import Cylinder, FloatArray, Pose
 from lsvision.planning import scan_bound
-from lsvision.scan import ScannedCylinder, TubeShape, measure_scan, measure_shape
+from lsvision.scan import CylinderShape, ScannedCylinder, measure_scan, measure_shape
 from lsvision.simulate import (
     SCENE_KINDS,
     SCENE_SENSOR,
@@ -243,7 +243,9 @@ def shapes(runs: int) -> None:
         )
 
 
-def measured_shape(scene: Scene, count: int, length: float, rng: np.random.Generator) -> TubeShape:
+def measured_shape(
+    scene: Scene, count: int, length: float, rng: np.random.Generator
+) -> CylinderShape:
     """Return the shape of a scene's tube from `count` sections over a length (mm)."""
     sensor = dataclasses.replace(SCENE_SENSOR, range_std=0.02)
     seen = simulate_scan(scene, feed(count, length), sensor, SectionSettings(), rng=rng)

@@ -8,11 +8,11 @@ from lsvision.geometry import Plane, Pose
 from lsvision.simulate.hand_eye import (
     SectionView,
     TargetMotion,
-    noisy_pose,
-    plane_profile,
+    draw_section_poses_about,
+    perturb_pose,
     rotation_from_vector,
-    section_poses_about,
-    sphere_profile,
+    simulate_plane_profile,
+    simulate_sphere_profile,
 )
 
 RADIUS = 20.0
@@ -33,12 +33,12 @@ def sphere_scene(seed, count=12, *, view=USUAL, robot=(0.05, 0.01), motion=MOTIO
     profiles, flanges = [], []
     while len(flanges) < count:
         target = TARGET if targets is None else targets[len(flanges)]
-        (section,) = section_poses_about(target, 1, motion, rng)
-        profile = sphere_profile(section.inverse().apply_one(target), RADIUS, view, rng)
+        (section,) = draw_section_poses_about(target, 1, motion, rng)
+        profile = simulate_sphere_profile(section.inverse().apply_one(target), RADIUS, view, rng)
         if len(profile) - profile.lost >= 60:
             profiles.append(profile)
             flange = section @ MOUNT.inverse()
-            flanges.append(noisy_pose(flange, robot[0], np.radians(robot[1]), rng))
+            flanges.append(perturb_pose(flange, robot[0], np.radians(robot[1]), rng))
     return profiles, flanges
 
 
@@ -47,9 +47,9 @@ def plane_scene(seed, count=20, *, view=USUAL, robot=(0.05, 0.01)):
     plane = Plane((0.1, -0.05, 1.0), 310.0)
     motion = TargetMotion(tilt=np.radians(40), working_y=WORKING_Y, offset=0.0)
     profiles, flanges = [], []
-    for section in section_poses_about(TARGET, count, motion, rng):
-        profiles.append(plane_profile(plane.transformed(section.inverse()), view, rng))
-        flanges.append(noisy_pose(section @ MOUNT.inverse(), robot[0], np.radians(robot[1]), rng))
+    for section in draw_section_poses_about(TARGET, count, motion, rng):
+        profiles.append(simulate_plane_profile(plane.transformed(section.inverse()), view, rng))
+        flanges.append(perturb_pose(section @ MOUNT.inverse(), robot[0], np.radians(robot[1]), rng))
     return profiles, flanges
 
 
@@ -62,8 +62,8 @@ def board_scene(seed, count=12, *, robot=(0.05, 0.01), board_noise=(0.0, 0.0)):
         lean = rotation_from_vector(rng.uniform(-1, 1, 3) * np.radians([35, 35, 170]))
         seen = Pose(lean @ np.diag([1.0, -1.0, -1.0]), (*rng.uniform(-40, 40, 2), 350.0))
         flange = base_from_board @ seen.inverse() @ MOUNT.inverse()
-        boards.append(noisy_pose(seen, board_noise[0], np.radians(board_noise[1]), rng))
-        flanges.append(noisy_pose(flange, robot[0], np.radians(robot[1]), rng))
+        boards.append(perturb_pose(seen, board_noise[0], np.radians(board_noise[1]), rng))
+        flanges.append(perturb_pose(flange, robot[0], np.radians(robot[1]), rng))
     return boards, flanges
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from lsvision.calibration.board_pose import estimate_board_pose
 from lsvision.calibration.bundle_adjustment_problem import LaserView
-from lsvision.calibration.camera_uncertainty import board_pose_modes, camera_modes
+from lsvision.calibration.camera_uncertainty import compute_board_pose_modes, compute_camera_modes
 from lsvision.calibration.hand_eye import calibrate_hand_eye_board
 from lsvision.calibration.intrinsics import CameraSettings, fit_camera
 from lsvision.calibration.laser_plane import fit_laser_plane
@@ -38,7 +38,7 @@ def test_the_covariance_has_the_standard_deviations_of_opencv(settings):
 def test_the_modes_add_up_to_the_covariance():
     _, views = seen_by(SCENE, 10, 2)
     found = fit_camera(views)
-    cameras = camera_modes(found.camera, found.covariance)
+    cameras = compute_camera_modes(found.camera, found.covariance)
     shifts = np.array(
         [
             [*(each.matrix - found.camera.matrix)[[0, 1, 0, 1], [0, 1, 2, 2]],
@@ -51,7 +51,7 @@ def test_the_modes_add_up_to_the_covariance():
         shifts.T @ shifts / np.outer(std, std), found.covariance / np.outer(std, std), atol=1e-5
     )
     with pytest.raises(ValueError, match=r"covariance of 9 intrinsics, got shape \(3, 3\)"):
-        camera_modes(found.camera, np.eye(3))
+        compute_camera_modes(found.camera, np.eye(3))
 
 
 def hand_eye_by(camera, covariance, rng):
@@ -63,7 +63,7 @@ def hand_eye_by(camera, covariance, rng):
     flanges = [base_from_board @ b.camera_from_board.inverse() @ MOUNT.inverse() for b in boards]
     poses = [estimate_board_pose(view.pixels, view.points, camera) for view in views]
     seen, own = [pose.camera_from_board for pose in poses], [pose.covariance for pose in poses]
-    modes = board_pose_modes(views, camera, covariance)
+    modes = compute_board_pose_modes(views, camera, covariance)
     without = calibrate_hand_eye_board(seen, flanges, covariances=own)
     found = calibrate_hand_eye_board(seen, flanges, covariances=own, camera_modes=modes)
     errors = pose_errors(found.flange_from_camera, MOUNT)

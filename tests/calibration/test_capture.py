@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 from lsvision.calibration.capture_pairs import (
     CaptureSettings,
     CaptureState,
-    missing_views,
-    movement,
-    next_state,
+    advance_state,
+    list_missing_views,
+    measure_movement,
 )
 from lsvision.calibration.target import ChArUco, Chessboard, TargetView
 from lsvision.io.images import read_image
@@ -69,7 +69,7 @@ def message(*names):
     image = frame(names[-1])
     noise = np.random.default_rng(len(names)).normal(0, 1, image.shape)
     noisy = np.clip(image + noise, 0, 255).astype(np.uint8)
-    state, text, pair = next_state(state, noisy, TARGET, SETTINGS)
+    state, text, pair = advance_state(state, noisy, TARGET, SETTINGS)
     return state, text, (*pairs, pair) if pair else pairs
 
 
@@ -116,8 +116,10 @@ def test_movement_is_that_of_shared_corners():
     pixels = np.arange(20.0).reshape(10, 2)
     first = TargetView(points, pixels, (640, 480))
     second = TargetView(points[4:], pixels[4:] + np.array([3.0, 4.0]), (640, 480))
-    assert movement(first, second) == pytest.approx(5.0)
-    assert movement(first, TargetView(TARGET.points[20:26], pixels[:6], (640, 480))) == np.inf
+    assert measure_movement(first, second) == pytest.approx(5.0)
+    assert (
+        measure_movement(first, TargetView(TARGET.points[20:26], pixels[:6], (640, 480))) == np.inf
+    )
 
 
 FOCAL = 900.0
@@ -134,11 +136,11 @@ def view_of(tilt_x=0.0, tilt_y=0.0, distance=400.0, offset=(0.0, 0.0)):
 
 
 def test_without_a_view_only_their_number_is_missing():
-    assert missing_views([], 15) == ("15 more",)
+    assert list_missing_views([], 15) == ("15 more",)
 
 
 def test_one_frontal_view_lacks_sides_tilts_and_depth():
-    number, areas, tilts, depth = missing_views([view_of()], 15)
+    number, areas, tilts, depth = list_missing_views([view_of()], 15)
     assert number == "14 more"
     named = areas.removeprefix("board into the image's ").split(", ")
     assert len(named) == 8
@@ -165,7 +167,7 @@ def test_a_tilt_is_measured_by_the_side_that_is_nearer(tilts, left):
     side = ("right" if nearest[0] > 0 else "left") if "tilt_y" in tilts else (
         "lower" if nearest[1] > 0 else "upper")  # fmt: skip
     assert left == {"right", "left", "lower", "upper"} - {side}
-    text = next(text for text in missing_views([view], 1) if text.startswith("tilt"))
+    text = next(text for text in list_missing_views([view], 1) if text.startswith("tilt"))
     assert set(text.removeprefix("tilt with the ").split(" side")[0].split(", ")) == left
 
 
@@ -176,4 +178,4 @@ def test_a_full_set_lacks_nothing():
         for x, y in ((-75, -60), (75, -60), (-75, 60), (75, 60))
         for distance in (400.0, 500.0)
     ]
-    assert missing_views([*tilts, *moved], 12) == ()
+    assert list_missing_views([*tilts, *moved], 12) == ()

@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from lsvision.calibration.chessboard_corners import initial_corners, locate_corners
-from lsvision.calibration.chessboard_numbering import corner_order
+from lsvision.calibration.chessboard_corners import detect_initial_corners, locate_corners
+from lsvision.calibration.chessboard_numbering import find_corner_order
 from lsvision.calibration.intrinsics import calibrate_camera
 from lsvision.calibration.target import Chessboard, find_target
 from tests.calibration.boards import chessboard_picture, photographed
@@ -108,10 +108,10 @@ def test_points_that_are_no_grid_are_rejected():
 def test_the_first_corner_is_the_same_in_every_turn_and_for_every_finder(spin, counts):
     white, truth = chessboard_picture((0.1, -0.2, spin), counts=counts, square=9.0)
     image = photographed(white, np.random.default_rng(17))
-    seen = list(initial_corners(image, *counts))
+    seen = list(detect_initial_corners(image, *counts))
     assert len(seen) >= 2
     for corners in seen:
-        first = corners.reshape(-1, 2)[corner_order(image, corners)[0, 0]]
+        first = corners.reshape(-1, 2)[find_corner_order(image, corners)[0, 0]]
         assert np.linalg.norm(first - truth[0]) < 3
 
 

@@ -13,7 +13,7 @@ from lsvision.calibration.hand_eye import (
 from lsvision.errors import CalibrationFailed
 from lsvision.geometry import Pose
 from lsvision.io.pose_numbers import propagate_to_numbers
-from lsvision.simulate.hand_eye import noisy_pose, rotation_from_vector
+from lsvision.simulate.hand_eye import perturb_pose, rotation_from_vector
 from tests.calibration.hand_eye_scenes import (
     FEW_TRIALS,
     MOUNT,
@@ -121,7 +121,7 @@ def test_the_error_of_eye_to_hand_lies_within_its_covariance(target):
     seen, flanges = scene(20, robot=PERFECT)
     rng = np.random.default_rng(21)
     # The robot errs in what it says of the flange, not in what is left after inverting.
-    stated_poses = [noisy_pose(p, 0.05, np.radians(0.01), rng) for p in as_eye_to_hand(flanges)]
+    stated_poses = [perturb_pose(p, 0.05, np.radians(0.01), rng) for p in as_eye_to_hand(flanges)]
     assert normalised_error(calibrate(seen, stated_poses, **to_hand)) < FAR_OUT
 
 

@@ -5,14 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from lsvision.calibration.errors_in_variables import degrees_of_freedom
+from lsvision.calibration.errors_in_variables import count_degrees_of_freedom
 from lsvision.calibration.hand_eye import (
     HandEyeSettings,
     calibrate_hand_eye_board,
     calibrate_hand_eye_sphere,
 )
 from lsvision.calibration.observations import States, stack_flange_poses
-from lsvision.calibration.robot_std import robot_whitening
+from lsvision.calibration.robot_std import compute_robot_whitening
 from lsvision.calibration.sphere_observations import SphereObservations
 from lsvision.geometry import Pose
 from lsvision.simulate.hand_eye import rotation_from_vector
@@ -96,6 +96,6 @@ def test_a_wide_prior_is_no_degree_of_freedom_and_a_narrow_one_no_unknown(radius
         np.zeros(count, dtype=np.int64),
     )
     states = States(np.eye(3)[None], np.zeros((1, 3)), np.array([[[50.0, 0, 0, RADIUS, 0]]]))
-    whitening = robot_whitening(observations, states, (1.0, 1.0))
-    dof = degrees_of_freedom(observations, states, np.ones(count), whitening)
+    whitening = compute_robot_whitening(observations, states, (1.0, 1.0))
+    dof = count_degrees_of_freedom(observations, states, np.ones(count), whitening)
     assert dof == pytest.approx(3 * count - unknowns, abs=0.1)

@@ -23,9 +23,9 @@ from lsvision.profile import Profile
 from lsvision.sensors.camera import Camera
 from lsvision.simulate.hand_eye import (
     TargetMotion,
-    noisy_pose,
-    plane_profile,
+    perturb_pose,
     rotation_from_vector,
+    simulate_plane_profile,
 )
 from tests.calibration.hand_eye_scenes import (
     FEW_TRIALS,
@@ -228,7 +228,7 @@ def test_a_plane_seen_in_three_rotations_from_one_place_does_not_determine_the_s
         tilt = rotation_from_vector(0.3 * np.eye(3)[number % 3] * (number % 3 < 2))
         rotation = tilt @ upright
         section = Pose(rotation, TARGET - rotation @ (0.0, WORKING_Y, 0.0))
-        profiles.append(plane_profile(plane.transformed(section.inverse()), USUAL, rng))
+        profiles.append(simulate_plane_profile(plane.transformed(section.inverse()), USUAL, rng))
         flanges.append(section @ MOUNT.inverse())
     with pytest.raises(DegenerateGeometry, match="do not determine all six"):
         calibrate_hand_eye_plane(profiles, flanges, settings=FEW_TRIALS)
@@ -321,7 +321,7 @@ def test_the_size_of_a_board_is_unknown_if_the_flange_only_rotates_about_its_ori
     rng = np.random.default_rng(2)
     rotations = [rotation_from_vector(rng.uniform(-0.6, 0.6, 3)) for _ in range(10)]
     flanges = [Pose(rotation, TARGET + 400 * np.eye(3)[2]) for rotation in rotations]
-    boards = [noisy_pose(board, 0.03, 1e-4, rng) for board in boards_from(flanges)]
+    boards = [perturb_pose(board, 0.03, 1e-4, rng) for board in boards_from(flanges)]
     found = calibrate_hand_eye_board(boards, flanges)
     assert found.target_scale is None
     assert found.warnings == ()

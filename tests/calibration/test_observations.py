@@ -9,7 +9,7 @@ from lsvision.calibration.board_observations import BoardObservations
 from lsvision.calibration.observations import (
     FlangePoses,
     States,
-    masked_least_squares,
+    solve_masked_least_squares,
     stack_flange_poses,
 )
 from lsvision.calibration.plane_observations import PlaneObservations
@@ -115,4 +115,4 @@ def test_jacobians_equal_difference_quotients(kind):
 
 def test_an_empty_selection_has_the_solution_zero():
     design, rhs = np.ones((4, 3, 2)), np.ones((4, 3))
-    assert (masked_least_squares(design, rhs, np.zeros((1, 4))) == 0).all()
+    assert (solve_masked_least_squares(design, rhs, np.zeros((1, 4))) == 0).all()

@@ -13,7 +13,7 @@ from lsvision.calibration.pose_outliers import (
 )
 from lsvision.calibration.sphere_observations import SpherePlanningTarget
 from lsvision.geometry import Pose
-from lsvision.simulate.hand_eye import TargetMotion, noisy_pose, section_poses_about
+from lsvision.simulate.hand_eye import TargetMotion, draw_section_poses_about, perturb_pose
 from tests.calibration.hand_eye_scenes import MOUNT, RADIUS, TARGET, pose_errors, wrong_pose
 
 CIRCLE_STD = 0.01
@@ -25,16 +25,16 @@ FAR = TargetMotion(offset=0.8 * RADIUS, working_y=-300.0)
 def circles(seed, robot, wrong=(), shift_mm=0.0, count=12):
     """Observations of a sphere by a robot with errors in mm and deg, and of some wrong poses."""
     rng = np.random.default_rng(seed)
-    sections = section_poses_about(TARGET, count, FAR, rng)
+    sections = draw_section_poses_about(TARGET, count, FAR, rng)
     target = SpherePlanningTarget(TARGET, RADIUS, CIRCLE_STD, 0.85)
     flanges = [
-        noisy_pose(section @ MOUNT.inverse(), robot[0], np.radians(robot[1]), rng)
+        perturb_pose(section @ MOUNT.inverse(), robot[0], np.radians(robot[1]), rng)
         for section in sections
     ]
     for index in wrong:
         flanges[index] = wrong_pose(flanges[index], shift_mm, 0.0, rng)
     stacked = stack_flange_poses(flanges, "eye_in_hand", (0.05, np.radians(0.01)))
-    positions, _ = target.visibility(sections)
+    positions, _ = target.check_visibility(sections)
     return target.predict_observations(positions, sections, stacked)
 
 

@@ -7,7 +7,7 @@ from lsvision.calibration.hand_eye import calibrate_hand_eye_sphere
 from lsvision.calibration.pose_planning import PosePlanSettings, plan_hand_eye_poses
 from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import Pose
-from lsvision.simulate.hand_eye import noisy_pose, sphere_profile
+from lsvision.simulate.hand_eye import perturb_pose, simulate_sphere_profile
 from tests.calibration.hand_eye_scenes import MOUNT, RADIUS, TARGET, USUAL, WORKING_Y, pose_errors
 
 SETTINGS = PosePlanSettings(working_y=WORKING_Y, count=6)
@@ -41,8 +41,8 @@ def test_error_of_a_calibration_with_planned_poses_is_as_predicted():
     profiles, flanges = [], []
     for flange in plan.base_from_flanges:
         centre = (flange @ MOUNT).inverse().apply_one(TARGET)
-        profiles.append(sphere_profile(centre, RADIUS, USUAL, rng))
-        flanges.append(noisy_pose(flange, 0.05, np.radians(0.01), rng))
+        profiles.append(simulate_sphere_profile(centre, RADIUS, USUAL, rng))
+        flanges.append(perturb_pose(flange, 0.05, np.radians(0.01), rng))
     found = calibrate_hand_eye_sphere(profiles, flanges)
     error = found.flange_from_section.apply_one(found.working_point) - MOUNT.apply_one(
         found.working_point

@@ -15,10 +15,10 @@ from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import Plane, Pose
 from lsvision.simulate.hand_eye import (
     TargetMotion,
-    noisy_pose,
-    plane_profile,
+    draw_section_poses_about,
+    perturb_pose,
     rotation_from_vector,
-    section_poses_about,
+    simulate_plane_profile,
 )
 from tests.calibration.hand_eye_scenes import FEW_TRIALS, MOUNT, QUIET, TARGET, USUAL, WORKING_Y
 
@@ -38,14 +38,14 @@ ROBOT = (0.05, np.radians(0.01))
 
 
 def flanges_about(count, motion, rng):
-    return [pose @ MOUNT.inverse() for pose in section_poses_about(TARGET, count, motion, rng)]
+    return [pose @ MOUNT.inverse() for pose in draw_section_poses_about(TARGET, count, motion, rng)]
 
 
 def taken(flanges, rng, view=USUAL):
     """Profiles and what the robot reports."""
     sections = [flange @ MOUNT for flange in flanges]
-    profiles = [plane_profile(PLANE.transformed(s.inverse()), view, rng) for s in sections]
-    return profiles, [noisy_pose(flange, *ROBOT, rng) for flange in flanges]
+    profiles = [simulate_plane_profile(PLANE.transformed(s.inverse()), view, rng) for s in sections]
+    return profiles, [perturb_pose(flange, *ROBOT, rng) for flange in flanges]
 
 
 def calibrated(*sets):
@@ -73,7 +73,7 @@ def test_six_planned_poses_have_a_smaller_error_than_six_random_ones():
     for seed in range(12):
         rng = np.random.default_rng([9, seed])
         first = taken(flanges_about(8, MOTION, rng), rng)
-        nominal = noisy_pose(MOUNT, 1.0, np.radians(0.5), rng)
+        nominal = perturb_pose(MOUNT, 1.0, np.radians(0.5), rng)
         plan = plan_hand_eye_poses_plane(
             nominal, PLANE, POINT, measured=first[1], settings=replace(SETTINGS, seed=seed)
         )
@@ -124,7 +124,7 @@ def test_predicted_lines_equal_those_of_profiles():
         PlanePlanningTarget(PLANE, POINT, PLANE_DEFAULTS.line_std),
         [pose @ MOUNT for pose in flanges],
     )
-    places, shows = ahead.visibility(sections)
+    places, shows = ahead.check_visibility(sections)
     lines = ahead.predict_observations(
         places, sections, stack_flange_poses(flanges, "eye_in_hand", ROBOT)
     )

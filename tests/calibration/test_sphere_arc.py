@@ -7,7 +7,7 @@ from lsvision.calibration.sphere_arc import SphereArcSettings, find_sphere_arc
 from lsvision.errors import CalibrationFailed, LsvisionError
 from lsvision.profile import Profile
 from lsvision.sensors.profile_sensor import ProfileSensor
-from lsvision.simulate.hand_eye import SectionView, sphere_profile
+from lsvision.simulate.hand_eye import SectionView, simulate_sphere_profile
 
 EXACT = 1e-8  # mm
 CENTRE, RADIUS = np.array([3.0, -300.0, 8.0]), 20.0
@@ -15,7 +15,9 @@ CIRCLE = np.array([3.0, -300.0, np.sqrt(RADIUS**2 - 8.0**2)])
 
 
 def profile(std, seed=0):
-    return sphere_profile(CENTRE, RADIUS, SectionView(range_std=std), np.random.default_rng(seed))
+    return simulate_sphere_profile(
+        CENTRE, RADIUS, SectionView(range_std=std), np.random.default_rng(seed)
+    )
 
 
 def cluttered(std, seed=0):

@@ -18,9 +18,9 @@ from lsvision.calibration.target import (
 from lsvision.calibration.target_files import (
     Disc,
     Rectangle,
-    layout_target,
-    target_pdf,
-    target_svg,
+    lay_out_target,
+    render_target_pdf,
+    render_target_svg,
 )
 from lsvision.geometry import Pose
 from lsvision.laser_line.image_array import convert_to_grey
@@ -57,7 +57,7 @@ def rasterised(page):
 
 @each_target
 def test_printed_page_shows_the_target_at_true_scale(target):
-    view = find_target(rasterised(layout_target(target)), target)
+    view = find_target(rasterised(lay_out_target(target)), target)
     assert len(view.points) == len(target.points)
     in_mm = (view.pixels + 0.5) / PER_MM
     shift = in_mm - view.points[:, :2]
@@ -66,7 +66,7 @@ def test_printed_page_shows_the_target_at_true_scale(target):
 
 @pytest.mark.parametrize("printed", ["charuco", "charuco legacy"])
 def test_a_charuco_board_of_either_pattern_is_found_without_saying_which(printed):
-    image = rasterised(layout_target(TARGETS[printed]))
+    image = rasterised(lay_out_target(TARGETS[printed]))
     right, other = (find_target(image, ChArUco(8, 6, 12.0, 9.0, legacy=k)) for k in (True, False))
     np.testing.assert_array_equal(right.points, other.points)
     np.testing.assert_array_equal(right.pixels, other.pixels)
@@ -103,7 +103,7 @@ def test_targets_implement_the_protocol(target):
 @pytest.mark.parametrize("scale", [1, 16, 257], ids=["8 bit in 16", "12 bit", "16 bit"])
 def test_16_bit_and_colour_images_give_the_same_points(scale):
     target = TARGETS["chessboard"]
-    grey = rasterised(layout_target(target))
+    grey = rasterised(lay_out_target(target))
     want = find_target(grey, target).pixels
     deep = grey.astype(np.uint16) * scale
     np.testing.assert_allclose(find_target(deep, target).pixels, want, atol=PRINTED)
@@ -171,7 +171,7 @@ def test_pose_of_a_board_follows_from_its_rays():
 
 @each_target
 def test_page_fits_its_sheet_with_a_ruler_of_100_mm(target):
-    page = layout_target(target)
+    page = lay_out_target(target)
     assert (page.width, page.height) in [(210, 297), (297, 210)]
     bar = next(shape for shape in page.shapes if getattr(shape, "width", 0) == 100)
     for shape in page.shapes:
@@ -187,23 +187,23 @@ def test_page_fits_its_sheet_with_a_ruler_of_100_mm(target):
 
 def test_the_text_of_a_full_page_is_printable():
     """Letters reach 0.22 of their size, 3.5 mm, below the base line."""
-    page = layout_target(Chessboard(6, 9, 26.3))
+    page = lay_out_target(Chessboard(6, 9, 26.3))
     assert page.height == 297
     assert page.text_position[1] + 0.22 * 3.5 <= page.height - 5
 
 
 def test_svg_is_sized_in_mm_and_draws_every_shape():
     target = TARGETS["chessboard"]
-    svg = target_svg(target)
+    svg = render_target_svg(target)
     assert 'width="210mm" height="297mm" viewBox="0 0 210 297"' in svg
     assert svg.count("h15v15h-15z") == 35
-    assert target_svg(TARGETS["circles"]).count('r="4.5"') == 28
+    assert render_target_svg(TARGETS["circles"]).count('r="4.5"') == 28
 
 
 def test_pdf_is_sized_in_points_and_its_table_points_at_its_objects():
-    pdf = target_pdf(TARGETS["charuco"]).decode("latin-1")
+    pdf = render_target_pdf(TARGETS["charuco"]).decode("latin-1")
     box = [float(value) for value in re.search(r"MediaBox \[(.*?)\]", pdf)[1].split()]
-    page = layout_target(TARGETS["charuco"])
+    page = lay_out_target(TARGETS["charuco"])
     np.testing.assert_allclose(np.array(box[2:]) * 25.4 / 72, (page.width, page.height), atol=1e-3)
     offsets = [int(value) for value in re.findall(r"(\d{10}) 00000 n", pdf)]
     for number, offset in enumerate(offsets, start=1):
@@ -215,7 +215,7 @@ def test_pdf_is_sized_in_points_and_its_table_points_at_its_objects():
 
 def test_unknown_targets_are_rejected_by_the_layout():
     with pytest.raises(TypeError, match="expected a ChArUco, Chessboard or CircleGrid, got 5"):
-        layout_target(5)
+        lay_out_target(5)
 
 
 def test_asymmetric_circles_lie_on_a_diagonal_grid():

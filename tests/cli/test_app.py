@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 import lsvision
-from lsvision.cli.file_part import PartOptions
+from lsvision.cli.chunk_results import MeasureTask, measure_task
+from lsvision.cli.file_chunk import FileOptions
 from lsvision.cli.measure_options import build_measure_function
-from lsvision.cli.part_results import MeasureTask, measure_task
 from lsvision.cli.process_settings import prepare_process
 from lsvision.cli.robot_frame import RobotFrame
 
@@ -96,7 +96,7 @@ def test_a_process_that_measures_does_not_import_the_command_line():
         "print([m for m in ('typer', 'rich', 'click', 'pydantic') if m in sys.modules])"
     )
     robot_frame = RobotFrame(calibration=None, pose_file=None)
-    options = PartOptions(measure_function=build_measure_function("10:40"), robot_frame=robot_frame)
+    options = FileOptions(measure_function=build_measure_function("10:40"), robot_frame=robot_frame)
     task = MeasureTask(0, (Path("fixtures/welded_pair.csv"),))
     pickled = pickle.dumps((partial(measure_task, options), task))
     done = subprocess.run(
@@ -119,7 +119,7 @@ def test_a_forked_process_of_measure_imports_nothing_that_was_not_preloaded():
         "measure, task = pickle.loads(sys.stdin.buffer.read())\n"
         "print(len(measure(task)[0].records[0]['cylinders']), sorted(set(sys.modules) - before))"
     )
-    measure = partial(measure_task, PartOptions(measure_function=build_measure_function("10:40")))
+    measure = partial(measure_task, FileOptions(measure_function=build_measure_function("10:40")))
     task = MeasureTask(0, (Path("fixtures/welded_pair.csv"),))
     done = subprocess.run(
         [sys.executable, "-c", code], input=pickle.dumps((measure, task)), capture_output=True,

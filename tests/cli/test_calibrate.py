@@ -20,9 +20,9 @@ from lsvision.sensors.light_section import LightSection
 from lsvision.simulate.hand_eye import (
     SectionView,
     TargetMotion,
-    plane_profile,
+    draw_section_poses_about,
     rotation_from_vector,
-    section_poses_about,
+    simulate_plane_profile,
 )
 from tests.scripts import import_script
 
@@ -473,11 +473,13 @@ def plate_words(out, tmp_path):
     rng = np.random.default_rng(3)
     plate = Plane((0.1, -0.05, 1.0), 310.0)
     motion = TargetMotion(tilt=np.radians(40), working_y=-150.0, offset=0.0)
-    sections = section_poses_about(np.array([700.0, 50.0, 250.0]), 12, motion, rng)
+    sections = draw_section_poses_about(np.array([700.0, 50.0, 250.0]), 12, motion, rng)
     folder = tmp_path / "plate"
     folder.mkdir()
     for number, pose in enumerate(sections):
-        profile = plane_profile(plate.transformed(pose.inverse()), SectionView(range_std=0.02), rng)
+        profile = simulate_plane_profile(
+            plate.transformed(pose.inverse()), SectionView(range_std=0.02), rng
+        )
         np.savetxt(folder / f"p{number:02d}.csv", profile.points, delimiter=",", fmt="%.4f")
     poses = write_flanges(tmp_path / "poses.csv", [pose @ MOUNT.inverse() for pose in sections])
     return ("calibrate", "hand-eye", "plane", folder, "--poses", poses, "--convention",

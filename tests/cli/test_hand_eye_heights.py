@@ -6,7 +6,7 @@ import pytest
 
 from lsvision.geometry import Pose
 from lsvision.io.hand_eye_file import load_hand_eye
-from lsvision.simulate.hand_eye import TargetMotion, rotation_from_vector, section_poses_about
+from lsvision.simulate.hand_eye import TargetMotion, draw_section_poses_about, rotation_from_vector
 
 RADIUS, CENTRE = 20.0, np.array([700.0, 50.0, 250.0])
 MOUNT = Pose(rotation_from_vector(np.array([0.1, -0.2, 1.0])), np.array([30.0, -12.0, 90.0]))
@@ -20,7 +20,7 @@ def sphere(tmp_path):
     """Heights (n, columns) of twelve sections of a sphere, and the file of their poses."""
     rng = np.random.default_rng(11)
     motion = TargetMotion(working_y=-170.0)
-    sections = section_poses_about(CENTRE, 12, motion, rng)
+    sections = draw_section_poses_about(CENTRE, 12, motion, rng)
     x = X0 + DX * np.arange(COLUMNS)
     heights = np.full((len(sections), COLUMNS), np.nan)
     for row, pose in zip(heights, sections, strict=True):

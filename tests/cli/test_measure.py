@@ -204,7 +204,7 @@ def test_help_lists_the_formats_that_the_reader_knows():
 
 def test_examples_of_the_help_run(run, monkeypatch, tmp_path):
     # Slow, and tested elsewhere.
-    monkeypatch.setattr("lsvision.cli.part_results._draw", lambda *_: [])
+    monkeypatch.setattr("lsvision.cli.chunk_results._draw", lambda *_: [])
     monkeypatch.chdir(tmp_path)
     (tmp_path / "fixtures").symlink_to(REPOSITORY / "fixtures")
     lines = run("measure", "--help").stdout.splitlines()

@@ -343,7 +343,7 @@ def test_any_number_of_processes_prints_and_writes_the_same(run, written, pipe, 
 
 def test_a_large_array_is_reported_in_parts(run, pipe, tmp_path, monkeypatch):
     np.save(tmp_path / "a.npy", np.stack([pipe] * 5))
-    monkeypatch.setattr("lsvision.io.profiles.streaming.PROFILES_PER_PART", 2)
+    monkeypatch.setattr("lsvision.io.profiles.streaming.PROFILES_PER_CHUNK", 2)
     lines = run("measure", tmp_path / "a.npy").stdout.splitlines()
     heads = [line for line in lines if "points lost" in line]
     path = str(tmp_path / "a.npy")

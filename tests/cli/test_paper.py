@@ -24,7 +24,7 @@ def test_page_and_numbers_are_written(run, tmp_path, monkeypatch):
     monkeypatch.setattr(scenes, "PUBLISHED_TIMES", PUBLISHED_TIMES[:1])  # without clutter
     drawn = []  # tests/studies/test_page.py draws the pictures
     monkeypatch.setattr(
-        page, "_pictures", lambda report: drawn.append(report) or no_pictures(report)
+        page, "_draw_pictures", lambda report: drawn.append(report) or no_pictures(report)
     )
     report = written_report(run, tmp_path)
     assert len(drawn) == 1

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from lsvision.cylinder.fit import CylinderFittingSettings, fit_cylinder
-from lsvision.cylinder.fit_result import axis_cells
+from lsvision.cylinder.fit_result import format_axis_cells
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import DegenerateGeometry, FitFailed, TooFewPoints
 from lsvision.geometry import Cylinder, Pose
@@ -408,6 +408,6 @@ def test_a_coordinate_that_is_rounded_to_zero_has_no_minus() -> None:
         radius=19.0, radius_std=0.1, direction=(-1e-9, 0.0, 1.0), direction_std=0.01,
         point=(-0.01, -400.0, -0.2), position_std=12.0,
     )  # fmt: skip
-    cells = axis_cells(fit)
+    cells = format_axis_cells(fit)
     assert cells[1] == "+0.000 +0.000 +1.000"
     assert cells[3] == "0 -400 0"

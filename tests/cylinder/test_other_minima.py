@@ -11,7 +11,7 @@ from lsvision.cylinder.alternatives import (
 from lsvision.cylinder.other_minima import TILTS_DEG, find_other_minima
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import FitFailed
-from lsvision.geometry import Cylinder, tangent_frame
+from lsvision.geometry import Cylinder, build_tangent_frame
 
 RADIUS = 25.0  # mm
 MAX_INCREASE = 100.0  # of chi^2: above it a minimum is no candidate, and a fit may end elsewhere
@@ -33,7 +33,7 @@ def arcs(rng: np.random.Generator, arc_deg: float, gap: float, std: float, count
 def minima_one_by_one(points, cylinder, known_radius):
     """Other minima from the same tilts, about any two axes, by MINPACK."""
     origin = points.mean(axis=0)
-    e_phi, e_theta, direction = tangent_frame(cylinder.direction)
+    e_phi, e_theta, direction = build_tangent_frame(cylinder.direction)
     pivot = cylinder.point - origin
     pivot -= (pivot @ direction) * direction
     found = [Cylinder(cylinder.point - origin, direction, cylinder.radius)]

@@ -15,7 +15,7 @@ from lsvision.io.images import read_image
 from lsvision.laser_line.extraction import LineSettings, extract_laser_line
 from lsvision.measure import Measurement, measure_cylinders
 from lsvision.profile import Arc
-from lsvision.results.palette import cylinder_colour
+from lsvision.results.palette import choose_cylinder_colour
 from lsvision.sensors.light_section import LightSection
 from tests.draw.borders import has_white_border
 
@@ -60,7 +60,7 @@ def outlines(figure, colour):
 @pytest.mark.parametrize("number", [1, 2])
 def test_an_ellipse_is_drawn_over_the_light_it_was_found_by(pair, figure, number):
     image, *_, measurement = pair
-    (outline,) = outlines(figure, cylinder_colour(number))
+    (outline,) = outlines(figure, choose_cylinder_colour(number))
     for index in measurement.cylinders[number - 1].indices[10:-10:10]:
         u = int(index)
         brightest = np.average(np.arange(len(image)), weights=(image[:, u] > 60) * image[:, u])

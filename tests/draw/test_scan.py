@@ -11,9 +11,9 @@ from mpl_toolkits.mplot3d.proj3d import proj_transform
 from lsvision.draw.figures import render_figure
 from lsvision.draw.scan import MAX_POINTS, MIN_FACING_COSINE, draw_scan
 from lsvision.geometry import FloatArray, Points, Pose
-from lsvision.io.ply import UNASSIGNED_RGB, colour_points, colour_surfaces, cylinder_rgb
+from lsvision.io.ply import UNASSIGNED_RGB, colour_points, colour_surfaces, convert_cylinder_colour
 from lsvision.scan import ScanMeasurement, measure_scan
-from lsvision.scan.shape import triangulate_tube
+from lsvision.scan.shape import triangulate_cylinder
 from lsvision.simulate import SCENE_SENSOR, Scene, SectionSettings, Tube, simulate_scan
 from tests.draw.borders import has_white_border
 
@@ -127,7 +127,7 @@ def test_each_point_is_in_the_cloud_once(seen) -> None:
     cloud, colours = colour_points(scan, points)
     assert sorted(map(tuple, cloud.tolist())) == sorted(map(tuple, points.tolist()))
     for number, tube in enumerate(scan.cylinders, 1):
-        assert (colours == cylinder_rgb(number)).all(axis=1).sum() == len(tube.points)
+        assert (colours == convert_cylinder_colour(number)).all(axis=1).sum() == len(tube.points)
     assert (colours == UNASSIGNED_RGB).all(axis=1).sum() == len(points) - sum(
         len(tube.points) for tube in scan.cylinders
     )
@@ -135,7 +135,7 @@ def test_each_point_is_in_the_cloud_once(seen) -> None:
 
 def test_the_surface_lies_on_the_cylinder_and_faces_outwards(seen) -> None:
     tube = seen[0].cylinders[0]
-    corners, triangles = triangulate_tube(tube)
+    corners, triangles = triangulate_cylinder(tube)
     assert np.abs(tube.cylinder.signed_distances(corners)).max() < SINGLE
     a, b, c = (corners[triangles[:, k]] for k in range(3))
     outward = np.cross(b - a, c - a)

@@ -45,14 +45,14 @@ def about(ellipse):
 def residuals_and_jacobian(problem, parameters):
     """Residuals (n + j,) over their standard deviations, the last j those of the priors."""
     (rows,), _ = ProblemStack.of([problem]).evaluate(parameters[None])
-    rows = np.concatenate([rows.T, problem.prior_rows(parameters)])
+    rows = np.concatenate([rows.T, problem.linearise_priors(parameters)])
     return rows[:, 5], -rows[:, :5]
 
 
 def parameter_stds(points, parameters):
     """Standard deviations of an ellipse's parameters, from noisy points that lie on it."""
     system = WeightedSystem.of(ellipse_residuals(points, parameters), 1.0)
-    return np.sqrt(np.diag(invert_information_or_nan(system.normal_equations())))
+    return np.sqrt(np.diag(invert_information_or_nan(system.build_normal_equations())))
 
 
 def refine_ellipse(points, parameters, steps):
@@ -70,4 +70,6 @@ def ratios_of(fit, level):
 
 def ratios_of_flattening(ratios, flattenings):
     """Critical ratios of phi of one fit, for values of h / m."""
-    return ratios.for_flattening(np.zeros(len(flattenings), dtype=int), np.array(flattenings))
+    return ratios.compute_for_flattening(
+        np.zeros(len(flattenings), dtype=int), np.array(flattenings)
+    )

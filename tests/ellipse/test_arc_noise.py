@@ -6,8 +6,8 @@ from scipy.stats import norm
 
 from lsvision.ellipse.arc_noise import (
     apply_smoothing_sensor_noise,
-    errors_grow_with_incidence,
     estimate_arc_noise,
+    has_errors_growing_with_incidence,
 )
 from lsvision.geometry.noisy_points import NoisyPoints
 from tests.tolerances import FIVE_SIGMA, ROUNDING, spread_of_share
@@ -106,7 +106,7 @@ def test_the_error_of_the_steepest_flanks_is_four_times_that_square_on():
 def test_two_arcs_in_a_hundred_are_wrongly_said_to_err_more_at_their_flanks():
     runs, normals = 4000, fan(100)
     draws = np.random.default_rng(6).normal(size=(runs, 100))
-    share = np.mean([errors_grow_with_incidence(draw, normals) for draw in draws])
+    share = np.mean([has_errors_growing_with_incidence(draw, normals) for draw in draws])
     assert abs(share - norm.sf(2)) < spread_of_share(norm.sf(2), runs)
 
 
@@ -115,23 +115,23 @@ def test_errors_that_grow_with_incidence_are_reported_at_any_scale(scale):
     normals = fan(100)
     stds = std_factors(np.degrees(np.angle(normals / 1j)))
     draws = scale * stds * np.random.default_rng(7).normal(size=(100, 100))
-    assert all(errors_grow_with_incidence(draw, normals) for draw in draws)
+    assert all(has_errors_growing_with_incidence(draw, normals) for draw in draws)
 
 
 def test_errors_that_shrink_with_incidence_are_not_reported():
     normals = fan(100)
     draws = normals.imag * np.random.default_rng(8).normal(size=(100, 100))
-    assert not any(errors_grow_with_incidence(draw, normals) for draw in draws)
+    assert not any(has_errors_growing_with_incidence(draw, normals) for draw in draws)
 
 
 def test_one_outlier_at_a_flank_is_no_growth():
     normals, draws = fan(100), np.random.default_rng(9).normal(size=(200, 100))
     draws[:, 0] = 30.0
-    assert np.mean([errors_grow_with_incidence(draw, normals) for draw in draws]) < 0.1
+    assert np.mean([has_errors_growing_with_incidence(draw, normals) for draw in draws]) < 0.1
 
 
 @pytest.mark.parametrize("size", [0.0, 1e-300, 1e200])
 def test_residuals_of_any_size_are_compared(size):
     normals = np.exp(1j * np.linspace(0.3, 2.8, 40))
     residuals = size * np.where(np.abs(normals.real) > 0.6, 1.0, 0.1)
-    assert errors_grow_with_incidence(residuals, normals) == (size > 0)
+    assert has_errors_growing_with_incidence(residuals, normals) == (size > 0)

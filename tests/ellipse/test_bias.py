@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lsvision import Arc, CylinderSection, Ellipse
-from lsvision.ellipse.bias import _jacobian_and_slopes
+from lsvision.ellipse.bias import _compute_jacobian_and_slopes
 from lsvision.ellipse.fit import FittingSettings, fit_ellipse, fit_noisy_points
 from lsvision.ellipse.problem import Priors, RadiusPrior, minimise
 from lsvision.geometry.noisy_points import NoisyPoints
@@ -67,7 +67,7 @@ def test_the_slopes_are_the_derivatives_along_the_arc():
     fit = fit_ellipse(points[::4000], ellipse)
     (solution,) = minimise([replace(fit.problem, points=points, stds=np.ones(len(points)))],
                            fit.parameters[None])  # fmt: skip
-    jacobian, slopes = _jacobian_and_slopes(solution)
+    jacobian, slopes = _compute_jacobian_and_slopes(solution)
     lengths = np.cumsum(np.r_[0, np.hypot(*np.diff(points, axis=0).T)])
     expected = np.gradient(jacobian, lengths, axis=1)[:, 1:-1]
     np.testing.assert_allclose(slopes[:, 1:-1], expected, rtol=0, atol=1e-7)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.optimize import approx_fprime, minimize_scalar
 
-from lsvision.ellipse.cost_expansion import _nearest_points, expand_cost
+from lsvision.ellipse.cost_expansion import _find_nearest_points, expand_cost
 from lsvision.ellipse.fit import FittingSettings, fit_ellipse
 from lsvision.ellipse.fit_stack import FitStack
 from lsvision.ellipse.parameters import FOOT_TOLERANCE, parameters_from_ellipse
@@ -122,7 +122,7 @@ def test_nearest_points_are_exact_where_all_first_steps_are_large():
     a, b, angles = 30.0, 11.0, np.radians([25.0, 40.0, 60.0, 75.0])
     z = 1.3 * (a * np.cos(angles) + 1j * b * np.sin(angles))
     parameters = np.array([[0.0, 0.0, (a + b) / 2, (a - b) / 2, 0.0]])
-    distances, _, _, w = _nearest_points(z[None], parameters)
+    distances, _, _, w = _find_nearest_points(z[None], parameters)
     first = np.angle((a + b) / 2 * z - (a - b) / 2 * z.conj())
     assert (np.abs(np.angle(w[0]) - first) > 10 * FOOT_TOLERANCE).all()
     for point, found in zip(z, distances[0], strict=True):

@@ -82,7 +82,7 @@ def test_that_of_theta_holds_the_estimate_as_often_as_it_says(h, degrees, rng):
     sigmas, level = np.array([0.3, 0.1]), 0.9
     direction = np.array([math.cos(math.radians(degrees)), math.sin(math.radians(degrees))])
     ratios = ratios_of(fit_with(sigmas, (0.0, h)), level)
-    (critical,) = ratios.for_direction(np.array([0]), np.array([3 * complex(*direction)]))
+    (critical,) = ratios.compute_for_direction(np.array([0]), np.array([3 * complex(*direction)]))
     half_line = np.linspace(0, 5, 20_000)[:, None] * direction
     (share,) = shares_within([critical], sigmas, h * direction, half_line, rng)
     assert share == pytest.approx(level, abs=0.002 + spread_of_share(level, DRAWN))

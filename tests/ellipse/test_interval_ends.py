@@ -133,7 +133,7 @@ def test_every_end_lies_on_the_boundary_of_its_region(name, rng):
         if ends.wanted[row]:
             ratio = cost_of_raw(fit, raw(ends.parameters[row])) - least
             direction = np.array([complex(*ends.parameters[row, 3:])])
-            (expected,) = ratios.for_direction(np.array([0]), direction)
+            (expected,) = ratios.compute_for_direction(np.array([0]), direction)
             assert ratio == pytest.approx(expected, rel=0.02)
 
 

@@ -345,9 +345,9 @@ def test_a_weakly_known_radius_is_still_determined_by_the_points(rng):
     free = prior_fit(FAR, rng)
     std = CylinderSection(free, Arc(0, 70), np.arange(70)).radius_std
     fit = prior_fit(FAR, rng, known_radius=RadiusPrior(19.0, std / 4))
-    assert module._known_quantities(fit, 2.0) == {}
+    assert module._find_intervals_of_known_quantities(fit, 2.0) == {}
     surely = prior_fit(FAR, rng, known_radius=RadiusPrior(19.0, std / 40))
-    low, high = module._known_quantities(surely, 2.0)["radius"]
+    low, high = module._find_intervals_of_known_quantities(surely, 2.0)["radius"]
     assert high - low == pytest.approx(4 * std / 40, rel=0.01)
 
 

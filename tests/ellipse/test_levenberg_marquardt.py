@@ -5,7 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from lsvision.ellipse.levenberg_marquardt import REGION_TOLERANCE, LevenbergMarquardt, _damped_step
+from lsvision.ellipse.levenberg_marquardt import (
+    REGION_TOLERANCE,
+    LevenbergMarquardt,
+    _solve_damped_step,
+)
 from tests.tolerances import MACHINE
 
 MINIMUM = np.array([3.0, -400.0, 20.0, 1.0, -2.0])
@@ -87,7 +91,7 @@ def test_a_first_cost_that_is_not_finite_ends_the_search(worst):
 def test_a_damped_step_is_as_long_as_the_trust_region(length, rng):
     rows = rng.normal(size=(9, 5)) * [1, 1, 1, 1, 1e-4]
     information, gradient = rows.T @ rows, rng.normal(size=5)
-    step, damping = _damped_step(information, gradient, length)
+    step, damping = _solve_damped_step(information, gradient, length)
     assert np.linalg.norm(step) == pytest.approx(length, rel=REGION_TOLERANCE)
     wanted = np.linalg.solve(information + damping * np.eye(5), gradient)
     np.testing.assert_allclose(step, wanted, rtol=1e-6)
@@ -95,6 +99,6 @@ def test_a_damped_step_is_as_long_as_the_trust_region(length, rng):
 
 def test_a_step_within_the_trust_region_is_not_damped(rng):
     information, gradient = np.diag([1.0, 2.0, 3.0, 4.0, 5.0]), rng.normal(size=5)
-    step, damping = _damped_step(information, gradient, 100.0)
+    step, damping = _solve_damped_step(information, gradient, 100.0)
     assert damping == 0
     np.testing.assert_allclose(step, gradient / np.diag(information), rtol=MACHINE)

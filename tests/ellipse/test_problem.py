@@ -13,12 +13,12 @@ from lsvision.ellipse.fit import FittingSettings, fit_ellipse
 from lsvision.ellipse.outcomes import unwrap
 from lsvision.ellipse.parameters import (
     add_step_on_cone,
+    compute_semi_minor,
     ellipse_from_parameters,
     orthogonal_residuals_and_normals,
     parameters_from_ellipse,
     radial_residuals_and_normals,
     semi_major_gradient,
-    semi_minor,
     semi_minor_gradient,
 )
 from lsvision.ellipse.phi_prior import PhiPrior
@@ -106,7 +106,7 @@ def test_the_comparison_finds_nearest_points_wherever_the_points_are(ellipse):
 def test_an_ellipse_comes_back_from_its_parameters(ellipse):
     parameters = parameters_from_ellipse(ellipse)
     assert_same_ellipse(ellipse_from_parameters(parameters), ellipse, atol=MACHINE)
-    assert semi_minor(parameters) == pytest.approx(ellipse.semi_minor, rel=MACHINE)
+    assert compute_semi_minor(parameters) == pytest.approx(ellipse.semi_minor, rel=MACHINE)
 
 
 @pytest.mark.parametrize("phi_deg", [1.0, 30.0])
@@ -337,9 +337,9 @@ def test_after_a_large_newton_step_the_nearest_points_are_found_in_closed_form(
 ):
     """The limit is a Newton step of 0.2 rad, here from differences of the squared distance."""
     a, b, found = 30.0, 19.0, []
-    closed_form = module._nearest_directions
+    closed_form = module._find_nearest_directions
     monkeypatch.setattr(
-        module, "_nearest_directions", lambda *args: found.append(1) or closed_form(*args)
+        module, "_find_nearest_directions", lambda *args: found.append(1) or closed_form(*args)
     )
 
     def step(factor):
@@ -390,7 +390,7 @@ def test_a_step_on_the_cone_changes_b_by_its_gradient(rng):
         parameters = np.array([3.0, -400.0, 20.0, *rng.normal(0, 2, 2)])
         step = rng.normal(0, 1, 5)
         moved = add_step_on_cone(parameters, step)
-        change = semi_minor(moved) - semi_minor(parameters)
+        change = compute_semi_minor(moved) - compute_semi_minor(parameters)
         assert change == pytest.approx(semi_minor_gradient(parameters) @ step, abs=1e-12)
         np.testing.assert_allclose(np.delete(moved - parameters - step, 2), 0, atol=1e-12)
 

@@ -10,9 +10,9 @@ from lsvision.ellipse.robust_gauss_newton import (
     EllipseResiduals,
     WeightedSystem,
     add_flattening_prior,
-    damped_step,
     ellipse_residuals,
     ray_normal_variances,
+    solve_damped_step,
     solve_positive_definite,
     take_gauss_newton_step,
 )
@@ -108,8 +108,8 @@ def test_normal_equations_of_parts_add_up_to_those_of_all(rng):
         ellipse_residuals(noisy(measured(upper_arc(TRUTH), rng)), PARAMETERS), 1.0
     )
     begins = np.arange(len(system.weights)) < 30
-    first, second = (system.normal_equations(part) for part in (begins, ~begins))
-    both, whole = first + second, system.normal_equations()
+    first, second = (system.build_normal_equations(part) for part in (begins, ~begins))
+    both, whole = first + second, system.build_normal_equations()
     design = np.sqrt(system.weights)[:, None] * system.rows[:5].T
     np.testing.assert_allclose(both, whole, rtol=1e-9, atol=1e-6)
     np.testing.assert_allclose(whole[:, :5], design.T @ design, rtol=1e-9, atol=1e-6)
@@ -141,7 +141,7 @@ def test_a_step_of_a_tenth_of_the_ellipse_costs_as_much_as_one_sigma(rng):
         return chi2 + (step**2).sum() / (0.1 * size) ** 2
 
     best = minimize(cost, np.zeros(5), tol=1e-12)
-    np.testing.assert_allclose(damped_step(equations, PARAMETERS), best.x, atol=1e-4)
+    np.testing.assert_allclose(solve_damped_step(equations, PARAMETERS), best.x, atol=1e-4)
 
 
 def test_refined_ellipses_are_near_the_truth_from_a_start_millimetres_off(rng):

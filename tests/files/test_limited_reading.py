@@ -12,7 +12,7 @@ import pytest
 
 from lsvision.errors import UnreadableFile
 from lsvision.files import limited_reading
-from lsvision.files.limited_reading import check_readable, read_bytes, read_text, size_limit
+from lsvision.files.limited_reading import check_readable, limit_file_size, read_bytes, read_text
 
 needs_pipes = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
 
@@ -26,11 +26,14 @@ def pipe(tmp_path):
 def test_a_file_is_read_up_to_the_limit(tmp_path):
     path = tmp_path / "a"
     path.write_bytes(b"12345")
-    with size_limit(5):
+    with limit_file_size(5):
         assert read_bytes(path) == b"12345"
         check_readable(path)
     for read in (read_bytes, check_readable):
-        with size_limit(4), pytest.raises(UnreadableFile, match=r"a: expected .* --max-size 8GB"):
+        with (
+            limit_file_size(4),
+            pytest.raises(UnreadableFile, match=r"a: expected .* --max-size 8GB"),
+        ):
             read(path)
 
 
@@ -75,7 +78,10 @@ def test_a_pipe_is_no_way_around_the_limit(pipe):
 
     writer = threading.Thread(target=write)
     writer.start()
-    with size_limit(1_000_000), pytest.raises(UnreadableFile, match=r"got more: split the file"):
+    with (
+        limit_file_size(1_000_000),
+        pytest.raises(UnreadableFile, match=r"got more: split the file"),
+    ):
         read_bytes(pipe)
     writer.join()
 
@@ -91,7 +97,7 @@ def test_a_hyphen_is_standard_input(monkeypatch):
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(b"1,2\n")))
     assert read_bytes("-") == b"1,2\n"
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(b"1,2\n")))
-    with size_limit(3), pytest.raises(UnreadableFile, match=r"^-: expected"):
+    with limit_file_size(3), pytest.raises(UnreadableFile, match=r"^-: expected"):
         read_bytes("-")
 
 

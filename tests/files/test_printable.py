@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lsvision.files.printable import printable, printable_cell, printable_name
+from lsvision.files.printable import escape_cell, escape_name, escape_text
 from tests.strategies import PROPERTY
 
 
@@ -24,29 +24,29 @@ from tests.strategies import PROPERTY
     ],
 )
 def test_what_does_not_print_is_escaped(text, shown):
-    assert printable(text) == shown
+    assert escape_text(text) == shown
 
 
 @pytest.mark.parametrize("mark", "=+-@")
 def test_a_name_that_a_spreadsheet_takes_for_a_formula_gets_its_folder(mark):
-    assert printable_name(f"{mark}1.csv") == f"./{mark}1.csv"
-    assert printable_name(f"/data/{mark}1.csv") == f"/data/{mark}1.csv"
+    assert escape_name(f"{mark}1.csv") == f"./{mark}1.csv"
+    assert escape_name(f"/data/{mark}1.csv") == f"/data/{mark}1.csv"
 
 
 @pytest.mark.parametrize("text", ["-E5", "+e5", "-A1", "=1", "@x", "-.e5"])
 def test_a_text_that_a_spreadsheet_takes_for_a_formula_is_marked_as_text(text):
-    assert printable_cell(text) == f"'{text}"
+    assert escape_cell(text) == f"'{text}"
 
 
 @pytest.mark.parametrize("text", ["-", "+1", "-1.5", "+1,5e-3", "-.5", "-5.", "x", ""])
 def test_numbers_and_other_texts_are_unchanged(text):
-    assert printable_cell(text) == text
+    assert escape_cell(text) == text
 
 
 @PROPERTY
 @given(st.text(st.characters()))
 def test_any_name_is_one_line_of_utf_8(text):
-    shown = printable_name(text)
+    shown = escape_name(text)
     assert shown.encode().decode() == shown
     assert len((shown + "x").splitlines()) == 1
     assert "\x1b" not in shown

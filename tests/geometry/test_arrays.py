@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lsvision.geometry.arrays import apply_in_groups, as_unit_vector, padded_rows, stack_padded
+from lsvision.geometry.arrays import apply_in_groups, as_unit_vector, pad_rows, stack_padded
 
 
 def calls_of_groups(sizes, max_elements):
@@ -44,7 +44,7 @@ def test_no_item_is_no_group():
 @pytest.mark.parametrize("sizes", [[3], [2, 5, 1], [4, 4]])
 def test_arrays_are_stacked_with_their_last_element_repeated(sizes, rng):
     arrays = [rng.normal(size=size) for size in sizes]
-    rows, valid = padded_rows(sizes)
+    rows, valid = pad_rows(sizes)
     stacked = stack_padded(arrays, rows)
     assert stacked.shape == (len(sizes), max(sizes))
     for row, mask, array in zip(stacked, valid, arrays, strict=True):

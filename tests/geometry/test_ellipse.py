@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from lsvision import Ellipse
 from lsvision.geometry import orthogonal_residuals, radial_residuals
-from lsvision.geometry.ellipse import foot_points
+from lsvision.geometry.ellipse import find_foot_points
 from tests.alike import assert_same_ellipse
 from tests.strategies import PROPERTY, angles, ellipses, seeds
 from tests.tolerances import BRUTE_FORCE, MACHINE, ROUNDING
@@ -187,7 +187,7 @@ HARD = {
 @pytest.mark.parametrize("name", HARD)
 def test_foot_points_of_difficult_points(name):
     own = np.array([HARD[name]])
-    foot = foot_points(own, 20.0, 15.0)[0]
+    foot = find_foot_points(own, 20.0, 15.0)[0]
     assert (foot[0] / 20) ** 2 + (foot[1] / 15) ** 2 == pytest.approx(1, abs=1e-12)
     gap = math.dist(foot, own[0])
     assert gap == pytest.approx(nearest_by_grid(own[0], 20.0, 15.0), rel=1e-9, abs=BRUTE_FORCE)
@@ -199,7 +199,7 @@ def test_foot_points_of_thin_ellipses(phi_deg, rng):
     a = b / math.cos(math.radians(phi_deg))
     t = rng.uniform(0, 2 * math.pi, 60)
     own = np.column_stack([a * np.cos(t), b * np.sin(t)]) * rng.uniform(0.5, 1.5, (60, 1))
-    gaps = np.hypot(*(foot_points(own, a, b) - own).T)
+    gaps = np.hypot(*(find_foot_points(own, a, b) - own).T)
     expected = [nearest_by_grid(point, a, b) for point in own]
     np.testing.assert_allclose(gaps, expected, atol=1e-4)
 
@@ -207,7 +207,7 @@ def test_foot_points_of_thin_ellipses(phi_deg, rng):
 def test_foot_points_on_a_circle_lie_on_the_ray_from_its_centre():
     own = np.array([[3.0, 4.0], [-30.0, 40.0], [0.0, -2.0]])
     expected = 10 * own / np.linalg.norm(own, axis=1)[:, None]
-    np.testing.assert_allclose(foot_points(own, 10.0, 10.0), expected, atol=MACHINE)
+    np.testing.assert_allclose(find_foot_points(own, 10.0, 10.0), expected, atol=MACHINE)
 
 
 def test_orthogonal_residual_at_the_centre_is_minus_the_smaller_semi_axis():

@@ -60,7 +60,7 @@ def test_incidence_cosines_of_errors_along_the_ray(rng):
     points, rays = fan()
     noisy = NoisyPoints.of(points, ProfileSensor().covariances(points))
     incidence = rng.uniform(-np.pi, np.pi, len(points))
-    found = noisy.incidence_cosines(rays * np.exp(1j * incidence))
+    found = noisy.compute_incidence_cosines(rays * np.exp(1j * incidence))
     np.testing.assert_allclose(found, np.cos(incidence), atol=1e-12)
 
 
@@ -70,7 +70,7 @@ def test_incidence_cosines_of_errors_without_direction_use_the_fan(ratio):
     noisy = NoisyPoints.of(points, np.diag([ratio, 1.0])[None] ** 2)
     angles_deg = np.array([0, 59, 61, 119, 121, 180])  # of the normal, off +Y
     normals = np.exp(1j * np.radians(90 - angles_deg))
-    seen = [noisy.incidence_cosines(normal[None])[0] > 0 for normal in normals]
+    seen = [noisy.compute_incidence_cosines(normal[None])[0] > 0 for normal in normals]
     assert seen == [True, True, True, True, False, False]
 
 
@@ -81,7 +81,7 @@ def test_the_ray_is_the_error_direction_within_38_deg_of_y(ray_deg, detected):
     ray = np.exp(1j * np.radians(90 - ray_deg))
     along = np.array([ray.real, ray.imag])
     noisy = NoisyPoints.of(np.zeros((1, 2)), np.outer(along, along)[None])
-    facing = noisy.incidence_cosines(np.array([ray * np.exp(1j * np.radians(80))]))[0]
+    facing = noisy.compute_incidence_cosines(np.array([ray * np.exp(1j * np.radians(80))]))[0]
     assert (facing == pytest.approx(np.cos(np.radians(80)))) == detected
 
 

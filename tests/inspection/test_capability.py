@@ -62,17 +62,19 @@ def test_the_components_of_the_aiag_example():
         "parts": (1.08645, 1.04233, 96.04),
     }
     for name, (variance, std, percent) in printed.items():
-        found = study.component(name)
+        found = study.get_component(name)
         assert round(found.variance, 5) == variance, name
         assert round(found.std, 5) == std, name
-        assert round(100 * study.fraction_of_total(name), 2) == percent, name
+        assert round(100 * study.compute_fraction_of_total(name), 2) == percent, name
     assert study.distinct_categories == 4
 
 
 def test_percent_of_tolerance_is_six_sigmas_over_it():
     study = study_gauge(TABLE, tolerance=8.0)
-    assert round(100 * study.fraction_of_tolerance("gauge"), 2) == round(100 * 6 * 0.302373 / 8, 2)
-    assert math.isnan(study_gauge(TABLE).fraction_of_tolerance("gauge"))
+    assert round(100 * study.compute_fraction_of_tolerance("gauge"), 2) == round(
+        100 * 6 * 0.302373 / 8, 2
+    )
+    assert math.isnan(study_gauge(TABLE).compute_fraction_of_tolerance("gauge"))
     text = str(study)
     assert "ISO 22514-7 is not claimed" in text
     assert "pooled with repeatability" in text
@@ -81,7 +83,7 @@ def test_percent_of_tolerance_is_six_sigmas_over_it():
 @pytest.mark.parametrize("value", [1.0, 0.1])  # the mean of three times 0.1 is not 0.1
 def test_a_study_of_equal_values_has_no_fractions_of_the_total(value):
     study = study_gauge(np.full((3, 3, 3), value), tolerance=1.0)
-    assert math.isnan(study.fraction_of_total("gauge"))
+    assert math.isnan(study.compute_fraction_of_total("gauge"))
     assert study.to_dict()["components"]["gauge"]["percent_of_total"] is None
     assert study.distinct_categories is None
     assert study.to_dict()["distinct_categories"] is None
@@ -91,7 +93,7 @@ def test_a_study_of_equal_values_has_no_fractions_of_the_total(value):
 def test_values_that_differ_between_parts_only_leave_no_rounding_errors_to_the_gauge():
     parts = 19 + 0.1 * np.arange(5)
     study = study_gauge(np.broadcast_to(parts[:, None, None], (5, 3, 2)))
-    assert study.component("gauge").std == 0
+    assert study.get_component("gauge").std == 0
     assert study.distinct_categories is None
     operators = parts[:, None, None] + 0.3 * np.arange(3)[None, :, None]
     rows = study_gauge(np.broadcast_to(operators, (5, 3, 2))).rows
@@ -181,7 +183,7 @@ def test_the_intervals_of_a_gauge_study_hold_the_truth(interaction, rng):
         table = table + rng.normal(0, interaction, (10, 4, 1)) + rng.normal(0, 1.0, (10, 4, 3))
         study = study_gauge(table)
         for name, std in true.items():
-            low, high = study.component(name).interval
+            low, high = study.get_component(name).interval
             misses[name] += not low <= std <= high
     # With the interaction pooled where it is not significant, repeatability is biased a little.
     limit = 0.05 if interaction == 0 else 0.12

@@ -6,8 +6,8 @@ from lsvision.inspection.decision import (
     Decision,
     decide,
     judge_quantity,
+    select_worst_decision,
     widen_interval,
-    worst_decision,
 )
 from lsvision.inspection.limits import quantity_from_key
 from lsvision.results.quantities import Estimate
@@ -37,10 +37,10 @@ def test_an_interval_decides(interval, limits, decision):
 
 def test_the_worst_of_several_is_reported():
     ok, ng, undecided = Decision.OK, Decision.NG, Decision.UNDECIDED
-    assert worst_decision([ok, undecided, ng]) == "NG"
-    assert worst_decision([ok, undecided]) == "undecided"
-    assert worst_decision([ok, ok]) == "OK"
-    assert worst_decision([]) == "OK"
+    assert select_worst_decision([ok, undecided, ng]) == "NG"
+    assert select_worst_decision([ok, undecided]) == "undecided"
+    assert select_worst_decision([ok, ok]) == "OK"
+    assert select_worst_decision([]) == "OK"
 
 
 def test_an_extra_uncertainty_is_added_in_quadrature_to_each_half_width():

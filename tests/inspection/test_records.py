@@ -11,12 +11,15 @@ import pytest
 
 import lsvision as lsv
 from lsvision.errors import LsvisionError, UnreadableFile
-from lsvision.inspection.calibration_files import calibration_age_days, check_calibration_files
+from lsvision.inspection.calibration_files import (
+    check_calibration_files,
+    compute_calibration_age_days,
+)
 from lsvision.inspection.golden import check_golden, find_blocking_reason
 from lsvision.inspection.history import (
     append_record,
+    build_history_path,
     describe_unrecorded_change,
-    history_path,
     read_records,
     record_revision,
 )
@@ -114,7 +117,7 @@ def test_a_revision_stands_for_one_content(tmp_path):
     with pytest.raises(LsvisionError, match="revision 1 is recorded with another content"):
         record_revision(job(upper=0.3), path, NOW)
     assert record_revision(job(revision=2, upper=0.3), path, NOW)
-    entries = read_records(history_path(path), "revision")
+    entries = read_records(build_history_path(path), "revision")
     assert [entry["revision"] for entry in entries] == [1, 2]
     assert entries[0]["job"]["part"][0]["radius_mm"]["upper"] == 0.2
 
@@ -213,7 +216,7 @@ def test_calibration_files_are_those_of_the_job(tmp_path):
     text = 'name = "a"\n[[part]]\nname = "b"\norder = 1\n[rig]\nlight_section = "rig.json"\n'
     path = tmp_path / "job.toml"
     files = check_calibration_files(lsv.Job.from_text(text), path)
-    assert calibration_age_days(files, NOW) == pytest.approx(10)
+    assert compute_calibration_age_days(files, NOW) == pytest.approx(10)
     digest = files["light_section"]["sha256"]
     stated = text + f'light_section_sha256 = "{digest}"\n'
     path.write_text(stated)
@@ -223,12 +226,12 @@ def test_calibration_files_are_those_of_the_job(tmp_path):
     with pytest.raises(LsvisionError, match=changed):
         check_calibration_files(lsv.Job.load(path), path)
     undated = check_calibration_files(lsv.Job.from_text(text), path)
-    assert calibration_age_days(undated, NOW) is None
+    assert compute_calibration_age_days(undated, NOW) is None
 
 
 @pytest.mark.parametrize("date", ["2026-04-21T12:00:00", "2026-04-21T12:00:00Z"])
 def test_a_calibration_date_without_a_time_zone_is_utc(date):
-    assert calibration_age_days({"light_section": {"date": date}}, NOW) == pytest.approx(10)
+    assert compute_calibration_age_days({"light_section": {"date": date}}, NOW) == pytest.approx(10)
 
 
 def test_a_job_from_a_profile_is_passed_by_it():

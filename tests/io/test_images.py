@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lsvision.errors import UnreadableFile
-from lsvision.io.images import image_size, read_image
+from lsvision.io.images import read_image, read_image_size
 
 GREY = np.arange(30 * 41, dtype=np.uint8).reshape(30, 41)
 
@@ -27,11 +27,11 @@ def chunk(kind, data=b""):
 def test_the_header_states_the_size(tmp_path, suffix):
     image = np.dstack([GREY] * 3) if suffix in ("ppm", "webp") else GREY
     content = cv2.imencode(f".{suffix}", image)[1].tobytes()
-    assert image_size(content) == (41, 30)
+    assert read_image_size(content) == (41, 30)
     (tmp_path / "a").write_bytes(content)
     assert read_image(tmp_path / "a").shape[:2] == (30, 41)
     for length in range(0, min(len(content), 200), 3):
-        image_size(content[:length])  # cut short anywhere
+        read_image_size(content[:length])  # cut short anywhere
 
 
 @pytest.mark.parametrize(

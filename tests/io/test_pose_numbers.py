@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from lsvision.calibration.hand_eye import calibrate_hand_eye_board
 from lsvision.geometry import Pose
-from lsvision.io.pose_numbers import frame_rows, numbers_from_pose, propagate_to_numbers
+from lsvision.io.pose_numbers import format_frame_rows, numbers_from_pose, propagate_to_numbers
 from lsvision.io.robot_conventions import CONVENTIONS, pose_from_numbers
 
 MACHINE = 1e-9
@@ -144,7 +144,7 @@ TYPED = {
 
 @pytest.mark.parametrize("convention", TYPED)
 def test_what_is_typed_in_is_the_frame(solved, convention):
-    rows = frame_rows(solved, convention)
+    rows = format_frame_rows(solved, convention)
     label, typed, unit = rows[-1]
     assert label == f"to type in, {convention}"
     assert re.fullmatch(TYPED[convention], typed)
@@ -161,7 +161,7 @@ def test_what_is_typed_in_is_the_frame(solved, convention):
 
 
 def test_matrix_is_given_row_by_row_with_its_sigmas(solved):
-    rows = frame_rows(solved, "matrix")
+    rows = format_frame_rows(solved, "matrix")
     matrix = np.array([[float(cell) for cell in text.split(",")] for _, text, _ in rows[:4]])
     np.testing.assert_allclose(matrix, solved.mount_from_sensor.matrix, atol=6e-4)
     assert rows[4][1:] == ("0.20, 0.10, 0.30", "mm")
@@ -174,7 +174,7 @@ def test_matrix_is_given_row_by_row_with_its_sigmas(solved):
 def test_a_number_that_rounds_to_0_has_no_sign(solved, convention):
     tilted = Rotation.from_rotvec((-1e-10, -1e-10, -1e-10)).as_matrix()
     mount = Pose(tilted, (-1e-6, 5.0, -1e-7))
-    rows = frame_rows(replace(solved, mount_from_sensor=mount), convention)
+    rows = format_frame_rows(replace(solved, mount_from_sensor=mount), convention)
     texts = [text for name, text, _ in rows if ", row " in name or name.startswith("to type in")]
     assert texts
     assert not re.search(r"-0\.0+(?![0-9])", " ".join(texts))

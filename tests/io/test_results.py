@@ -19,8 +19,8 @@ from lsvision.io.result_files import ResultFiles
 from lsvision.io.results import (
     FILE_SCHEMA,
     RECORD_SCHEMA,
-    input_record,
-    measurement_record,
+    build_input_record,
+    build_measurement_record,
 )
 from lsvision.measure import Measurement
 from lsvision.profile import Arc
@@ -55,7 +55,9 @@ def cylinder() -> CylinderSection:
 @pytest.fixture
 def record(cylinder):
     rejected = Rejection(Arc(90, 97), "radial residual 2.1 mm")
-    return measurement_record(Measurement((cylinder,), (rejected,)), source="tube.csv", profile=2)
+    return build_measurement_record(
+        Measurement((cylinder,), (rejected,)), source="tube.csv", profile=2
+    )
 
 
 def test_a_record_holds_the_numbers_of_the_cylinder_in_mm_and_deg(record, cylinder):
@@ -92,7 +94,7 @@ def test_every_length_and_angle_names_its_unit(record):
 
 def test_a_robots_frame_is_named_and_its_columns_name_their_units(tmp_path, cylinder):
     placed = [place_section(cylinder, Pose(), Pose())]
-    record = measurement_record(Measurement((cylinder,), ()), placed=placed)
+    record = build_measurement_record(Measurement((cylinder,), ()), placed=placed)
     (first, _) = placed[0]
     assert record["cylinders"][0]["base_frame"]["point_std_mm"] == first.point_std.tolist()
     write_csv(tmp_path / "all.csv", [record], "base")
@@ -184,7 +186,7 @@ def test_attributes_that_are_no_numbers_are_null_in_json(tmp_path, record):
         reader="text", units="mm", units_assumed=False, flipped=False, markers=(),
         profiles=[SimpleNamespace(lost=0)], attributes=({"time": math.nan, "part": "P7"},),
     )  # fmt: skip
-    read = input_record(file, 0)
+    read = build_input_record(file, 0)
     assert read["attributes"] == {"time": None, "part": "P7"}
     write_json(tmp_path / "out.json", [record | {"input": read}])
 
@@ -196,7 +198,7 @@ def test_a_long_file_lies_on_the_disk_and_reads_the_same(tmp_path, monkeypatch, 
     files = ResultFiles(tmp_path / "o.json", tmp_path / "o.csv")
     for number in range(3):
         reading = {"attributes": {"part": f"A{number}"}} if number == 2 else None
-        record = measurement_record(
+        record = build_measurement_record(
             Measurement((), ()), source="a,\n.csv", profile=number, reading=reading, reason="flat"
         )
         files.add([record])

@@ -11,7 +11,7 @@ import pytest
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import Pose
 from lsvision.io.robot_conventions import CONVENTIONS, pose_from_numbers
-from lsvision.io.robot_poses import encoder_poses, read_robot_poses
+from lsvision.io.robot_poses import build_encoder_poses, read_robot_poses
 from tests.alike import rotation_series
 
 REAL = Path(__file__).parents[2] / "../shared/real"
@@ -232,7 +232,7 @@ def test_a_convention_is_never_guessed(tmp_path):
 
 
 def test_an_encoder_axis_moves_the_section_in_equal_steps():
-    poses = encoder_poses(4, (0, 3, 0), 0.25)
+    poses = build_encoder_poses(4, (0, 3, 0), 0.25)
     assert poses[0] == Pose()
     np.testing.assert_allclose(poses[3].translation, (0, 0.75, 0), rtol=0, atol=MACHINE)
     np.testing.assert_allclose(poses[3].rotation, np.eye(3), rtol=0, atol=MACHINE)
@@ -241,7 +241,7 @@ def test_an_encoder_axis_moves_the_section_in_equal_steps():
 @pytest.mark.parametrize(("count", "step"), [(0, 1.0), (3, 0.0), (3, math.nan)])
 def test_an_encoder_that_does_not_move_is_rejected(count, step):
     with pytest.raises(ValueError, match="expected"):
-        encoder_poses(count, (0, 0, 1), step)
+        build_encoder_poses(count, (0, 0, 1), step)
 
 
 @pytest.mark.skipif(not REAL.is_dir(), reason="real data not on this machine")

@@ -9,7 +9,7 @@ from scipy.stats import binom
 
 from lsvision.cylinder.fit import fit_cylinder
 from lsvision.geometry import Cylinder, Pose
-from lsvision.io.scan_results import scan_row
+from lsvision.io.scan_results import build_scan_row
 from lsvision.scan.scan_result import ScannedCylinder
 
 TRIALS = 200
@@ -41,7 +41,7 @@ class Truth:
         fit = fit_cylinder(noisy, initial_guess=Cylinder(np.zeros(3), self.axis, 20.0))
         sections = np.repeat([0, 1], len(TURN))
         tube = ScannedCylinder(fit, (0, 1), noisy, sections, sections, (0.0, 30.0), (0.1, 0.1))
-        return scan_row(0, tube, HERE)
+        return build_scan_row(0, tube, HERE)
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,7 @@ from lsvision.ellipse.refinement import refine_arcs
 from lsvision.ellipse.section import CylinderSection
 from lsvision.ellipse.smoothing import smooth_arcs, smooth_residuals
 from lsvision.geometry import orthogonal_residuals, radial_residuals
-from lsvision.geometry.ellipse import foot_points
+from lsvision.geometry.ellipse import find_foot_points
 from lsvision.geometry.noisy_points import as_complex
 from lsvision.profile import Arc
 from lsvision.statistics.correlation import autocorrelation_time, estimate_correlation
@@ -107,7 +107,7 @@ STEPS = {
     "fit_ellipse": (fit_ellipse, POINTS, CIRCLE, COVARIANCES),
     "autocorrelation_time": (autocorrelation_time, np.sin(LENGTH)),
     "estimate_correlation": (estimate_correlation, np.sin(LENGTH)),
-    "foot_points": (foot_points, POINTS, 20.0, 15.0),
+    "find_foot_points": (find_foot_points, POINTS, 20.0, 15.0),
     "radial_residuals": (radial_residuals, POINTS, CIRCLE),
     "orthogonal_residuals": (orthogonal_residuals, POINTS, CIRCLE),
     "measure_cylinders": (measure_cylinders, Profile(PREPARED.points)),

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from lsvision.geometry import Cylinder, Ellipse, Pose, tangent_frame
+from lsvision.geometry import Cylinder, Ellipse, Pose, build_tangent_frame
 from lsvision.planning import scan_bound, section_bound
 from lsvision.planning.sensor_view import cylinder_normals
 from tests.planning.views import (
@@ -130,7 +130,7 @@ def test_values_that_are_not_finite_are_named(lost):
 
 def test_shared_errors_may_be_sparse(rng):
     pipe = Cylinder([0.0, -400.0, 0.0], [0.0, 0.3, 1.0], 19.0)
-    e1, e2 = tangent_frame(pipe.direction)[:2]
+    e1, e2 = build_tangent_frame(pipe.direction)[:2]
     angles, axial = rng.uniform(0.5, 2.6, 60), rng.uniform(-20, 20, 60)
     normals = np.outer(np.cos(angles), e1) + np.outer(np.sin(angles), e2)
     points = pipe.point + 19.0 * normals + np.outer(axial, pipe.direction)

@@ -9,7 +9,7 @@ import pytest
 from lsvision.errors import TooFewPoints
 from lsvision.geometry import Cylinder
 from lsvision.planning import SensorView, plan_section
-from lsvision.planning.sensor_view import cylinder_normals, visible_points
+from lsvision.planning.sensor_view import cylinder_normals, find_visible_points
 from lsvision.sensors.profile_sensor import LPS36HI
 from tests.planning.views import ROUNDING, VIEW, pipe_and_points, rays_to
 
@@ -23,7 +23,9 @@ def test_visible_points_lie_on_the_side_of_the_sensor():
 
 
 def test_columns_of_the_sensor_have_its_pitch():
-    pitch = np.diff(visible_points(Cylinder((0, -600, 0), (0, 0, 1), 30.0), SensorView())[:, 0])
+    pitch = np.diff(
+        find_visible_points(Cylinder((0, -600, 0), (0, 0, 1), 30.0), SensorView())[:, 0]
+    )
     # 140 mm in 239 steps at 600 mm; the pipe's face is 5 % nearer.
     assert 0.90 < pitch.mean() / (140 / 239) < 1.0
 
@@ -47,7 +49,7 @@ def test_a_tube_beside_or_behind_the_sensor_has_no_points(origin_y):
 def test_the_measuring_range_is_along_y_over_the_whole_width():
     sensor = replace(LPS36HI, max_range=600.0, width_at_max_range=600.0)
     # The nearest point is 580 mm deep, but more than 600 mm away along its ray.
-    points = visible_points(
+    points = find_visible_points(
         Cylinder((250.0, -600.0, 0.0), (0, 0, 1), 20.0), SensorView(sensor=sensor)
     )
     assert len(points) > 5

@@ -7,7 +7,7 @@ import pytest
 
 from lsvision.geometry import Cylinder, Pose
 from lsvision.planning import SensorView
-from lsvision.planning.sensor_view import visible_points
+from lsvision.planning.sensor_view import find_visible_points
 from lsvision.sensors.profile_sensor import ProfileSensor
 
 ROUNDING = 1e-9  # relative: two exact formulas in double precision
@@ -54,7 +54,7 @@ def scan_rays(pipe, feed):
     """Rays of all points of a scan, and the origins they start from, in the scan's frame."""
     rays, origins = [], []
     for shift in feed.shifts:
-        seen = visible_points(pipe.transformed(Pose(translation=-shift)), VIEW)
+        seen = find_visible_points(pipe.transformed(Pose(translation=-shift)), VIEW)
         rays.append(rays_to(np.column_stack([seen, np.zeros(len(seen))]))[0])
         origins.append(np.tile(shift, (len(seen), 1)))
     return np.concatenate(rays), np.concatenate(origins)
@@ -85,7 +85,7 @@ def pipe_and_points(radius, theta_deg, phi_deg, view=VIEW):
     unknowns = np.array([view.offset, -view.standoff, radius, theta, phi])
     axis = (math.sin(phi) * math.cos(theta), math.sin(phi) * math.sin(theta), math.cos(phi))
     pipe = Cylinder((view.offset, -view.standoff, 0.0), axis, radius)
-    return unknowns, pipe, visible_points(pipe, view)
+    return unknowns, pipe, find_visible_points(pipe, view)
 
 
 def fit_ranges(unknowns, rays, origins, measured, stds, known_radius=None):

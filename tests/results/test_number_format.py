@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from lsvision.results.number_format import decimals_for, format_value
+from lsvision.results.number_format import count_decimals, format_value
 
 
 @pytest.mark.parametrize(
@@ -24,4 +24,4 @@ from lsvision.results.number_format import decimals_for, format_value
 )
 def test_two_digits_of_the_sigma_decide_the_decimals(value, std, text):
     assert format_value(value, std) == text
-    assert len(text.split(" ")[0].partition(".")[2]) == decimals_for(std)
+    assert len(text.split(" ")[0].partition(".")[2]) == count_decimals(std)

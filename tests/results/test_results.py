@@ -26,7 +26,7 @@ from lsvision.calibration.views import RejectedView
 from lsvision.inspection.gauge_study import study_gauge
 from lsvision.inspection.repeat_study import study_repeats
 from lsvision.io.result_files import ResultFiles
-from lsvision.io.results import measurement_record
+from lsvision.io.results import build_measurement_record
 from lsvision.results.picture import draw_svg
 from lsvision.results.result import Result
 from lsvision.scan import ScanRejection
@@ -98,7 +98,7 @@ RESULTS = {
     "ScanMeasurement": SCANNED,
     "ScannedCylinder": SCANNED.cylinders[0],
     "ScanRejection": ScanRejection((1, 2, 4), "too short"),
-    "TubeShape": lsv.measure_shape(SCANNED.cylinders[0]),
+    "CylinderShape": lsv.measure_shape(SCANNED.cylinders[0]),
     "CylinderFit": SCANNED.cylinders[0].fit,
     "PlacedCylinder": lsv.place_section(MEASURED.cylinders[1], hand_eye(), lsv.Pose())[0],
     "SectionPrediction": lsv.plan_section(19.0, 0.3, 0.3),
@@ -205,8 +205,8 @@ def test_coordinates_that_are_not_finite_keep_their_columns(unknown):
     variances = placed.covariance.diagonal().copy()
     variances[unknown] = math.inf
     uncertain = replace(placed, covariance=np.diag(variances))
-    (row,) = uncertain._rows()
-    assert list(row) == list(placed._rows()[0])
+    (row,) = uncertain._list_rows()
+    assert list(row) == list(placed._list_rows()[0])
     assert row["point_std_x_mm"] is None
     assert json.loads(uncertain.to_json())["point_std_mm"][0] is None
 
@@ -231,7 +231,7 @@ def test_a_measurement_without_cylinders_says_why():
 
 def test_the_frame_has_the_columns_and_numbers_of_the_csv(tmp_path):
     files = ResultFiles(None, tmp_path / "all.csv")
-    files.add([measurement_record(MEASURED)])
+    files.add([build_measurement_record(MEASURED)])
     files.finish()
     rows = list(csv.reader((tmp_path / "all.csv").read_text().splitlines()))
     frame = MEASURED.to_dataframe()
@@ -241,7 +241,7 @@ def test_the_frame_has_the_columns_and_numbers_of_the_csv(tmp_path):
 
 
 def test_the_record_is_that_of_the_command():
-    written = measurement_record(MEASURED, source="a.csv")
+    written = build_measurement_record(MEASURED, source="a.csv")
     assert {key: written[key] for key in ("cylinders", "rejections")} == MEASURED.to_dict()
 
 

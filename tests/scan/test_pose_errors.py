@@ -18,7 +18,7 @@ from lsvision.profile import Profile
 from lsvision.scan import PoseErrors, ScannedCylinder, ScanSettings, measure_scan
 from lsvision.scan.joint_fit import JointFitSettings
 from lsvision.simulate import Scene, Tube
-from lsvision.simulate.hand_eye import noisy_pose
+from lsvision.simulate.hand_eye import perturb_pose
 from tests.scan.scans import feed, profiles_of
 
 RUNS = 24
@@ -120,7 +120,7 @@ def test_the_covariance_of_the_calibration_predicts_the_effect_of_its_error(
     rng, squared, sections = np.random.default_rng(4), [], sections_about(tilt)
     for run in range(runs):
         wrong = miscalibrated(rng, robot_std)
-        flanges = [noisy_pose(pose @ MOUNT.inverse(), *robot_std, rng) for pose in sections]
+        flanges = [perturb_pose(pose @ MOUNT.inverse(), *robot_std, rng) for pose in sections]
         poses = [flange @ wrong.flange_from_section for flange in flanges]
         profiles = profiles_of(Scene((pipe,)), sections, seed=run)
         (found,) = measure_scan(profiles, poses, calibration=wrong).cylinders
@@ -164,7 +164,7 @@ def test_the_length_seen_includes_errors_of_the_poses_as_far_as_they_change_it(
     lengths, part = [], Part(name="pipe", order=1)
     for _ in range(RUNS):
         wrong = miscalibrated(rng, robot_std)
-        flanges = [noisy_pose(pose @ MOUNT.inverse(), *robot_std, rng) for pose in sections]
+        flanges = [perturb_pose(pose @ MOUNT.inverse(), *robot_std, rng) for pose in sections]
         poses = [flange @ wrong.flange_from_section for flange in flanges]
         (found,) = measure_scan(profiles, poses, calibration=wrong).cylinders
         lengths.append(measure_quantity(found, part, "length_seen_mm", 0.95))
@@ -250,7 +250,7 @@ def test_a_known_radius_keeps_its_std_beside_errors_of_the_poses() -> None:
     for run in range(RUNS):
         radius = 19 + rng.normal(0, prior_std)
         scene = Scene((Tube.of(radius, 0.3, 0.35, (0.0, -400.0)),))
-        poses = [noisy_pose(pose, pose_std, 0.0, rng) for pose in feed(4, 10.0)]
+        poses = [perturb_pose(pose, pose_std, 0.0, rng) for pose in feed(4, 10.0)]
         (found,) = measure_scan(
             profiles_of(scene, feed(4, 10.0), seed=run), poses,
             known_radius=(19.0, prior_std), pose_std=pose_std,

@@ -13,7 +13,7 @@ from lsvision.profile import Profile
 from lsvision.scan import ScannedCylinder, fit_sections_jointly, measure_scan, measure_sections
 from lsvision.sensors.profile_sensor import ProfileSensor
 from lsvision.simulate import SCENE_SENSOR, Scene, Tube
-from lsvision.simulate.clutter import bar, ground
+from lsvision.simulate.clutter import build_bar, build_ground
 from tests.scan.scans import feed, profiles_of
 
 SIGMAS = 4.0
@@ -78,7 +78,7 @@ def test_a_tube_that_ends_has_no_sections_beyond_its_end(fixture_scan) -> None:
 
 
 def test_an_occluded_tube_is_one_cylinder(pipe: Tube) -> None:
-    profiles = profiles_of(Scene((pipe, ground(500.0, (0.0, -500.0)))), feed(16, 2.0))
+    profiles = profiles_of(Scene((pipe, build_ground(500.0, (0.0, -500.0)))), feed(16, 2.0))
     hidden = [Profile(p.points + np.array([0.0, 300.0]), p.noise) if 5 <= k < 9 else p
               for k, p in enumerate(profiles)]  # fmt: skip
     (found,) = measure_scan(hidden, feed(16, 2.0), radius=(10.0, 40.0)).cylinders
@@ -106,7 +106,7 @@ def test_lost_profiles_are_skipped(pipe: Tube) -> None:
 
 
 def test_profiles_without_cylinders_yield_no_cylinder() -> None:
-    scene = Scene((bar(60.0, 8.0, (0.0, -450.0), 0.2), ground(500.0, (0.0, -500.0))))
+    scene = Scene((build_bar(60.0, 8.0, (0.0, -450.0), 0.2), build_ground(500.0, (0.0, -500.0))))
     scan = measure_scan(profiles_of(scene, feed(3, 4.0)), feed(3, 4.0))
     assert scan.cylinders == ()
     assert len(scan.measurements) == 3
@@ -210,8 +210,8 @@ def test_a_profile_with_few_points_does_not_count_as_a_section(pipe: Tube) -> No
 
 
 def test_an_arc_in_one_section_only_is_rejected_with_the_reason(pipe: Tube) -> None:
-    profiles = profiles_of(Scene((pipe, ground(500.0, (0.0, -500.0)))), feed(3, 5.0))
-    flat = profiles_of(Scene((ground(500.0, (0.0, -500.0)),)), feed(3, 5.0))
+    profiles = profiles_of(Scene((pipe, build_ground(500.0, (0.0, -500.0)))), feed(3, 5.0))
+    flat = profiles_of(Scene((build_ground(500.0, (0.0, -500.0)),)), feed(3, 5.0))
     scan = measure_scan([profiles[0], flat[1], flat[2]], feed(3, 5.0))
     assert not scan.cylinders
     assert scan.rejections[0].sections == (0,)

@@ -7,7 +7,7 @@ import pytest
 
 from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import Pose
-from lsvision.scan import TubeShape, measure_scan, measure_shape
+from lsvision.scan import CylinderShape, measure_scan, measure_shape
 from lsvision.simulate import SCENE_SENSOR, BentTube, Prism, Scene, Tube
 from tests.scan.scans import feed, profiles_of
 
@@ -16,7 +16,7 @@ SIGMAS = 4.0
 RUNS = 16
 
 
-def shape_of(scene: Scene, count: int, step: float, seed: int = 1) -> TubeShape:
+def shape_of(scene: Scene, count: int, step: float, seed: int = 1) -> CylinderShape:
     poses = feed(count, step)
     scan = measure_scan(profiles_of(scene, poses, NOISE, seed), poses)
     return measure_shape(scan.cylinders[0])

@@ -7,7 +7,7 @@ import pytest
 
 from lsvision.simulate import TubeRanges, clutter
 from lsvision.simulate.clutter import draw_mixed
-from lsvision.simulate.scene_kinds import welded_pair
+from lsvision.simulate.scene_kinds import draw_welded_pair_scene
 from lsvision.simulate.solids import Prism
 
 PIPE_CURVATURES = (10.0 * math.cos(math.radians(40)), 40.0 / math.cos(math.radians(40)) ** 2)
@@ -52,39 +52,39 @@ def test_no_random_clutter_resembles_a_tube():
 
 def test_no_weld_bead_resembles_a_tube():
     for seed in range(40):
-        scene = welded_pair(np.random.default_rng(seed), TubeRanges())
+        scene = draw_welded_pair_scene(np.random.default_rng(seed), TubeRanges())
         (bead,) = (solid for solid in scene.objects if isinstance(solid, Prism))
         assert longest_round_turn(bead.outline[:41]) < MAX_TUBE_LIKE_TURN, seed
 
 
 def test_an_outline_is_translated_and_rotated_from_x_to_y():
-    outline = clutter.bar(40.0, 10.0, (100.0, -400.0), math.pi / 2).outline
+    outline = clutter.build_bar(40.0, 10.0, (100.0, -400.0), math.pi / 2).outline
     # The right end of its upper edge, 20 mm along X, comes to lie 20 mm towards the sensor.
     np.testing.assert_allclose(outline[1], (100.0, -380.0), rtol=0, atol=1e-12)
 
 
 def test_outlines_have_the_specified_sizes():
-    x, y = clutter.sine_sheet(60.0, 3.0, 20.0, (0.0, 0.0)).outline.T
+    x, y = clutter.build_sine_sheet(60.0, 3.0, 20.0, (0.0, 0.0)).outline.T
     assert (np.ptp(x), np.ptp(y)) == pytest.approx((60.0, 6.0), abs=1e-2)
-    x, y = clutter.parabola(40.0, 8.0, (0.0, 0.0)).outline.T
+    x, y = clutter.build_parabola(40.0, 8.0, (0.0, 0.0)).outline.T
     assert (y[0], y.max(), y[-1]) == pytest.approx((-8.0, 0.0, -8.0), abs=1e-3)
-    x, y = clutter.v_groove(50.0, 10.0, 6.0, (0.0, 0.0)).outline.T
+    x, y = clutter.build_v_groove(50.0, 10.0, 6.0, (0.0, 0.0)).outline.T
     assert (np.ptp(x), y.min()) == (50.0, -6.0)
-    x, y = clutter.rounded_box(30.0, 20.0, 4.0, (0.0, 0.0)).outline.T
+    x, y = clutter.build_rounded_box(30.0, 20.0, 4.0, (0.0, 0.0)).outline.T
     assert (np.ptp(x), np.ptp(y)) == pytest.approx((30.0, 20.0))
-    x, y = clutter.angle_iron(30.0, 4.0, (0.0, 0.0)).outline[:3].T
+    x, y = clutter.build_angle_iron(30.0, 4.0, (0.0, 0.0)).outline[:3].T
     assert np.hypot(x[0], y[0]) == pytest.approx(30.0)
 
 
 def test_a_spline_passes_through_its_knots():
     knots = np.array([[-20.0, 0.0], [-8.0, 3.0], [4.0, -2.0], [19.0, 1.0]])
-    x, y = clutter.spline_sheet(knots, (0.0, 0.0)).outline.T
+    x, y = clutter.build_spline_sheet(knots, (0.0, 0.0)).outline.T
     np.testing.assert_allclose(np.interp(knots[:, 0], x, y), knots[:, 1], rtol=0, atol=5e-3)
 
 
 def test_bumps_are_summed():
-    one = clutter.gaussian_bumps(80.0, [[0.0, 5.0, 6.0]], (0.0, 0.0)).outline
-    two = clutter.gaussian_bumps(80.0, [[0.0, 2.0, 6.0], [0.0, 3.0, 6.0]], (0.0, 0.0)).outline
+    one = clutter.build_gaussian_bumps(80.0, [[0.0, 5.0, 6.0]], (0.0, 0.0)).outline
+    two = clutter.build_gaussian_bumps(80.0, [[0.0, 2.0, 6.0], [0.0, 3.0, 6.0]], (0.0, 0.0)).outline
     np.testing.assert_allclose(one, two, rtol=0, atol=1e-12)
     assert one[:, 1].max() == pytest.approx(5.0, abs=1e-2)
 
@@ -92,9 +92,9 @@ def test_bumps_are_summed():
 @pytest.mark.parametrize("corner", [0.0, 6.0])
 def test_a_corner_with_the_radius_of_a_tube_raises_an_error(corner):
     with pytest.raises(ValueError, match="expected a corner"):
-        clutter.rounded_box(60.0, 60.0, corner, (0.0, 0.0))
+        clutter.build_rounded_box(60.0, 60.0, corner, (0.0, 0.0))
 
 
 def test_the_largest_corner_of_a_small_box_is_reported():
     with pytest.raises(ValueError, match=r"corner in \(0, 3\] mm, got 4"):
-        clutter.rounded_box(6.0, 20.0, 4.0, (0.0, 0.0))
+        clutter.build_rounded_box(6.0, 20.0, 4.0, (0.0, 0.0))

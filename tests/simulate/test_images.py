@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lsvision.geometry import Pose
-from lsvision.simulate.image_effects import ImageSensor, StrayLight, expose, speckle_field
+from lsvision.simulate.image_effects import ImageSensor, StrayLight, expose, simulate_speckle_field
 from lsvision.simulate.images import ImageSettings, simulate_image
 from lsvision.simulate.imaging_rig import ImagingRig
 from lsvision.simulate.scene import Scene
@@ -50,7 +50,7 @@ def test_truth_on_a_pipe_lies_on_its_section():
     pipe = Tube.of(radius=25.0, theta=math.pi / 2, phi=0.4, centre=(3.0, STAND_OFF - 25))
     truth = rendered(Scene((pipe,))).truth_pixels
     truth = truth[np.isfinite(truth[:, 1])]
-    rays = RIG.rays(truth)
+    rays = RIG.compute_rays(truth)
     depth = -rays.origins[:, 2] / rays.directions[:, 2]
     points = rays.origins + depth[:, None] * rays.directions
     off = pipe.cylinder.signed_distances(points)
@@ -142,7 +142,7 @@ def test_noise_is_that_of_the_sensor(rng):
 
 @pytest.mark.parametrize("looks", [1, 4])
 def test_speckle_has_its_contrast_and_width(looks, rng):
-    field = speckle_field((400, 400), looks, 3.0, rng=rng)
+    field = simulate_speckle_field((400, 400), looks, 3.0, rng=rng)
     assert field.std() == pytest.approx(1 / math.sqrt(looks), rel=0.08)  # pixels average a little
     shifted = np.mean((field[:, :-3] - 1) * (field[:, 3:] - 1)) / field.var()
     # A Gaussian of 3 px FWHM, wider by the pixels' own correlation (a triangle, 1 / 6 px^2).
@@ -166,7 +166,7 @@ REJECTED = {
         "width, height",
     ),
     "looks": (
-        lambda: speckle_field((4, 4), 0, 1.5, rng=np.random.default_rng(1)),
+        lambda: simulate_speckle_field((4, 4), 0, 1.5, rng=np.random.default_rng(1)),
         "at least one look",
     ),
 }

@@ -18,7 +18,7 @@ from lsvision.simulate import (
     simulate_scan,
     simulate_section,
 )
-from lsvision.simulate.scene import longest_run
+from lsvision.simulate.scene import find_longest_run
 
 MACHINE = 1e-9  # mm
 FIVE_SIGMA = 5.0  # a right simulator fails such a test once in a million seeds
@@ -219,8 +219,8 @@ def test_a_bar_in_front_splits_a_tube_into_two_arcs():
 
 def test_the_longest_run_spans_losses_but_no_other_object():
     labels = np.array([1, 1, -1, 1, 0, 1, 1, -1, -1, 1, 1, 2, 1])
-    assert longest_run(labels, 1).tolist() == [5, 6, 9, 10]
-    assert longest_run(labels, 3).tolist() == []
+    assert find_longest_run(labels, 1).tolist() == [5, 6, 9, 10]
+    assert find_longest_run(labels, 3).tolist() == []
 
 
 def test_moving_sensor_and_scene_together_changes_nothing():

@@ -10,12 +10,12 @@ from lsvision.geometry import Pose
 from lsvision.simulate import SCENE_SENSOR, Scene, SectionSettings, Tube, random_section
 from lsvision.simulate.section import simulate_section
 from lsvision.simulate.solids import Hits
-from lsvision.simulate.text_export import profile_text, scan_truth_text, truth_text
+from lsvision.simulate.text_export import format_profile, format_scan_truth, format_truth
 
 
 def test_the_profile_is_recovered():
     section = random_section("planar", 2)
-    lines = profile_text(section, "planar, seed 2").splitlines()
+    lines = format_profile(section, "planar, seed 2").splitlines()
     assert lines[0] == "# planar, seed 2"
     assert lines[3] == "x [mm],z [mm]"
     back = np.loadtxt(lines[4:], delimiter=",")
@@ -29,13 +29,13 @@ def test_a_sensor_without_a_quantum_is_written_with_four_decimals():
     section = simulate_section(
         Scene((tube,)), sensor, SectionSettings(), rng=np.random.default_rng(1)
     )
-    back = np.loadtxt(profile_text(section, "t").splitlines()[4:], delimiter=",")
+    back = np.loadtxt(format_profile(section, "t").splitlines()[4:], delimiter=",")
     np.testing.assert_allclose(back, section.profile.points, rtol=0, atol=0.5001e-4)
 
 
 def test_the_truth_contains_units_and_source():
     section = random_section("welded_pair", 2)
-    record = json.loads(truth_text(section, {"kind": "welded_pair", "seed": 2}))
+    record = json.loads(format_truth(section, {"kind": "welded_pair", "seed": 2}))
     assert (record["kind"], record["seed"]) == ("welded_pair", 2)
     assert record["labels"] == section.truth.labels.tolist()
     assert record["sensor"]["range_std_mm"] == pytest.approx(section.sensor.range_std, abs=1e-6)
@@ -56,7 +56,7 @@ def test_an_unknown_kind_of_tube_raises_an_error():
 
     section = random_section("single", 1)
     with pytest.raises(TypeError, match="expected a Tube or a BentTube, got Pillar"):
-        scan_truth_text(Scene((Pillar(),)), [Pose()], [section], {})
+        format_scan_truth(Scene((Pillar(),)), [Pose()], [section], {})
 
 
 @pytest.mark.parametrize(("quantum", "decimals"), [(2.0, 0), (0.25, 2), (0.025, 3), (0.1, 1)])
@@ -65,7 +65,7 @@ def test_multiples_of_any_quantum_are_written_exactly(quantum, decimals):
     tube = Tube.of(radius=20.0, theta=0.5, phi=0.3, centre=(0.0, -400.0))
     rng = np.random.default_rng(1)
     section = simulate_section(Scene((tube,)), sensor, SectionSettings(), rng=rng)
-    lines = profile_text(section, "tube").splitlines()[4:]
+    lines = format_profile(section, "tube").splitlines()[4:]
     back = np.loadtxt(lines, delimiter=",")
     np.testing.assert_allclose(back, section.profile.points, rtol=0, atol=1e-9)
     texts = [line for line in lines if "nan" not in line]

@@ -239,7 +239,7 @@ def test_powers_of_the_bands_are_those_of_a_fourier_transform(count, rng):
     transform = np.fft.rfft(np.concatenate([residuals, residuals[::-1]]))
     powers = np.abs(transform) ** 2 / (2 * residuals @ residuals)
     wanted = [powers[4:8].mean(), powers[4:6].mean(), powers[12:34].mean()]
-    np.testing.assert_allclose(correlation._band_powers(residuals), wanted, rtol=1e-9)
+    np.testing.assert_allclose(correlation._compute_band_powers(residuals), wanted, rtol=1e-9)
 
 
 @pytest.mark.parametrize(("count", "is_correlated"), [(7, False), (8, True), (9, True)])

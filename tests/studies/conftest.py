@@ -4,7 +4,7 @@ import pytest
 
 from lsvision.studies.chen_liu_2016.ablation import run_ablation
 from lsvision.studies.chen_liu_2016.achievability import compare_with_bound
-from lsvision.studies.chen_liu_2016.cases import paper_cases
+from lsvision.studies.chen_liu_2016.cases import list_paper_cases
 from lsvision.studies.chen_liu_2016.paper_pitfalls import check_pitfalls
 from lsvision.studies.chen_liu_2016.published_results import PUBLISHED_TIMES
 from lsvision.studies.chen_liu_2016.repeatability import measure_repeatedly
@@ -26,7 +26,7 @@ FEW = ExperimentSizes(
 def bounds():
     """Tables 1-4 with nothing measured: the bound alone."""
     runs = dict.fromkeys(FEW.runs, 0)
-    return measure_tables(paper_cases(), runs, noise_mm=NOISE)
+    return measure_tables(list_paper_cases(), runs, noise_mm=NOISE)
 
 
 @pytest.fixture(scope="session")
@@ -69,7 +69,7 @@ def report(reaches, ablation, repeatability, scenes):
     return PaperReport(
         noise_mm=NOISE,
         sizes=FEW,
-        rows=measure_tables(paper_cases(), FEW.runs, noise_mm=NOISE),
+        rows=measure_tables(list_paper_cases(), FEW.runs, noise_mm=NOISE),
         achievability=reaches,
         timings=tuple(timings),
         steps=run_steps(noise_mm=NOISE),

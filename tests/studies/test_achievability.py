@@ -6,7 +6,7 @@ import pytest
 
 from lsvision.planning import Feed, SensorView, plan_scan
 from lsvision.studies.chen_liu_2016.achievability import compare_with_bound
-from lsvision.studies.chen_liu_2016.cases import paper_sensor
+from lsvision.studies.chen_liu_2016.cases import build_paper_sensor
 
 NOISE = 0.1  # mm
 
@@ -27,7 +27,7 @@ def test_the_printed_radii_of_single_pipes_can(reaches):
 
 def test_the_sections_needed_reach_the_printed_error_and_one_fewer_does_not(reaches, bounds):
     reach = next(r for r in reaches if (r.table, r.quantity) == (2, "phi_deg"))
-    view = SensorView(sensor=paper_sensor(NOISE), pitch=0.6, incidence_limit=math.radians(70))
+    view = SensorView(sensor=build_paper_sensor(NOISE), pitch=0.6, incidence_limit=math.radians(70))
 
     def worst(sections):
         pipes = {row.printed.radius_mm for row in bounds if row.printed.table == 2}

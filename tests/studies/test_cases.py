@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lsvision.geometry import Pose
-from lsvision.studies.chen_liu_2016.cases import PITCH_MM, paper_cases, simulate_case
+from lsvision.studies.chen_liu_2016.cases import PITCH_MM, list_paper_cases, simulate_case
 from lsvision.studies.chen_liu_2016.published_results import PUBLISHED_ROWS, PUBLISHED_TIMES
 
 NOISE = 0.1  # mm
@@ -14,7 +14,7 @@ pytestmark = pytest.mark.paper
 
 
 def test_the_paper_has_twelve_single_pipes_and_three_pairs():
-    assert [len(case.rows) for case in paper_cases()] == [1] * 12 + [2] * 3
+    assert [len(case.rows) for case in list_paper_cases()] == [1] * 12 + [2] * 3
     assert len(PUBLISHED_ROWS) == 18
 
 
@@ -30,7 +30,7 @@ def test_the_printed_times_of_pairs_are_for_two_pipes():
     assert [time.pipes for time in PUBLISHED_TIMES] == [1, 2, 1, 1, 2]
 
 
-@pytest.mark.parametrize("case", paper_cases(), ids=lambda case: f"{case.rows[0]}"[:40])
+@pytest.mark.parametrize("case", list_paper_cases(), ids=lambda case: f"{case.rows[0]}"[:40])
 def test_the_pipes_of_a_scene_are_those_of_its_rows(case):
     (section,) = simulate_case(case, 0, HERE, noise_mm=NOISE)
     for row, tube in zip(case.rows, section.truth.tubes, strict=True):
@@ -40,13 +40,13 @@ def test_the_pipes_of_a_scene_are_those_of_its_rows(case):
 
 
 def test_the_points_are_as_far_apart_as_the_papers():
-    (section,) = simulate_case(paper_cases()[0], 0, HERE, noise_mm=NOISE)
+    (section,) = simulate_case(list_paper_cases()[0], 0, HERE, noise_mm=NOISE)
     x = section.truth.points[section.truth.labels == 1, 0]
     np.testing.assert_allclose(np.diff(x), PITCH_MM, rtol=0, atol=1e-9)
 
 
 def test_another_measurement_has_other_noise_and_the_same_one_the_same():
-    case = paper_cases()[0]
+    case = list_paper_cases()[0]
     first, again, other = (
         simulate_case(case, seed, HERE, noise_mm=NOISE)[0].profile.points for seed in (0, 0, 1)
     )

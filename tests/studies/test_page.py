@@ -9,10 +9,10 @@ import pytest
 
 from lsvision.studies.chen_liu_2016 import (
     ExperimentSizes,
+    format_readme_table,
+    format_report_json,
     page,
-    readme_table,
-    report_json,
-    report_page,
+    render_report_page,
     run_experiments,
 )
 from lsvision.studies.chen_liu_2016.paper_pitfalls import Check
@@ -60,7 +60,7 @@ class Outline(HTMLParser):
 
 @pytest.fixture(scope="module")
 def html(report):
-    return report_page(report)
+    return render_report_page(report)
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +98,7 @@ def test_every_figure_of_the_paper_is_there(html, outline):
 
 
 def test_the_page_is_the_same_each_time(report, html):
-    assert report_page(report) == html
+    assert render_report_page(report) == html
 
 
 def leaves(value, key=""):
@@ -113,7 +113,7 @@ def leaves(value, key=""):
 
 
 def test_the_json_has_the_pages_numbers_with_their_units(report, html):
-    document = json.loads(report_json(report))
+    document = json.loads(format_report_json(report))
     assert document["schema"] == "lsvision.paper/1"
     row = document["tables_1_to_4"][0]
     assert format_significant(row["spreads"]["section"]["rms"]["theta_deg"]) in html
@@ -124,16 +124,16 @@ def test_the_json_has_the_pages_numbers_with_their_units(report, html):
 
 
 def test_missing_results_are_null_in_the_json_and_a_dash_in_the_page(report):
-    document = json.loads(report_json(report))
+    document = json.loads(format_report_json(report))
     assert document["tables_1_to_4"][0]["spreads"]["paper"]["rms"]["radius_mm"] is None
     assert format_significant(float("nan")) == "–"
 
 
 def test_text_is_escaped(report, monkeypatch):
-    monkeypatch.setattr(page, "_pictures", no_pictures)
+    monkeypatch.setattr(page, "_draw_pictures", no_pictures)
     check = Check("<b>", 1.0)
     pitfall = replace(report.pitfalls[0], title="<script>", wording="&", checks=(check,))
-    html = report_page(replace(report, pitfalls=(pitfall,)))
+    html = render_report_page(replace(report, pitfalls=(pitfall,)))
     assert "<script>" not in html
     assert "<b>" not in html
     assert "&lt;b&gt;" in html
@@ -141,7 +141,7 @@ def test_text_is_escaped(report, monkeypatch):
 
 
 def test_the_readmes_table_has_a_line_for_each_table_and_method(bounds):
-    lines = readme_table(bounds).splitlines()
+    lines = format_readme_table(bounds).splitlines()
     assert len(lines) == 2 + 4 * 6
     assert all(line.count("|") == 6 for line in lines)
 

@@ -68,7 +68,7 @@ def test_settings_out_of_range_are_rejected(name):
 
 def test_end_parts_of_a_short_arc_leave_a_middle_part():
     settings = PaperSettings(end_part_fraction=0.49)
-    assert [settings.end_points(count) for count in (3, 6, 100)] == [1, 2, 49]
+    assert [settings.count_end_points(count) for count in (3, 6, 100)] == [1, 2, 49]
     points = upper_arc(pipe(0.0), degrees=120)
     measurement = measure_cylinders_paper(points, radius=19.0, settings=settings)
     assert measurement.cylinders or measurement.rejections

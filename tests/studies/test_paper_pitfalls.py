@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from lsvision.geometry import Ellipse, radial_residuals
-from lsvision.studies.chen_liu_2016.paper_pitfalls import check_pitfalls, printed_equation_four
+from lsvision.studies.chen_liu_2016.paper_pitfalls import (
+    check_pitfalls,
+    evaluate_printed_equation_four,
+)
 
 
 def test_the_numbers_of_the_five_pitfalls():
@@ -24,5 +27,5 @@ def test_the_numbers_of_the_five_pitfalls():
 def test_the_printed_residual_is_the_radial_one_with_theta_turned_by_90_deg():
     ellipse = Ellipse((3.0, -400.0), 22.0, 19.0, 0.4)
     points = np.random.default_rng(2).normal((3.0, -380.0), 5.0, (40, 2))
-    printed = printed_equation_four(points, ellipse, ellipse.theta - math.pi / 2)
+    printed = evaluate_printed_equation_four(points, ellipse, ellipse.theta - math.pi / 2)
     np.testing.assert_allclose(printed, np.abs(radial_residuals(points, ellipse)), atol=1e-9)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from lsvision.studies.chen_liu_2016 import readme_table
+from lsvision.studies.chen_liu_2016 import format_readme_table
 from lsvision.studies.chen_liu_2016.report_tables import README_HEAD
 
 PAGE = Path(__file__).parents[2] / ".github" / "ACCURACY.md"
@@ -30,7 +30,7 @@ def bound(cell):
 def test_the_readme_has_the_bounds_and_printed_errors_of_the_experiments(bounds):
     wanted = [
         [cell.strip() for cell in line.strip("|").split("|")]
-        for line in readme_table(bounds).splitlines()[2:]
+        for line in format_readme_table(bounds).splitlines()[2:]
     ]
     shown = readme_rows()
     assert [row[:2] for row in shown] == [row[:2] for row in wanted]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lsvision.studies.chen_liu_2016.repeatability import (
-    expected_range,
+    compute_expected_range,
     measure_repeatedly,
     phi_std_of_axes,
 )
@@ -17,7 +17,7 @@ from tests.tolerances import spread_of_rms
 
 @pytest.mark.parametrize(("count", "mean"), [(2, 1.128), (5, 2.326), (10, 3.078), (100, 5.015)])
 def test_the_expected_range_is_that_of_the_tables_of_statistics(count, mean):
-    assert expected_range(count) == pytest.approx(mean, abs=5e-4)
+    assert compute_expected_range(count) == pytest.approx(mean, abs=5e-4)
 
 
 def test_the_spread_of_repeated_measurements_is_the_bound(repeatability):

@@ -5,10 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from lsvision.studies.chen_liu_2016.cases import Case, paper_cases
-from lsvision.studies.chen_liu_2016.methods import METHODS, case_bound, case_errors, measure_case
+from lsvision.studies.chen_liu_2016.cases import Case, list_paper_cases
+from lsvision.studies.chen_liu_2016.methods import (
+    METHODS,
+    case_bound,
+    compute_case_errors,
+    measure_case,
+)
 from lsvision.studies.chen_liu_2016.published_results import PUBLISHED_ROWS, QUANTITIES, Triple
-from lsvision.studies.chen_liu_2016.report_tables import error_table, readme_table
+from lsvision.studies.chen_liu_2016.report_tables import build_error_table, format_readme_table
 from lsvision.studies.chen_liu_2016.tables import (
     ErrorStatistics,
     TableRow,
@@ -33,14 +38,16 @@ def sigmas(triple):
 def test_every_method_of_lsvision_finds_the_true_values_at_little_noise(way):
     (found,) = measure_case(PIPE, way, 0, noise_mm=QUIET)
     (bound,) = case_bound(PIPE, way, noise_mm=QUIET)
-    assert (np.abs(sigmas(case_errors(found, PIPE, 0))) <= 5 * sigmas(bound) + CONVERGED).all()
+    assert (
+        np.abs(sigmas(compute_case_errors(found, PIPE, 0))) <= 5 * sigmas(bound) + CONVERGED
+    ).all()
 
 
 @pytest.mark.paper
 def test_the_papers_chain_is_biased_at_little_noise():
     (found,) = measure_case(PIPE, "paper", 0, noise_mm=QUIET)
     (bound,) = case_bound(PIPE, "paper", noise_mm=QUIET)
-    error = case_errors(found, PIPE, 0)
+    error = compute_case_errors(found, PIPE, 0)
     assert abs(error.radius_mm) > 0.3  # mm: the bias of its smoothing, tests/paper
     assert (np.abs(sigmas(error)) > 50 * sigmas(bound)).all()
 
@@ -77,12 +84,12 @@ def test_the_bound_is_proportional_to_the_noise():
 
 
 def test_the_error_of_theta_is_at_most_90_deg():
-    error = case_errors((18.5, math.radians(175), math.radians(30)), PIPE, 0)
+    error = compute_case_errors((18.5, math.radians(175), math.radians(30)), PIPE, 0)
     assert error.theta_deg == pytest.approx(-15)
 
 
 def test_both_pipes_of_a_pair_are_identified():
-    case = paper_cases()[-3]
+    case = list_paper_cases()[-3]
     found = measure_case(case, "two", 0, noise_mm=QUIET)
     assert len(found) == 2
     assert [round(one[0], 1) for one in found] == [19.0, 19.0]
@@ -94,9 +101,9 @@ def test_only_a_known_radius_is_given_also_at_little_noise():
     spreads = {way: ErrorStatistics(1, 0, tiny, tiny, tiny) for way in METHODS}
     spreads["known"] = ErrorStatistics(1, 0, bound, bound, bound)
     row = TableRow(PUBLISHED_ROWS[2], spreads)
-    cells = [cell.text for line in error_table([row], 1).rows for cell in line.cells]
+    cells = [cell.text for line in build_error_table([row], 1).rows for cell in line.cells]
     assert cells.count("given") == 1
-    assert readme_table([row]).count("given") == 1
+    assert format_readme_table([row]).count("given") == 1
 
 
 def test_pooled_errors_are_weighted_by_the_number_of_results():

@@ -43,14 +43,14 @@ _PART_WORDS = frozenset(
 _SCAN_ENDINGS = ("id", "no", "nr", "num", "number", "index", "idx", "count", "counter")
 
 
-def column_role(name: str) -> str:
+def find_role(name: str) -> str:
     """Return the role of a lower-case name: x, y, height, range, scan, angle, or the name itself.
 
     Examples
     --------
-    >>> column_role("lateral"), column_role("profile_id"), column_role("FrameNo".lower())
+    >>> find_role("lateral"), find_role("profile_id"), find_role("FrameNo".lower())
     ('x', 'scan', 'scan')
-    >>> column_role("posición x"), column_role("distance to the sensor"), column_role("高度")
+    >>> find_role("posición x"), find_role("distance to the sensor"), find_role("高度")
     ('x', 'range', 'height')
     >>> column_role("-z"), column_role("y_down")
     ('range', 'range')
@@ -78,14 +78,14 @@ def is_encoder(name: str) -> bool:
     return name.startswith("encoder")
 
 
-def columns_by_role(names: Sequence[str], texts: Container[int]) -> dict[str, int]:
+def select_by_role(names: Sequence[str], texts: Container[int]) -> dict[str, int]:
     """Return the first column in each role, of columns with these lower-case names.
 
     The columns `texts` hold text, which can only be the number of a profile.
     """
     by_role: dict[str, int] = {}
     for index, name in enumerate(names):
-        role = column_role(name)
+        role = find_role(name)
         if index not in texts or role == "scan":
             by_role.setdefault(role, index)
     return by_role
@@ -93,17 +93,17 @@ def columns_by_role(names: Sequence[str], texts: Container[int]) -> dict[str, in
 
 def has_known_role(name: str) -> bool:
     """Return whether a lower-case name is that of a coordinate, an angle or a profile's number."""
-    return column_role(name) in {"x", "y", "height", "range", "scan", "angle"}
+    return find_role(name) in {"x", "y", "height", "range", "scan", "angle"}
 
 
 def is_coordinate(name: str) -> bool:
     """Return whether a lower-case name is that of a coordinate of points, not of an encoder."""
-    return column_role(name) in {"x", "y", "height", "range"} and not is_encoder(name)
+    return find_role(name) in {"x", "y", "height", "range"} and not is_encoder(name)
 
 
 def names_section(names: Iterable[str]) -> bool:
     """Return whether lower-case names are those of x and of a height, a range or y."""
-    roles = set(map(column_role, names))
+    roles = set(map(find_role, names))
     return "x" in roles and not roles.isdisjoint(("height", "range", "y"))
 
 
@@ -123,4 +123,4 @@ def is_part_name(name: str) -> bool:
 
 def identifies_profiles(name: str) -> bool:
     """Return whether a lower-case name is that of a number of profiles, parts, sensors or runs."""
-    return column_role(name) == "scan" or is_part_name(name)
+    return find_role(name) == "scan" or is_part_name(name)

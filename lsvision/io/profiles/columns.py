@@ -9,7 +9,7 @@ import numpy as np
 
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
-from lsvision.io.profiles.column_roles import column_role, columns_by_role, is_encoder
+from lsvision.io.profiles.column_roles import find_role, is_encoder, select_by_role
 from lsvision.io.profiles.number_table import NumberTable, holds_number
 from lsvision.io.profiles.point_order import note_order
 from lsvision.io.profiles.pose_tables import reject_pose_names, reject_poses
@@ -27,7 +27,7 @@ from lsvision.io.profiles.profile_keys import (
 )
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.stated_heights import note_resolution, resolve_direction
-from lsvision.io.profiles.stated_units import common_unit, resolve_units, statements_about_axis
+from lsvision.io.profiles.stated_units import find_common_unit, resolve_units, select_for_axis
 from lsvision.io.profiles.units import split_label
 from lsvision.io.profiles.validity import lose_invalid_points
 
@@ -79,7 +79,7 @@ def profiles_from_table(table: NumberTable, settings: ReadSettings) -> RawProfil
             table, choice.key, choice.coordinates, is_travel=choice.travel
         )
     if choice.key is not None and positions is not None and settings.units is None:
-        position_unit, note = _travel_unit(table, choice.key)
+        position_unit, note = _find_travel_unit(table, choice.key)
         if note:
             positions, choice = None, replace(choice, notes=(*choice.notes, note))
     points, validity_notes = lose_invalid_points(table, choice.coordinates, rows)
@@ -89,7 +89,7 @@ def profiles_from_table(table: NumberTable, settings: ReadSettings) -> RawProfil
     attributes, ignored = find_profile_attributes(
         table, rows, points=choice.coordinates, key=choice.key, excluded=choice.considered
     )
-    lines = (*table.mentions, *table.lines_of_constants(choice.coordinates))
+    lines = (*table.mentions, *table.iterate_lines_of_constants(choice.coordinates))
     away, height_notes = resolve_direction(lines, settings, is_range=choice.away)
     units = _resolve_all_units(table, choice, settings)
     notes = table.notes + choice.notes + validity_notes + height_notes
@@ -137,7 +137,7 @@ def _choose_columns(table: NumberTable, settings: ReadSettings) -> _Columns:
     if settings.plane is not None:
         return _choose_spatial_columns(table, settings)
     if settings.columns is not None:
-        return _requested_columns(table, settings.columns)
+        return _find_requested_columns(table, settings.columns)
     return _choose_by_name(table) or _choose_by_position(table)
 
 
@@ -150,12 +150,12 @@ def _choose_spatial_columns(table: NumberTable, settings: ReadSettings) -> _Colu
         If they are not there.
     """
     notes: tuple[str, ...] = ()
-    by_role = columns_by_role(table.names, table.texts)
+    by_role = select_by_role(table.names, table.texts)
     depth = "height" if "height" in by_role else "range"
     columns = [by_role[role] for role in ("x", "y", depth) if role in by_role]
     if settings.columns is not None:
-        columns = [_column_index(table, column) for column in settings.columns]
-    elif not columns and len(numbers := _number_columns(table)) >= 3:
+        columns = [_find_column_index(table, column) for column in settings.columns]
+    elif not columns and len(numbers := _list_number_columns(table)) >= 3:
         columns = numbers[:3]
         listed = ", ".join(str(column) for column in columns)
         notes = (f"no column is named: columns {listed} read as x, y and z",)
@@ -197,7 +197,7 @@ def _resolve_all_units(
     return units
 
 
-def _travel_unit(table: NumberTable, column: int) -> tuple[str | None, str]:
+def _find_travel_unit(table: NumberTable, column: int) -> tuple[str | None, str]:
     """Return the stated unit of the positions along the travel; or a note if it is no length.
 
     An encoder without a unit counts steps.
@@ -205,15 +205,15 @@ def _travel_unit(table: NumberTable, column: int) -> tuple[str | None, str]:
     label, stated = table.label(column), table.units[column] if table.units else None
     if stated is not None and stated.unit is None:
         return None, f"{label} in {stated.text!r}: positions left out"
-    unit = common_unit(stated, statements_about_axis(table.statements, "y"))
+    unit = find_common_unit(stated, select_for_axis(table.statements, "y"))
     if unit is None and is_encoder(label):
         return None, f"{label} without a unit of length: positions left out"
     return unit, ""
 
 
-def _requested_columns(table: NumberTable, columns: Sequence[int | str]) -> _Columns:
+def _find_requested_columns(table: NumberTable, columns: Sequence[int | str]) -> _Columns:
     """Return the columns that the user requests: x and height, or x, travel and height."""
-    x, *travel, height = [_column_index(table, column) for column in columns]
+    x, *travel, height = [_find_column_index(table, column) for column in columns]
     away = _is_range(table, height)
     if travel:
         return _Columns(x, height, key=travel[0], away=away)
@@ -224,10 +224,10 @@ def _requested_columns(table: NumberTable, columns: Sequence[int | str]) -> _Col
 def _is_range(table: NumberTable, column: int) -> bool:
     """Return whether a column is named as a range, which grows away from the sensor."""
     name = table.names[column].rstrip("0123456789") if table.names else ""
-    return column_role(name) == "range"  # "distance1" is the first of several
+    return find_role(name) == "range"  # "distance1" is the first of several
 
 
-def _column_index(table: NumberTable, column: int | str) -> int:
+def _find_column_index(table: NumberTable, column: int | str) -> int:
     """Return the index of a column from its index or its name."""
     width = table.values.shape[1]
     if isinstance(column, int):
@@ -264,7 +264,7 @@ def _choose_by_role(table: NumberTable) -> _Columns | None:
     Without a column of heights or ranges, y is the height; without x, y is x. With x, y and height,
     y is the travel. An encoder is a y.
     """
-    by_role = columns_by_role(table.names, table.texts)
+    by_role = select_by_role(table.names, table.texts)
     away = "range" in by_role and "height" not in by_role
     in_order = [
         by_role[role] for role in ("x", "y", "range" if away else "height") if role in by_role
@@ -289,7 +289,7 @@ def _choose_by_role(table: NumberTable) -> _Columns | None:
 def _choose_by_position(table: NumberTable) -> _Columns:
     """Return the columns by their order; see `profiles_from_table`."""
     _reject_numbers_in_text(table)
-    columns = _number_columns(table)
+    columns = _list_number_columns(table)
     reject_poses(table, columns)
     if table.names:
         numbering = [c for c in columns if numbers_points(table, c)]
@@ -320,7 +320,7 @@ def _choose_by_position(table: NumberTable) -> _Columns:
     return _Columns(first, second, away=away, notes=(*notes, note), considered=considered)
 
 
-def _number_columns(table: NumberTable) -> list[int]:
+def _list_number_columns(table: NumberTable) -> list[int]:
     """Return the columns of numbers that are not empty."""
     filled = {*np.flatnonzero(np.isfinite(table.values).any(axis=0)), *table.invalid_cells}
     return [c for c in range(table.values.shape[1]) if c in filled and c not in table.texts]
@@ -329,7 +329,7 @@ def _number_columns(table: NumberTable) -> list[int]:
 def _choose_in_plane(table: NumberTable, xyz: Sequence[int]) -> _Columns | None:
     """Return the choice among three columns if the second, or else the third, does not vary."""
     x, y, z = xyz
-    extents = [_extent(table.values[:, column]) for column in xyz]
+    extents = [_measure_extent(table.values[:, column]) for column in xyz]
     if extents[1] <= _MAX_CONSTANT_RATIO * max(extents):
         return _Columns(x, z, considered=(x, y, z))
     if extents[2] <= _MAX_CONSTANT_RATIO * max(extents):
@@ -386,7 +386,7 @@ def _raise_no_key(table: NumberTable, key: int) -> NoReturn:
     )
 
 
-def _extent(column: FloatArray) -> float:
+def _measure_extent(column: FloatArray) -> float:
     finite = column[np.isfinite(column)]
     with np.errstate(over="ignore"):
         return float(finite.max() - finite.min()) if len(finite) else 0.0

@@ -140,13 +140,13 @@ def detect_format(content: bytes, suffix: str) -> str:
     if content.startswith(b"VERSION") and b"FIELDS" in content[:4000]:
         return "pcd"
     if content.startswith(_ZIP):
-        return _zip_format(content, suffix.lower())
+        return _detect_zip_format(content, suffix.lower())
     if content.startswith(_BAGS) or _is_ros2_database(content):
         return "rosbag"
     if content.startswith((b"II*\0", b"MM\0*", b"\x89PNG")):
         return "height-map"
     _check_supported(content, suffix.lower())
-    return _text_format(content)
+    return _detect_text_format(content)
 
 
 def _check_supported(content: bytes, suffix: str) -> None:
@@ -171,7 +171,7 @@ def _is_ros2_database(content: bytes) -> bool:
     return bool(_BAG_TABLE.search(content[:_SCHEMA_BYTES]))
 
 
-def _zip_format(content: bytes, suffix: str) -> str:
+def _detect_zip_format(content: bytes, suffix: str) -> str:
     """Return npz for a zip archive of arrays; raise an error for other archives."""
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
@@ -189,7 +189,7 @@ def _zip_format(content: bytes, suffix: str) -> str:
     raise UnreadableFile(f"a zip archive of {contents or 'nothing'}: {_UNPACK}")
 
 
-def _text_format(content: bytes) -> str:
+def _detect_text_format(content: bytes) -> str:
     """Return the name of the reader for a text; raises an error for a text without points."""
     # A text of ASCII bytes (UTF-16 and UTF-32 without a mark, too) can be cut at a multiple of 4.
     head = content[:_HEAD_BYTES] if content.isascii() else content
@@ -206,10 +206,10 @@ def _text_format(content: bytes) -> str:
     if content.startswith((b"\xff\xfe", b"\xfe\xff")) and _KEYENCE_ROW.match(start):
         return "keyence"
     has_first_line = len(start.splitlines()) > 1  # else it is longer than `start`
-    return _table_format(start if has_first_line else decode_text(content))
+    return _detect_table_format(start if has_first_line else decode_text(content))
 
 
-def _table_format(text: str) -> str:
+def _detect_table_format(text: str) -> str:
     """Return the name of the reader for a table, by the cells of its first row of numbers.
 
     A wide table is a list of points if x and a height are named above it. The reader of "text"

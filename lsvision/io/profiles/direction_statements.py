@@ -95,7 +95,7 @@ def states_away(lines: Iterable[str]) -> bool:
     >>> states_away(["# Z increases with distance"]), states_away(["# z = distance to the sensor"])
     (True, True)
     """
-    signs = set(map(_direction, _short_lines(lines)))
+    signs = set(map(_find_direction, _list_short_lines(lines)))
     if {1, -1} <= signs:
         raise UnreadableFile(
             "it states that heights grow away from the sensor, and towards it: use --flip or "
@@ -114,8 +114,8 @@ def note_unclear_direction(lines: Iterable[str]) -> tuple[str, ...]:
     >>> note_unclear_direction(["z is flipped?", "z axis inverted"])[0][:40]
     "the line 'z axis inverted' may state the"
     """
-    short = _short_lines(lines)
-    if any(map(_direction, short)):
+    short = _list_short_lines(lines)
+    if any(map(_find_direction, short)):
         return ()
     unclear = next(filter(_may_state_direction, short), None)
     if unclear is None:
@@ -126,18 +126,18 @@ def note_unclear_direction(lines: Iterable[str]) -> tuple[str, ...]:
     )
 
 
-def _short_lines(lines: Iterable[str]) -> list[str]:
+def _list_short_lines(lines: Iterable[str]) -> list[str]:
     return [line[:MAX_LINE_LENGTH] for line in islice(lines, MAX_MENTION_LINES)]
 
 
-def _words(line: str) -> str:
+def _split_words(line: str) -> str:
     """Return a line in lower case with the words of names such as zDirection or z_direction."""
     return _CAMEL.sub(" ", line).lower()
 
 
-def _direction(line: str) -> int:
+def _find_direction(line: str) -> int:
     """Return 1 if a line states that heights grow away from the sensor, -1 towards it, else 0."""
-    text = _words(line)
+    text = _split_words(line)
     if _SWITCHED_OFF.search(text) or _QUALITY.search(text):
         return 0
     if by_size := bool(_SIZE_AWAY.search(text)) - bool(_SIZE_TOWARDS.search(text)):
@@ -159,7 +159,7 @@ def _direction(line: str) -> int:
 
 def _may_state_direction(line: str) -> bool:
     """Return whether a line is about a height and its direction, a difference, or a reversal."""
-    text = _words(line)
+    text = _split_words(line)
     if _FORMULA.search(text) or re.search(rf"\b(?:zero|origin)\b.*\bat\s+{_SENSOR}", text):
         return True
     if _SWITCHED_OFF.search(text):

@@ -51,7 +51,7 @@ def fit_section_plane(clouds: Sequence[FloatArray], *, flip: bool = False) -> Fi
         If the points do not have three coordinates, are fewer than `MIN_POINTS`, do not lie in a
         plane, lie on a line, or have coordinates too large for any sensor.
     """
-    points = _valid_points(clouds)
+    points = _select_valid_points(clouds)
     centre = points.mean(axis=0)
     _, singular_values, axes = np.linalg.svd(points - centre, full_matrices=False)
     extents = singular_values / np.sqrt(len(points))
@@ -73,7 +73,7 @@ def fit_section_plane(clouds: Sequence[FloatArray], *, flip: bool = False) -> Fi
     )
 
 
-def _valid_points(clouds: Sequence[FloatArray]) -> FloatArray:
+def _select_valid_points(clouds: Sequence[FloatArray]) -> FloatArray:
     """Return the points of all profiles that are not lost, after a check of shape and size."""
     if any(cloud.shape[1] != 3 for cloud in clouds):
         raise UnreadableFile(

@@ -94,7 +94,7 @@ def _interrupts(heights: FloatArray, value: float) -> bool:
     if len(others_at) > len(heights) - MIN_INTERRUPTIONS:
         return False
     others = heights[others_at]
-    step = _typical_step(others)
+    step = _compute_typical_step(others)
     gaps = np.diff(others_at)
     ends = np.flatnonzero((gaps > 1) & (gaps <= MAX_INTERRUPTION_POINTS + 1))
     before, after = others[ends], others[ends + 1]
@@ -107,7 +107,7 @@ def _interrupts(heights: FloatArray, value: float) -> bool:
     return bool(count >= max(MIN_INTERRUPTIONS, MIN_INTERRUPTION_FRACTION * (count + similar)))
 
 
-def _typical_step(heights: FloatArray) -> float:
+def _compute_typical_step(heights: FloatArray) -> float:
     """Return the median step between neighbours, at least the smallest step; inf without any."""
     with np.errstate(over="ignore", invalid="ignore"):
         steps = np.abs(np.diff(heights))

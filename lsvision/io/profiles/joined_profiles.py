@@ -13,7 +13,7 @@ _POSITIONS_LEFT_OUT = "positions along the travel left out: {} of {} profiles ha
 """Note on positions that only some profiles have."""
 
 
-def empty_profile() -> RawProfiles:
+def build_empty_profile() -> RawProfiles:
     """Return one profile without points, which keeps its place among others."""
     return RawProfiles(sections=[np.full((1, 2), np.nan)])
 
@@ -31,7 +31,7 @@ def join_profiles(parts: Sequence[RawProfiles]) -> RawProfiles:
         If units or directions differ.
     """
     with_points = [part for part in parts if not _is_empty(part)] or list(parts)
-    units, unit_notes = _common_units(with_points)
+    units, unit_notes = _find_common_units(with_points)
     if units is None or len({(part.position_unit, part.away) for part in with_points}) > 1:
         raise UnreadableFile(
             "its profiles differ in their units, or in the direction of heights: write all alike, "
@@ -68,7 +68,7 @@ def add_attributes(profiles: RawProfiles, attributes: Mapping[str, float | str])
     return replace(profiles, attributes=tuple({**attributes, **row} for row in inner))
 
 
-def _common_units(
+def _find_common_units(
     parts: Sequence[RawProfiles],
 ) -> tuple[tuple[str | None, str | None] | None, tuple[str, ...]]:
     """Return the units of x and height that all, or some and no others, state; None if they differ.

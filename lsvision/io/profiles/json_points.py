@@ -13,22 +13,22 @@ import numpy as np
 from lsvision.errors import UnreadableFile
 from lsvision.files.json_text import NestedTooDeep, parse_json
 from lsvision.geometry import FloatArray
-from lsvision.io.profiles.column_roles import column_role, is_coordinate, names_section
+from lsvision.io.profiles.column_roles import find_role, is_coordinate, names_section
 from lsvision.io.profiles.columns import profiles_from_table
-from lsvision.io.profiles.joined_profiles import add_attributes, empty_profile, join_profiles
+from lsvision.io.profiles.joined_profiles import add_attributes, build_empty_profile, join_profiles
 from lsvision.io.profiles.json_values import (
     as_list,
     as_list_of_numbers,
-    cell_text,
     find_attributes,
+    format_cell,
     holds_text,
     is_column,
     is_point,
     is_scalar,
-    lines_of_objects,
-    lines_of_scalars,
-    lines_on_direction,
-    lines_on_units,
+    iterate_lines_of_objects,
+    iterate_lines_of_scalars,
+    iterate_lines_on_direction,
+    iterate_lines_on_units,
     to_arrays,
     to_floats,
 )
@@ -39,7 +39,7 @@ from lsvision.io.profiles.number_table import NumberTable
 from lsvision.io.profiles.opencv_storage import (
     MIN_PAIRS,
     TRIPLES,
-    flat_width,
+    find_flat_width,
     matrix_from_node,
     parse_opencv_json,
     table_from_points,
@@ -93,7 +93,7 @@ def profiles_from_document(document: Any, settings: ReadSettings, kind: str) -> 
         If no points are found; the error names the keys found.
     """
     items = document if isinstance(document, list) else [document]
-    lines = partial(lines_of_objects, items)
+    lines = partial(iterate_lines_of_objects, items)
     profiles = read_with_stated_positions(
         partial(_require_profiles, document, kind), lines, settings
     )
@@ -143,8 +143,8 @@ def _find_profiles(document: Any, settings: ReadSettings) -> RawProfiles | None:
         profiles = _from_object(document, settings)
         if profiles is None:
             return None
-        lost = find_lost_values(lines_of_scalars(document))
-        profiles = add_direction(profiles, lines_on_direction(document), settings)
+        lost = find_lost_values(iterate_lines_of_scalars(document))
+        profiles = add_direction(profiles, iterate_lines_on_direction(document), settings)
         profiles = replace(profiles, lost=profiles.lost + lost)
         is_format = is_laser_scan(document) or "type_id" in document  # numbers on the points
         return profiles if is_format else add_attributes(profiles, find_attributes(document))
@@ -162,7 +162,7 @@ def _from_object(document: Mapping[str, Any], settings: ReadSettings) -> RawProf
     """
     if is_laser_scan(document):
         return profiles_from_scans([document])
-    statements = find_unit_statements(lines_on_units(document))
+    statements = find_unit_statements(iterate_lines_on_units(document))
     columns = {
         key: values for key, value in document.items() if (values := as_list_of_numbers(value))
     }
@@ -170,16 +170,16 @@ def _from_object(document: Mapping[str, Any], settings: ReadSettings) -> RawProf
     if names_section(names):
         return _from_columns(document, columns, settings, statements)
     lengths = {name: key for name, key in zip(names, columns, strict=True) if is_coordinate(name)}
-    if settings.dx is not None and len(lengths) == 1 and "x" not in map(column_role, lengths):
+    if settings.dx is not None and len(lengths) == 1 and "x" not in map(find_role, lengths):
         (key,) = lengths.values()
         rows = np.atleast_2d(to_floats(columns[key]))
         heights = profiles_from_matrix(NumberTable.of_heights(rows, key, statements), settings)
         return replace(heights, ignored=tuple(column for column in columns if column != key))
-    table = _named_rows(document, statements) or _opencv_matrix(document, statements)
+    table = _read_named_rows(document, statements) or _read_opencv_matrix(document, statements)
     if table is not None:
         return profiles_from_table(table, settings)
     lists = {k: v for k, v in document.items() if isinstance(v, list | Mapping)}
-    keys = sorted(lists, key=_key_rank)
+    keys = sorted(lists, key=_rank_key)
     for index, key in enumerate(keys):
         profiles = _from_named_list(key, lists[key], settings, statements)
         if profiles is not None:
@@ -212,7 +212,7 @@ def _from_columns(
     others = {k: v for k, v in document.items() if k not in columns and is_column(v, lengths)}
     flags = {k: v for k, v in others.items() if all(isinstance(item, bool) for item in v)}
     arrays |= {key: to_floats(value) for key, value in flags.items()}
-    texts = {key: list(map(cell_text, others[key])) for key in others if key not in flags}
+    texts = {key: list(map(format_cell, others[key])) for key in others if key not in flags}
     profiles = profiles_from_named(arrays, settings, statements, texts)
     lists = {key for key, value in document.items() if isinstance(value, list)}
     notes = note_unused_flags(sorted(lists - arrays.keys() - texts.keys()))
@@ -274,13 +274,13 @@ def _from_objects(
     ]
     if names_section(split_label(key)[0] for key in scalar_keys):
         nested = [key for key in keys if key not in scalar_keys]
-        flat = [{**item, **_flags_below(item, nested)} for item in document] if nested else document
+        flat = [{**item, **_list_flags(item, nested)} for item in document] if nested else document
         flags = [key for key in dict.fromkeys(chain(*flat)) if key not in keys]
         return profiles_from_table(_table_from_objects(flat, [*scalar_keys, *flags]), settings)
     return _profiles_from_items(document, settings)
 
 
-def _flags_below(item: Mapping[str, Any], keys: Sequence[str]) -> dict[str, Any]:
+def _list_flags(item: Mapping[str, Any], keys: Sequence[str]) -> dict[str, Any]:
     """Return the numbers, texts and flags in the objects under some keys of a point."""
     return {
         f"{key} {name}": value
@@ -300,7 +300,7 @@ def _table_from_objects(document: Sequence[Mapping[str, Any]], keys: Sequence[st
         cells = [item.get(key) for item in document]
         is_id = holds_text(cells) and not is_coordinate(labels[column][0])
         if is_id or not all(map(is_scalar, cells)):
-            texts[column] = list(map(cell_text, cells))
+            texts[column] = list(map(format_cell, cells))
         else:
             values[:, column] = to_floats(cells)
     return NumberTable(
@@ -319,7 +319,7 @@ def _profiles_from_items(items: Sequence[Any], settings: ReadSettings) -> RawPro
         if profiles is None and not _is_without_points(item):
             return None
         attributes = find_attributes(item) if isinstance(item, Mapping) else {}
-        parts.append(profiles or add_attributes(empty_profile(), attributes))
+        parts.append(profiles or add_attributes(build_empty_profile(), attributes))
     return None if all(map(_is_without_points, items)) else join_profiles(parts)
 
 
@@ -340,7 +340,7 @@ def _from_flat(
     table = NumberTable(values.reshape(1, -1), statements=statements)
     if settings.dx is not None:
         return profiles_from_matrix(table, settings)
-    width = flat_width(key, values)
+    width = find_flat_width(key, values)
     if width is None:
         raise UnreadableFile(
             f"{values.size} numbers under {key!r} are neither pairs x, z nor triples x, y, z with "
@@ -356,7 +356,7 @@ def _from_rows(
     return profiles_from_table(NumberTable.of_points(rows, statements), settings)
 
 
-def _named_rows(
+def _read_named_rows(
     document: Mapping[str, Any], statements: tuple[UnitStatement, ...]
 ) -> NumberTable | None:
     """Return the table of a list of rows of numbers and a list of their names; else None."""
@@ -372,7 +372,7 @@ def _named_rows(
     return None
 
 
-def _opencv_matrix(
+def _read_opencv_matrix(
     document: Mapping[str, Any], statements: tuple[UnitStatement, ...]
 ) -> NumberTable | None:
     if document.get("type_id") not in ("opencv-matrix", "opencv-nd-matrix"):
@@ -382,7 +382,7 @@ def _opencv_matrix(
     )
 
 
-def _key_rank(key: str) -> int:
+def _rank_key(key: str) -> int:
     """Return the rank of a key in the search for points; `_POINT_KEYS` come first."""
     word = key.lower()
     return _POINT_KEYS.index(word) if word in _POINT_KEYS else len(_POINT_KEYS)

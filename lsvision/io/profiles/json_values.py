@@ -98,7 +98,7 @@ def is_column(value: Any, lengths: Container[int]) -> bool:
     )
 
 
-def cell_text(value: Any) -> str:
+def format_cell(value: Any) -> str:
     """Return the text of a value in a column of text; it is empty for null."""
     return "" if value is None else str(value)
 
@@ -108,7 +108,7 @@ def is_point(value: Any) -> bool:
     return isinstance(value, list) and len(value) in (2, 3) and all(map(is_scalar, value))
 
 
-def lines_on_units(document: Mapping[str, Any]) -> Iterator[str]:
+def iterate_lines_on_units(document: Mapping[str, Any]) -> Iterator[str]:
     """Yield lines ``key: value`` that may state a unit, a scale, a direction or an offset.
 
     They are from the entries, also the items of short lists, and from those of objects below: texts
@@ -118,11 +118,11 @@ def lines_on_units(document: Mapping[str, Any]) -> Iterator[str]:
     for key, value in document.items():
         if isinstance(value, Mapping):
             if not as_list_of_numbers(value):
-                yield from _lines_below(key, value)
+                yield from _iterate_lines_below(key, value)
         elif isinstance(value, list) and value and all(map(_is_description, value)):
             for item in value:
                 described = {name: v for name, v in item.items() if name != "name"}
-                yield from _lines_below(item["name"], described)
+                yield from _iterate_lines_below(item["name"], described)
         elif isinstance(value, list) and "unit" in key.lower():
             yield f"{key}: {', '.join(map(str, value))}"
         elif isinstance(value, list) and _states_on_axes(key, value):
@@ -131,30 +131,30 @@ def lines_on_units(document: Mapping[str, Any]) -> Iterator[str]:
             yield f"{key}: {value}"
 
 
-def lines_on_direction(document: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the lines of `lines_on_units`, and those of settings that are true or false."""
-    yield from lines_on_units(document)
+def iterate_lines_on_direction(document: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the lines of `iterate_lines_on_units`, and those of settings that are true or false."""
+    yield from iterate_lines_on_units(document)
     below = [value.items() for value in document.values() if isinstance(value, Mapping)]
     for key, value in chain(document.items(), *below):
         if isinstance(value, bool):
             yield f"{key}: {str(value).lower()}"
 
 
-def lines_of_objects(items: Iterable[Any]) -> Iterator[str]:
-    """Yield the lines of `lines_on_units` of the items that are objects."""
+def iterate_lines_of_objects(items: Iterable[Any]) -> Iterator[str]:
+    """Yield the lines of `iterate_lines_on_units` of the items that are objects."""
     for item in items:
         if isinstance(item, Mapping):
-            yield from lines_on_units(item)
+            yield from iterate_lines_on_units(item)
 
 
-def _lines_below(key: str, document: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the lines of an object under a key; see `lines_on_units`."""
+def _iterate_lines_below(key: str, document: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the lines of an object under a key; see `iterate_lines_on_units`."""
     for name, value in document.items():
         is_about_axis = not _AXES_AND_UNITS.isdisjoint(re.findall("[a-z]+", key.lower()))
         is_alone = isinstance(value, str | list) and not (is_about_axis or _SMALL.search(key))
         if "unit" in name.lower() and isinstance(value, str) and parse_unit(value) is None:
             is_alone = False  # "us" below "exposure"
-        yield from lines_on_units({name if is_alone else f"{key} {name}": value})
+        yield from iterate_lines_on_units({name if is_alone else f"{key} {name}": value})
 
 
 def _is_description(value: Any) -> bool:
@@ -180,7 +180,7 @@ def _is_statement(value: Any) -> bool:
     return isinstance(value, str | int | float) and not isinstance(value, bool)
 
 
-def lines_of_scalars(document: Mapping[str, Any]) -> Iterator[str]:
+def iterate_lines_of_scalars(document: Mapping[str, Any]) -> Iterator[str]:
     """Yield lines ``key: value`` of the numbers and texts, and of the numbers in sub-objects."""
     for key, value in document.items():
         if isinstance(value, Mapping):

@@ -46,7 +46,7 @@ def profiles_from_scans(scans: Sequence[Mapping[str, Any]]) -> RawProfiles:
     UnreadableFile
         If angles are missing, not numbers, or span more than a revolution, as if in degrees.
     """
-    sections = [_section_points(scan) for scan in scans]
+    sections = [_compute_section_points(scan) for scan in scans]
     return RawProfiles(
         sections=sections,
         units=("m", "m"),
@@ -84,7 +84,7 @@ def read_laser_scan(content: bytes, _: ReadSettings) -> RawProfiles:
     return profiles_from_scans(scans)
 
 
-def _section_points(scan: Mapping[str, Any]) -> FloatArray:
+def _compute_section_points(scan: Mapping[str, Any]) -> FloatArray:
     """Return the (n, 2) points of a scan in the section frame, NaN where lost. Units: m."""
     ranges = np.array([_parse_number(value) for value in scan["ranges"]], dtype=np.float64)
     start, step, stop = (

@@ -73,9 +73,9 @@ def remove_lost(
     if settings.lost_values is not None:
         marked.add_values(settings.lost_values)
     else:
-        marked.add_values((*raw.lost, *_keyence_markers(points)))
+        marked.add_values((*raw.lost, *_find_keyence_markers(points)))
         if not points.all():  # there is a 0
-            zero_rows = np.concatenate([_repeated_zeros(section) for section in sections])
+            zero_rows = np.concatenate([_find_repeated_zeros(section) for section in sections])
             marked.add(", ".join(["0"] * points.shape[1]), zero_rows, guessed=False)
         _add_interrupting(marked, sections)
         _add_guesses(marked, raw, is_range=raw.away and settings.flip is not False)
@@ -115,7 +115,7 @@ class _MarkedPoints:
             self.add(f"{value:.10g}", is_marker, guessed=False)
 
 
-def _keyence_markers(points: FloatArray) -> tuple[float, ...]:
+def _find_keyence_markers(points: FloatArray) -> tuple[float, ...]:
     """Return `KEYENCE_LOST` if a number is low enough to be one of them: most files have none."""
     lowest = float(np.fmin.reduce(points, axis=None, initial=0.0))
     return KEYENCE_LOST if lowest <= max(KEYENCE_LOST) * (1 - _RELATIVE_TOLERANCE) else ()
@@ -143,7 +143,7 @@ def _add_interrupting(marked: _MarkedPoints, sections: Sequence[FloatArray]) -> 
         marked.add(f"{value:.10g}", np.concatenate(rows), guessed=True, interrupts=True)
 
 
-def _repeated_zeros(section: FloatArray) -> BoolArray:
+def _find_repeated_zeros(section: FloatArray) -> BoolArray:
     """Return the rows of 0, 0 (lost points of Leuze sensors), (n,); a single one may be a point."""
     zero_rows: BoolArray = np.all(np.equal(section, 0), axis=1)
     return zero_rows if zero_rows.sum() > 1 else np.zeros(len(zero_rows), dtype=bool)

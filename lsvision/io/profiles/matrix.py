@@ -11,13 +11,13 @@ import numpy as np
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
 from lsvision.io.images import TooManyPixels, decode_image
-from lsvision.io.profiles.column_roles import HEIGHT_ROLES, column_role
+from lsvision.io.profiles.column_roles import HEIGHT_ROLES, find_role
 from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.number_table import NumberTable, floats_from, holds_number
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.stated_heights import resolve_direction
 from lsvision.io.profiles.stated_positions import read_with_stated_positions
-from lsvision.io.profiles.stated_units import common_unit, require_known_unit, statements_about_axis
+from lsvision.io.profiles.stated_units import find_common_unit, require_known_unit, select_for_axis
 from lsvision.io.profiles.text_encoding import decode_text
 from lsvision.io.profiles.text_table import parse_table
 from lsvision.io.profiles.units import split_label
@@ -62,7 +62,7 @@ def profiles_from_text_matrix(table: NumberTable, settings: ReadSettings) -> Raw
         As `profiles_from_matrix`, and if the first row may be such numbers or x.
     """
     labels = table.texts.get(0, ())
-    if not table.names and labels and column_role(split_label(labels[0])[0]) == "x":
+    if not table.names and labels and find_role(split_label(labels[0])[0]) == "x":
         return profiles_from_table(_transpose_labelled_rows(table), settings)
     if not table.names and not settings.transpose:
         table = _without_row_numbers(table)
@@ -156,7 +156,7 @@ def profiles_from_matrix(table: NumberTable, settings: ReadSettings) -> RawProfi
         If the spacing of the columns is not given (``dx``, ``--dx``) and no row states x, or if
         both do, or a number has thousands separators.
     """
-    columns = _height_columns(table)
+    columns = _select_height_columns(table)
     _reject_numbers_in_text(table, columns)
     away, height_notes = _resolve_direction(table, columns, settings)
     left_out = [table.label(c) for c in range(table.values.shape[1]) if c not in columns]
@@ -183,13 +183,13 @@ def profiles_from_matrix(table: NumberTable, settings: ReadSettings) -> RawProfi
         notes = ("two rows: the first read as x, the other as z",)
     else:
         rows, hint = heights, "" if settings.transpose else _transpose_hint(*heights.shape)
-        x, notes = column_positions(heights.shape[1], len(heights), settings)
+        x, notes = compute_column_positions(heights.shape[1], len(heights), settings)
     x_in_mm = rows is heights
     return RawProfiles(
         sections=[np.column_stack([x, row]) for row in rows],
-        units=("mm", settings.count_unit or _stated_unit(table, settings))
+        units=("mm", settings.count_unit or _find_stated_unit(table, settings))
         if x_in_mm
-        else _units_of_rows(table, settings),
+        else _list_units_of_rows(table, settings),
         away=away,
         notes=(*table.notes, *notes, *filter(None, [hint]), *height_notes),
         lost=table.lost,
@@ -207,13 +207,13 @@ def _reject_repeated_x(heights: FloatArray) -> None:
         )
 
 
-def _height_columns(table: NumberTable) -> list[int]:
+def _select_height_columns(table: NumberTable) -> list[int]:
     """Return the columns of heights: those with names such as z_0, z_1; else those without times.
 
     A column of times is text with digits; other text may mark lost points.
     """
     columns = list(range(table.values.shape[1]))
-    stems = list(map(_stem, table.names))
+    stems = list(map(_strip_number, table.names))
     stem, count = Counter(stems).most_common(1)[0] if stems else ("", 0)
     if 2 * count > len(columns):
         return [c for c in columns if stems[c] == stem]
@@ -224,8 +224,8 @@ def _resolve_direction(
     table: NumberTable, columns: Sequence[int], settings: ReadSettings
 ) -> tuple[bool, tuple[str, ...]]:
     """Return the result of `resolve_direction`; heights are ranges if all columns are so named."""
-    stems = [_stem(table.names[c]).rstrip(" _-[(") for c in columns if table.names]
-    are_ranges = bool(stems) and all(column_role(stem) == "range" for stem in stems)
+    stems = [_strip_number(table.names[c]).rstrip(" _-[(") for c in columns if table.names]
+    are_ranges = bool(stems) and all(find_role(stem) == "range" for stem in stems)
     return resolve_direction(table.mentions, settings, is_range=are_ranges)
 
 
@@ -247,12 +247,12 @@ def _reject_numbers_in_text(table: NumberTable, columns: Sequence[int]) -> None:
             raise UnreadableFile(f"line {cell.row}: {cell.text[:40]!r} {cell.reason}")
 
 
-def _stem(name: str) -> str:
+def _strip_number(name: str) -> str:
     """Return the name of a column without the number at its end."""
     return _NUMBER_AT_END.sub("", name)
 
 
-def column_positions(
+def compute_column_positions(
     columns: int, rows: int, settings: ReadSettings
 ) -> tuple[FloatArray, tuple[str, ...]]:
     """Return x of each column from the user's options, and a note if the first is assumed.
@@ -272,20 +272,22 @@ def column_positions(
     return x, () if settings.x0 is not None else ("x of the first column taken as 0 mm",)
 
 
-def _stated_unit(table: NumberTable, settings: ReadSettings) -> str | None:
+def _find_stated_unit(table: NumberTable, settings: ReadSettings) -> str | None:
     """Return the unit of heights that the file states; None if the user states one in `units`."""
     if settings.units is not None:
         return None
-    statements = statements_about_axis(table.statements, "height")
-    unit = common_unit(next(filter(None, table.units), None), statements)
+    statements = select_for_axis(table.statements, "height")
+    unit = find_common_unit(next(filter(None, table.units), None), statements)
     about_heights = [line for line in table.mentions if not _OTHER_AXIS.search(line.lower())]
     require_known_unit((None, unit), about_heights, settings)
     return unit
 
 
-def _units_of_rows(table: NumberTable, settings: ReadSettings) -> tuple[str | None, str | None]:
+def _list_units_of_rows(
+    table: NumberTable, settings: ReadSettings
+) -> tuple[str | None, str | None]:
     """Return the units of a row of x and of the heights below it; `z_unit` is that of heights."""
-    unit = _stated_unit(table, settings)
+    unit = _find_stated_unit(table, settings)
     if settings.count_unit is None:
         return unit, unit
     return unit or settings.units or "mm", settings.count_unit
@@ -351,7 +353,7 @@ def read_height_map(content: bytes, settings: ReadSettings) -> RawProfiles:
     return profiles_from_matrix(NumberTable(floats_from(image), limits=limits), settings)
 
 
-def only_height(table: NumberTable) -> NumberTable | None:
+def select_only_height(table: NumberTable) -> NumberTable | None:
     """Return the column of a table that is named as heights, ranges or y, if none is named x.
 
     Also the second of two columns without names, if the first numbers the points. None for another
@@ -361,7 +363,7 @@ def only_height(table: NumberTable) -> NumberTable | None:
         first = table.values[:, 0]
         if first[0] in (0, 1) and np.array_equal(first, first[0] + np.arange(len(first))):
             return replace(table, values=table.values[:, 1:])
-    roles = list(map(column_role, table.names))
+    roles = list(map(find_role, table.names))
     named = [c for c, role in enumerate(roles) if role in HEIGHT_ROLES]
     if len(named) != 1 or "x" in roles or named[0] in table.texts:
         return None

@@ -7,12 +7,16 @@ import numpy as np
 
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
-from lsvision.io.profiles.column_roles import column_role
+from lsvision.io.profiles.column_roles import find_role
 from lsvision.io.profiles.columns import profiles_from_table
-from lsvision.io.profiles.matrix import column_positions, only_height, profiles_from_matrix
+from lsvision.io.profiles.matrix import (
+    compute_column_positions,
+    profiles_from_matrix,
+    select_only_height,
+)
 from lsvision.io.profiles.number_table import NumberTable
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
-from lsvision.io.profiles.stated_units import common_unit, statements_about_axis
+from lsvision.io.profiles.stated_units import find_common_unit, select_for_axis
 from lsvision.io.profiles.unit_statements import UnitStatement
 from lsvision.io.profiles.units import split_label
 
@@ -50,7 +54,7 @@ def profiles_from_named(
         )
     labels = {label: split_label(label) for label in columns}
     # Reversed, so that the first column in a role is kept.
-    by_role = {column_role(name): label for label, (name, _) in reversed(labels.items())}
+    by_role = {find_role(name): label for label, (name, _) in reversed(labels.items())}
     height = by_role.get("height", by_role.get("range", by_role.get("y")))
     if height is None:
         raise UnreadableFile(
@@ -61,7 +65,7 @@ def profiles_from_named(
     return _from_rows(columns, texts or {}, by_role.get("x"), height, settings, statements)
 
 
-def _row_attributes(
+def _collect_row_attributes(
     columns: Mapping[str, _Column],
     texts: Mapping[str, Sequence[str]],
     coordinates: set[str | None],
@@ -120,7 +124,9 @@ def _from_points(
         statements=statements,
         texts={len(number_labels) + k: texts[label] for k, label in enumerate(text_labels)},
     )
-    heights = only_height(table) if settings.dx is not None and settings.columns is None else None
+    heights = (
+        select_only_height(table) if settings.dx is not None and settings.columns is None else None
+    )
     if heights is not None:
         return profiles_from_matrix(heights, settings)
     raw = profiles_from_table(table, settings)
@@ -151,17 +157,20 @@ def _from_rows(
         raise UnreadableFile(f"{x} and {height} differ in length: expected an x for each height")
     units: tuple[str | None, str | None] = (None, None)
     if settings.units is None:
-        about_x, about_height = (statements_about_axis(statements, a) for a in ("x", "height"))
-        x_unit = "mm" if x is None else common_unit(split_label(x)[1], about_x)
-        units = x_unit, settings.count_unit or common_unit(split_label(height)[1], about_height)
+        about_x, about_height = (select_for_axis(statements, a) for a in ("x", "height"))
+        x_unit = "mm" if x is None else find_common_unit(split_label(x)[1], about_x)
+        units = (
+            x_unit,
+            settings.count_unit or find_common_unit(split_label(height)[1], about_height),
+        )
     if settings.count_unit is not None:
         units = settings.units or units[0] or "mm", settings.count_unit
-    attributes = _row_attributes(columns, texts, {x, height}, len(rows))
+    attributes = _collect_row_attributes(columns, texts, {x, height}, len(rows))
     used = {x, height, *(attributes[0] if attributes else ())}
     return RawProfiles(
         sections=[np.column_stack(pair) for pair in zip(row_positions, rows, strict=True)],
         units=units,
-        away=column_role(split_label(height)[0]) == "range",
+        away=find_role(split_label(height)[0]) == "range",
         x_in_mm=x is None,
         attributes=attributes,
         ignored=tuple(label for label in (*columns, *texts) if label not in used),
@@ -174,7 +183,7 @@ def _resolve_row_positions(
 ) -> list[FloatArray]:
     """Return the x of each profile: its own, the x of all, or the positions of the columns."""
     if x is None:
-        return [column_positions(len(row), len(rows), settings)[0] for row in rows]
+        return [compute_column_positions(len(row), len(rows), settings)[0] for row in rows]
     if _is_1d(x):
         return [np.asarray(x)] * len(rows)
     if len(x) != len(rows):

@@ -275,7 +275,7 @@ class NumberTable:
         """Return the name of a column, or its number if it has none."""
         return (self.names[column] if self.names else "") or str(column)
 
-    def lines_of_constants(self, coordinates: Container[int]) -> Iterator[str]:
+    def iterate_lines_of_constants(self, coordinates: Container[int]) -> Iterator[str]:
         """Yield a line ``name: value`` for each value of the columns with one, or few texts.
 
         They may state a unit, such as that in a column ``unit``. The columns `coordinates` are left

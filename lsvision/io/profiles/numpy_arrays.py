@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.errors import UnreadableFile
-from lsvision.files.limited_reading import current_size_limit
+from lsvision.files.limited_reading import get_size_limit
 from lsvision.io.profiles.column_roles import has_known_role, names_section
 from lsvision.io.profiles.columns import profiles_from_rows_of_points, profiles_from_table
 from lsvision.io.profiles.matrix import MIN_COLUMNS, are_heights, profiles_from_matrix
@@ -82,7 +82,7 @@ def read_npz(content: bytes, settings: ReadSettings) -> RawProfiles:
     """
     loaded = _load(content)
     scalars = {
-        name: _scalar_text(array)
+        name: _format_scalar(array)
         for name, array in loaded.items()
         if _is_text(array) or (_is_number(array) and not has_known_role(name))
     }
@@ -121,10 +121,10 @@ def _load(content: bytes) -> Mapping[str, npt.NDArray[np.generic]]:
             return {"": _parse_npy(content)}
         return _unpack(content)
     except _NUMPY_ERRORS as error:
-        raise _unreadable(error) from None
+        raise _build_unreadable_error(error) from None
 
 
-def _unreadable(error: BaseException) -> UnreadableFile:
+def _build_unreadable_error(error: BaseException) -> UnreadableFile:
     reason = " ".join(str(error).split())[:80]
     return UnreadableFile(
         f"NumPy cannot read it ({reason}): save plain arrays of numbers with np.save"
@@ -135,7 +135,7 @@ def _is_text(array: npt.NDArray[np.generic]) -> bool:
     return array.dtype.kind in "US" and array.size == 1
 
 
-def _scalar_text(array: npt.NDArray[np.generic]) -> str:
+def _format_scalar(array: npt.NDArray[np.generic]) -> str:
     value = array.item()
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
 
@@ -148,7 +148,7 @@ def _unpack(content: bytes) -> dict[str, npt.NDArray[np.generic]]:
     """Return the arrays of a zip archive; their sizes are checked before they are unpacked."""
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         size = sum(member.file_size for member in archive.infolist())
-        if size > current_size_limit():
+        if size > get_size_limit():
             raise ValueError(f"{size / 1e9:.3g} GB when unpacked, above --max-size")
         arrays = {}
         for member in archive.infolist():
@@ -179,7 +179,7 @@ def open_npy(path: Path) -> npt.NDArray[np.generic]:
             _check_size(file, path.stat().st_size)
         return _load_quietly(path, mmap_mode="r")
     except _NUMPY_ERRORS as error:
-        raise _unreadable(error) from None
+        raise _build_unreadable_error(error) from None
 
 
 def _load_quietly(
@@ -241,7 +241,7 @@ def profiles_from_array(
     is_row_per_axis = values.shape[0] in (2, 3) and values.shape[1] >= MIN_COLUMNS
     if is_row_per_axis and settings.dx is None and not settings.transpose:
         values = values.T
-    table = NumberTable(values, statements=statements, limits=_limits(array.dtype))
+    table = NumberTable(values, statements=statements, limits=_find_type_limits(array.dtype))
     is_matrix = settings.transpose or are_heights(values.shape[1], settings) or len(values) == 1
     if settings.columns is None and is_matrix:
         labelled = NumberTable.of_heights(values, label, statements)
@@ -249,7 +249,7 @@ def profiles_from_array(
     return profiles_from_table(table, settings)
 
 
-def _limits(kind: np.dtype[np.generic]) -> tuple[float, ...]:
+def _find_type_limits(kind: np.dtype[np.generic]) -> tuple[float, ...]:
     """Return the limits of an integer type, which mark lost points if far from other values.
 
     None of an 8-bit type: they may be heights.

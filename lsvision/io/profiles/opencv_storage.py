@@ -56,10 +56,10 @@ def parse_opencv_json(text: str) -> Any:
     ValueError
         As `parse_json`.
     """
-    return parse_json(_OPENCV_NUMBER.sub(_plain_number, text), allow_nan=True)
+    return parse_json(_OPENCV_NUMBER.sub(_convert_number, text), allow_nan=True)
 
 
-def _plain_number(match: re.Match[str]) -> str:
+def _convert_number(match: re.Match[str]) -> str:
     """Return a number of OpenCV's JSON as JSON has it."""
     if match[2] is None:
         return ".0"
@@ -81,11 +81,11 @@ def matrix_from_node(key: str, node: Mapping[str, Any]) -> FloatArray:
         sizes = (
             node["sizes"]
             if "sizes" in node
-            else [_scalar_text(node["rows"]), _scalar_text(node["cols"])]
+            else [_format_scalar(node["rows"]), _format_scalar(node["cols"])]
         )
-        match = _MATRIX_TYPE.fullmatch(_scalar_text(node["dt"]).strip("\"'"))
+        match = _MATRIX_TYPE.fullmatch(_format_scalar(node["dt"]).strip("\"'"))
         if match is None:
-            raise ValueError(f"dt {_scalar_text(node['dt'])!r}")
+            raise ValueError(f"dt {_format_scalar(node['dt'])!r}")
         shape = [int(size) for size in sizes] + [int(match[1] or 1)]
         data = node["data"]
         if not isinstance(data, list):
@@ -94,18 +94,18 @@ def matrix_from_node(key: str, node: Mapping[str, Any]) -> FloatArray:
             raise ValueError(f"sizes {shape}")
     except (KeyError, ValueError, TypeError) as error:
         raise UnreadableFile(
-            f"{_prefix(key)}a matrix with a bad or missing {error}: write it again with "
+            f"{_decode_prefix(key)}a matrix with a bad or missing {error}: write it again with "
             "cv2.FileStorage"
         ) from None
     if math.prod(shape) != len(data):
         raise UnreadableFile(
-            f"{_prefix(key)}a matrix of {' x '.join(map(str, shape))} numbers, got {len(data)}: "
-            "write it again with cv2.FileStorage"
+            f"{_decode_prefix(key)}a matrix of {' x '.join(map(str, shape))} numbers, "
+            f"got {len(data)}: write it again with cv2.FileStorage"
         )
     return numbers_from_cells([str(item) for item in data]).reshape(shape)
 
 
-def _scalar_text(value: Any) -> str:
+def _format_scalar(value: Any) -> str:
     """Return the text of a scalar; XML gives it as a list of one word."""
     if isinstance(value, list) and len(value) == 1:
         value = value[0]
@@ -129,7 +129,7 @@ def table_from_points(key: str, values: FloatArray) -> NumberTable:
         rows = values if values.shape[1] <= values.shape[0] else values.T
     elif values.ndim > 2:
         raise UnreadableFile(
-            f"{_prefix(key)}expected points of n x 2 or n x 3 numbers, got "
+            f"{_decode_prefix(key)}expected points of n x 2 or n x 3 numbers, got "
             f"{' x '.join(map(str, values.shape))}: write one profile per matrix"
         )
     elif values.size % 3 == 0 and (key == TRIPLES or values.size % 2 or is_constant(values[1::3])):
@@ -144,7 +144,7 @@ def table_from_points(key: str, values: FloatArray) -> NumberTable:
     return NumberTable.of_points(rows)
 
 
-def flat_width(key: str, values: FloatArray) -> int | None:
+def find_flat_width(key: str, values: FloatArray) -> int | None:
     """Return how many numbers of a flat list, (n,), are one point; None if it has no points.
 
     A list under the key ``scan_line`` holds triples if its length is a multiple of 3.
@@ -165,7 +165,7 @@ def is_constant(values: FloatArray) -> bool:
     return len(np.unique(values[np.isfinite(values)])) <= 1
 
 
-def _prefix(key: str) -> str:
+def _decode_prefix(key: str) -> str:
     return f"{key}: " if key else ""
 
 
@@ -190,16 +190,16 @@ def read_opencv_storage(content: bytes, settings: ReadSettings) -> RawProfiles:
     statements, lost = find_unit_statements(lines), find_lost_values(lines)
     if len(columns) > 1:
         return replace(profiles_from_named(columns, settings, statements), lost=lost)
-    key = min(lists, key=_rank, default=None)
+    key = min(lists, key=_rank_key, default=None)
     if key is not None and (key in _POINT_KEYS or len(lists[key]) >= _MIN_NUMBERS):
         values = numbers_from_cells(lists[key])
-        if key not in _POINT_KEYS and flat_width(key, values) is None:
+        if key not in _POINT_KEYS and find_flat_width(key, values) is None:
             raise UnreadableFile(
                 f"expected points with rising x under {key!r}, got {len(values)} numbers: write "
                 "scan_line: [x, y, z, ...] or lists x and z"
             )
     else:
-        key, values = _first_node(text)
+        key, values = _find_first_node(text)
     table = table_from_points(key, np.squeeze(values))
     return profiles_from_table(replace(table, statements=statements, lost=lost), settings)
 
@@ -219,16 +219,16 @@ def _is_list_of_words(node: Any) -> bool:
     return isinstance(node, list) and all(isinstance(word, str) for word in node)
 
 
-def _rank(key: str) -> int:
+def _rank_key(key: str) -> int:
     """Return the rank of a key among those that may hold points; known names come first."""
     return _POINT_KEYS.index(key) if key in _POINT_KEYS else len(_POINT_KEYS)
 
 
-def _first_node(text: str) -> tuple[str, FloatArray]:
+def _find_first_node(text: str) -> tuple[str, FloatArray]:
     """Return the key of lowest rank that holds points, and its numbers."""
     nodes = _parse_nodes(text)
-    for key in sorted(nodes, key=_rank):
-        values = _numbers(key, nodes[key])
+    for key in sorted(nodes, key=_rank_key):
+        values = _read_numbers(key, nodes[key])
         is_pairs = values.ndim == 2 and values.shape[1] == 2
         if values.size and (key in _POINT_KEYS or is_pairs or values.size >= _MIN_NUMBERS):
             return key, values
@@ -299,7 +299,7 @@ def _from_xml(text: str) -> dict[str, Any]:
         root = ElementTree.fromstring(text, ElementTree.XMLParser(target=_ShallowTree()))
     except (ElementTree.ParseError, UnicodeError) as error:
         raise ValueError(f"no XML: {error}") from None
-    return {element.tag: _xml_node(element) for element in root}
+    return {element.tag: _convert_xml_node(element) for element in root}
 
 
 class _ShallowTree(ElementTree.TreeBuilder):
@@ -325,17 +325,17 @@ class _ShallowTree(ElementTree.TreeBuilder):
         return super().end(tag)
 
 
-def _xml_node(element: ElementTree.Element) -> Any:
+def _convert_xml_node(element: ElementTree.Element) -> Any:
     """Return words for an element without children, a list for children ``_``, else a mapping."""
     children = list(element)
     if not children:
         return (element.text or "").split()
     if all(child.tag == "_" for child in children):
-        return [_xml_node(child) for child in children]
-    return {child.tag: _xml_node(child) for child in children}
+        return [_convert_xml_node(child) for child in children]
+    return {child.tag: _convert_xml_node(child) for child in children}
 
 
-def _numbers(key: str, node: Any) -> FloatArray:
+def _read_numbers(key: str, node: Any) -> FloatArray:
     """Return the numbers of a node; empty if it is neither a matrix nor a list."""
     if isinstance(node, Mapping):
         return matrix_from_node(key, node) if {"rows", "sizes"} & set(node) else np.empty(0)

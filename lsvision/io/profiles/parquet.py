@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from lsvision.errors import UnreadableFile
-from lsvision.files.limited_reading import current_size_limit
+from lsvision.files.limited_reading import get_size_limit
 from lsvision.geometry import FloatArray
-from lsvision.io.profiles.column_roles import column_role, is_coordinate
+from lsvision.io.profiles.column_roles import find_role, is_coordinate
 from lsvision.io.profiles.named_columns import profiles_from_named
 from lsvision.io.profiles.number_table import floats_from
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
@@ -55,16 +55,21 @@ def iterate_tables(path: Path, rows: int) -> "Iterator[pa.Table]":
 
 def profiles_from_table(table: "pa.Table", settings: ReadSettings) -> RawProfiles:
     """Return the profiles of an Arrow table; see `read_parquet`."""
-    pyarrow = _pyarrow()
+    pyarrow = _import_pyarrow()
     try:
         columns = {
-            name: None if _is_large_number(table, name) else _values(table[name])
+            name: None if _is_large_number(table, name) else _read_values(table[name])
             for name in table.column_names
         }
-        texts = {name: _texts(table[name]) for name in table.column_names if columns[name] is None}
-        stated = [*_unit_statements(table.schema.metadata), *_field_statements(table.schema)]
+        texts = {
+            name: _read_texts(table[name]) for name in table.column_names if columns[name] is None
+        }
+        stated = [
+            *_list_unit_statements(table.schema.metadata),
+            *_list_field_statements(table.schema),
+        ]
     except (pyarrow.ArrowException, OSError, ValueError, TypeError, KeyError) as error:
-        raise _unreadable(error) from None
+        raise _build_unreadable_error(error) from None
     numbers_by_name = {name: values for name, values in columns.items() if values is not None}
     texts_by_name = {name: cells for name, cells in texts.items() if cells is not None}
     return profiles_from_named(numbers_by_name, settings, tuple(stated), texts_by_name)
@@ -96,7 +101,7 @@ def holds_lists(column: "pa.ChunkedArray", lengths: Sequence[int]) -> bool:
     )
 
 
-def _pyarrow() -> Any:
+def _import_pyarrow() -> Any:
     """Return the imported pyarrow; an error names the extra that installs it."""
     try:
         import pyarrow
@@ -108,7 +113,7 @@ def _pyarrow() -> Any:
     return pyarrow
 
 
-def _unreadable(error: Exception) -> UnreadableFile:
+def _build_unreadable_error(error: Exception) -> UnreadableFile:
     reason = " ".join(str(error).split())[:80]
     return UnreadableFile(f"pyarrow cannot read it ({reason}): write it again")
 
@@ -118,18 +123,18 @@ def _iterate_tables(file: BinaryIO, rows: int | None) -> "Iterator[pa.Table]":
 
     A file without rows is an error.
     """
-    pyarrow = _pyarrow()
+    pyarrow = _import_pyarrow()
     try:
         with pyarrow.parquet.ParquetFile(file) as source:
             schema = source.schema_arrow
             _check_table(source)
             if rows is None or not any(map(_is_list, schema.types)):
-                yield _limited_table(source)
+                yield _read_limited_table(source)
                 return
             for batch in source.iter_batches(batch_size=rows):
                 yield pyarrow.Table.from_batches([batch], schema=schema)
     except (pyarrow.ArrowException, OSError, ValueError, TypeError, KeyError) as error:
-        raise _unreadable(error) from None
+        raise _build_unreadable_error(error) from None
 
 
 def _check_table(file: Any) -> None:
@@ -145,7 +150,7 @@ def _check_table(file: Any) -> None:
         )
 
 
-def _texts(column: Any) -> list[str] | None:
+def _read_texts(column: Any) -> list[str] | None:
     """Return the cells of a column of text, dates or booleans; None for nested columns."""
     from pyarrow import string, types
 
@@ -158,7 +163,7 @@ def _texts(column: Any) -> list[str] | None:
     return ["" if cell is None else str(cell) for cell in cells]
 
 
-def _unit_statements(metadata: Any, axis: str = "") -> tuple[UnitStatement, ...]:
+def _list_unit_statements(metadata: Any, axis: str = "") -> tuple[UnitStatement, ...]:
     """Return the units in the metadata of a table, such as ``unit: um``."""
     lines = [
         f"unit {axis}: {value.decode('utf-8', 'replace')}"
@@ -168,17 +173,17 @@ def _unit_statements(metadata: Any, axis: str = "") -> tuple[UnitStatement, ...]
     return find_unit_statements(lines)
 
 
-def _field_statements(schema: Any) -> list[UnitStatement]:
+def _list_field_statements(schema: Any) -> list[UnitStatement]:
     """Return the units in the metadata of the columns of x and height."""
     statements: list[UnitStatement] = []
     for field in schema:
-        role = column_role(split_label(field.name)[0])
+        role = find_role(split_label(field.name)[0])
         if role in ("x", "height", "range"):
-            statements += _unit_statements(field.metadata, role)
+            statements += _list_unit_statements(field.metadata, role)
     return statements
 
 
-def _limited_table(file: Any) -> Any:
+def _read_limited_table(file: Any) -> Any:
     """Return the table of a file, rejected as soon as it unpacks to more than the limit.
 
     Because of compression, the size of the file does not limit that of the table. The sizes in the
@@ -186,7 +191,7 @@ def _limited_table(file: Any) -> Any:
     """
     import pyarrow
 
-    limit, rows = current_size_limit(), file.metadata.num_rows
+    limit, rows = get_size_limit(), file.metadata.num_rows
     if rows * max(file.metadata.num_columns, 1) * _BYTES_PER_VALUE > limit:
         raise ValueError(f"{rows} rows, more than --max-size when unpacked")
     batches, size = [], 0
@@ -198,20 +203,20 @@ def _limited_table(file: Any) -> Any:
     return pyarrow.Table.from_batches(batches, schema=file.schema_arrow)
 
 
-def _values(column: Any) -> FloatArray | list[FloatArray] | None:
+def _read_values(column: Any) -> FloatArray | list[FloatArray] | None:
     """Return the numbers of a column, an array per row for lists; None for other columns."""
     kind = column.type
     if _is_list(kind):
-        return _rows(column) if _is_number(kind.value_type) else None
-    return _floats(column) if _is_number(kind) else None
+        return _read_rows(column) if _is_number(kind.value_type) else None
+    return _read_floats(column) if _is_number(kind) else None
 
 
-def _rows(column: Any) -> list[FloatArray]:
+def _read_rows(column: Any) -> list[FloatArray]:
     """Return the numbers of each list; an empty array for a null."""
     import pyarrow as pa
 
     lists = column.combine_chunks().cast(pa.large_list(pa.float64()))
-    ends, values = np.from_dlpack(lists.offsets).tolist(), _floats(lists.values)
+    ends, values = np.from_dlpack(lists.offsets).tolist(), _read_floats(lists.values)
     rows = [values[start:end] for start, end in pairwise(ends)]
     if lists.null_count:
         nulls = lists.is_null().to_pylist()
@@ -231,7 +236,7 @@ def _is_number(kind: Any) -> bool:
     return bool(types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind))
 
 
-def _floats(array: Any) -> FloatArray:
+def _read_floats(array: Any) -> FloatArray:
     """Return numbers, NaN for null; from the buffers, because `to_numpy` imports pandas."""
     import pyarrow as pa
 

@@ -13,9 +13,9 @@ from lsvision.io.profiles.column_roles import names_section
 from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.matrix import (
     are_heights,
-    only_height,
     profiles_from_matrix,
     profiles_from_text_matrix,
+    select_only_height,
 )
 from lsvision.io.profiles.pose_documents import reject_pose_text
 from lsvision.io.profiles.settings import MM_PER_KEYENCE_STEP, RawProfiles, ReadSettings
@@ -65,7 +65,7 @@ def _profiles_from_text(text: str, settings: ReadSettings) -> RawProfiles:
     if is_matrix and settings.columns is None:
         return profiles_from_text_matrix(table, settings)
     if settings.dx is not None and settings.columns is None:
-        height = only_height(table)
+        height = select_only_height(table)
         if height is None:
             raise UnreadableFile(
                 f"{table.values.shape[1]} columns, but --dx is for heights without x: leave it out "

@@ -6,7 +6,7 @@ import numpy as np
 
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
-from lsvision.io.profiles.units import mm_per_unit
+from lsvision.io.profiles.units import find_mm_per_unit
 from lsvision.profile import Profile
 from lsvision.statistics.rounding import find_rounding
 
@@ -78,7 +78,7 @@ def find_unit_warnings(
     farthest = float(np.abs([low, high]).max())
     if farthest > _MAX_RANGE_MM:
         unit = next(
-            (unit for unit in _FINER_UNITS if farthest * mm_per_unit(unit) < _USUAL_MM), "nm"
+            (unit for unit in _FINER_UNITS if farthest * find_mm_per_unit(unit) < _USUAL_MM), "nm"
         )
         problem = f"coordinates reach {farthest:.3g} mm"
         remedy = f"if the unit is another, see --units {unit}"

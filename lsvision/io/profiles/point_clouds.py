@@ -142,7 +142,7 @@ def _parse_points(body: bytes, layout: _Layout, *, ascii_: bool) -> NumberTable:
             "export the cloud with its coordinates"
         )
     if ascii_:
-        columns = _ascii_columns(body, dtype, layout.count)
+        columns = _parse_ascii_columns(body, dtype, layout.count)
     elif len(body) < layout.count * dtype.itemsize:
         raise UnreadableFile(
             f"truncated: its header announces {layout.count} points: export it again"
@@ -153,7 +153,7 @@ def _parse_points(body: bytes, layout: _Layout, *, ascii_: bool) -> NumberTable:
     return NumberTable.of_points(np.column_stack(columns))
 
 
-def _ascii_columns(body: bytes, dtype: np.dtype[np.void], count: int) -> list[FloatArray]:
+def _parse_ascii_columns(body: bytes, dtype: np.dtype[np.void], count: int) -> list[FloatArray]:
     """Return the columns x, y and z of points that are written as text."""
     widths = [int(np.prod(dtype[name].shape, dtype=int)) for name in dtype.names or ()]
     starts = dict(zip(dtype.names or (), np.cumsum([0, *widths]), strict=False))

@@ -99,12 +99,12 @@ def _holds_poses(document: Any, depth: int) -> bool:
         keys = {str(key).lower() for key in document}
         if any(pose <= keys for pose in (*_PAIRS, *_POSE_KEYS)):
             return True
-        return _any_holds_poses(document.values(), depth)
+        return _contains_poses(document.values(), depth)
     if not isinstance(document, list) or not document:
         return False
     if _are_rows(document) or _is_matrix(document) or _is_position_and_rotation(document):
         return True
-    return _any_holds_poses(document, depth)
+    return _contains_poses(document, depth)
 
 
 def _are_rows(items: list[Any]) -> bool:
@@ -118,7 +118,7 @@ def _are_rows(items: list[Any]) -> bool:
     )
 
 
-def _any_holds_poses(values: Iterable[Any], depth: int) -> bool:
+def _contains_poses(values: Iterable[Any], depth: int) -> bool:
     return any(_holds_poses(value, depth + 1) for value in islice(values, _MAX_ITEMS))
 
 

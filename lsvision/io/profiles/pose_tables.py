@@ -43,7 +43,7 @@ def reject_pose_names(
     Not if the rotation is the attitude of the sensor: constant in each profile, of which one at
     least is no straight line. `sections` are the points of the profiles, `rows` those in the table.
     """
-    rotation = _rotation_columns(table.names)
+    rotation = _find_rotation_columns(table.names)
     if rotation is None:
         return
     parts = [table.values[profile][:, rotation] for profile in rows]
@@ -55,7 +55,7 @@ def reject_pose_names(
     raise UnreadableFile(f"its columns {rest} are those of robot poses: {_REMEDY}")
 
 
-def _rotation_columns(names: Sequence[str]) -> list[int] | None:
+def _find_rotation_columns(names: Sequence[str]) -> list[int] | None:
     """Return the columns of a rotation beside those of a position, or six of joint angles."""
     joints = [c for c, name in enumerate(names) if _JOINT_NAME.fullmatch(name)]
     if len(joints) >= 6:

@@ -8,11 +8,11 @@ from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray, IntArray
 from lsvision.io.profiles.column_roles import (
     HEIGHT_ROLES,
-    column_role,
-    columns_by_role,
+    find_role,
     has_known_role,
     identifies_profiles,
     is_part_name,
+    select_by_role,
 )
 from lsvision.io.profiles.number_table import NumberTable
 from lsvision.io.profiles.point_order import MIN_POINTS_PER_PROFILE, find_restarts
@@ -28,7 +28,7 @@ def reject_rounded_keys(table: NumberTable) -> None:
     Different profiles could then have the same number.
     """
     for column, name in enumerate(table.names):
-        is_key = identifies_profiles(name) and _cells(table, column) is None
+        is_key = identifies_profiles(name) and _get_cells(table, column) is None
         if is_key and np.any(np.abs(table.values[:, column]) >= MAX_EXACT_NUMBER):
             raise UnreadableFile(
                 f"{name}: numbers above 2^53 would be rounded, and different ones become equal: "
@@ -60,7 +60,7 @@ def separate_profiles(
     """
     if not is_travel:
         codes = _without_gaps(table, key, coordinates)
-        return _split_by(_composite_key(table, key, coordinates, codes)), None
+        return _split_by(_build_composite_key(table, key, coordinates, codes)), None
     if key in table.texts:
         return _split_by(_without_gaps(table, key, coordinates)), None
     codes = _fill_gaps(table.values[:, key])
@@ -70,7 +70,7 @@ def separate_profiles(
 
 def find_scan_key(table: NumberTable, coordinates: Sequence[int]) -> int | None:
     """Return the column of the profile's number if it separates profiles; else None."""
-    scan = columns_by_role(table.names, table.texts).get("scan")
+    scan = select_by_role(table.names, table.texts).get("scan")
     if scan is None or scan in coordinates or not _separates_profiles(table, scan):
         return None
     return scan
@@ -101,7 +101,7 @@ def _find_key_by_restarts(table: NumberTable, coordinates: Sequence[int]) -> int
     for column, name in enumerate(table.names) if len(restarts) else ():
         if column in coordinates or not name or has_known_role(name):
             continue
-        codes = _fill_gaps(_codes(table, column))
+        codes = _fill_gaps(_encode_column(table, column))
         starts = np.searchsorted(rows, np.flatnonzero(np.diff(codes)) + 1)
         if np.array_equal(rows[starts[starts < len(rows)]], restarts) and is_profile_key(codes):
             return column
@@ -123,7 +123,7 @@ def note_keys(table: NumberTable, key: int | None, *, is_travel: bool) -> tuple[
 
 
 def _varies(table: NumberTable, column: int) -> bool:
-    codes = _codes(table, column)
+    codes = _encode_column(table, column)
     return len(np.unique(codes[np.isfinite(codes)])) > 1
 
 
@@ -136,21 +136,21 @@ def is_profile_key(column: FloatArray) -> bool:
 
 def _separates_profiles(table: NumberTable, column: int) -> bool:
     """Return whether a column may separate profiles: not if two or more numbers all differ."""
-    codes = _codes(table, column)
+    codes = _encode_column(table, column)
     finite = codes[np.isfinite(codes)]
     return len(finite) < 2 or len(np.unique(finite)) < len(finite)
 
 
-def _codes(table: NumberTable, column: int) -> FloatArray:
+def _encode_column(table: NumberTable, column: int) -> FloatArray:
     """Return the numbers of a column, or a number for each of its texts; NaN if there is none."""
-    cells = _cells(table, column)
+    cells = _get_cells(table, column)
     if cells is None:
         return table.values[:, column]
     numbers = {text: float(code) for code, text in enumerate(dict.fromkeys(cells))}
     return np.array([np.nan if _is_blank(text) else numbers[text] for text in cells])
 
 
-def _cells(table: NumberTable, column: int) -> Sequence[str] | None:
+def _get_cells(table: NumberTable, column: int) -> Sequence[str] | None:
     """Return the cells of a column of text, or of numbers that do not tell them; else None."""
     return table.texts.get(column, table.spellings.get(column))
 
@@ -160,7 +160,7 @@ def _is_blank(cell: str) -> bool:
     return cell.lower() in ("", "nan")
 
 
-def _composite_key(
+def _build_composite_key(
     table: NumberTable, key: int, coordinates: Sequence[int], codes: FloatArray
 ) -> FloatArray:
     """Return the codes of a key combined with other columns of profiles, parts, sensors or runs.
@@ -171,7 +171,7 @@ def _composite_key(
     for column, name in enumerate(table.names):
         if column == key or column in coordinates:
             continue
-        is_scan = column_role(name) == "scan" and _separates_profiles(table, column)
+        is_scan = find_role(name) == "scan" and _separates_profiles(table, column)
         if is_scan or is_part_name(name):
             others = _without_gaps(table, column, coordinates, codes)
             pairs = np.column_stack([codes, others])
@@ -205,7 +205,7 @@ def _without_gaps(
         If points without an id are neither among rows with the same one, nor below the only row
         of their part that states it.
     """
-    codes = _codes(table, column)
+    codes = _encode_column(table, column)
     known = np.isfinite(codes)
     filled = _fill_gaps(codes)
     if known.all() or not known.any():
@@ -254,8 +254,10 @@ def find_profile_attributes(
     by_profile: list[dict[str, float | str]] = [{} for _ in rows]
     ignored = []
     for column in other_columns:
-        stated = _rows_that_state_ids(table, column) if table.names else None
-        values = [] if stated is None else [_common_value(table, column, stated[r]) for r in rows]
+        stated = _find_rows_that_state_ids(table, column) if table.names else None
+        values = []
+        if stated is not None:
+            values = [_find_common_value(table, column, stated[r]) for r in rows]
         has_values = any(value is not None for value in values)
         if (
             has_values
@@ -271,7 +273,7 @@ def find_profile_attributes(
     return tuple(by_profile) if has_attributes else (), tuple(ignored)
 
 
-def _rows_that_state_ids(table: NumberTable, column: int) -> IntArray:
+def _find_rows_that_state_ids(table: NumberTable, column: int) -> IntArray:
     """Return for each row the one whose cell counts: the row itself, or that of an id above it.
 
     The latter where ids are in the first rows of parts only.
@@ -279,15 +281,15 @@ def _rows_that_state_ids(table: NumberTable, column: int) -> IntArray:
     rows = np.arange(len(table.values))
     if not identifies_profiles(table.names[column]):
         return rows
-    known = np.isfinite(_codes(table, column))
+    known = np.isfinite(_encode_column(table, column))
     if known.all() or np.any(known[1:] & known[:-1]):
         return rows
     return np.maximum.accumulate(np.where(known, rows, np.argmax(known)))
 
 
-def _common_value(table: NumberTable, column: int, rows: IntArray) -> float | str | None:
+def _find_common_value(table: NumberTable, column: int, rows: IntArray) -> float | str | None:
     """Return the common value of all points of a profile; None if they differ or are all NaN."""
-    texts = _texts(table, column, rows)
+    texts = _find_texts(table, column, rows)
     if texts is not None:
         return texts.pop() if len(texts) == 1 else None
     values = table.values[rows, column]
@@ -295,12 +297,12 @@ def _common_value(table: NumberTable, column: int, rows: IntArray) -> float | st
     return float(values[0]) if len(values) and bool(np.all(values == values[0])) else None
 
 
-def _texts(table: NumberTable, column: int, rows: IntArray) -> set[str] | None:
+def _find_texts(table: NumberTable, column: int, rows: IntArray) -> set[str] | None:
     """Return the different texts of a column in some rows; None for numbers.
 
     An empty text is none in a column of ids, and among numbers.
     """
-    cells = _cells(table, column)
+    cells = _get_cells(table, column)
     if cells is None:
         return None
     texts = {cells[row] for row in rows.tolist()}
@@ -317,8 +319,8 @@ def _varies_in_one(
 ) -> bool:
     """Return whether a profile without a common value in a column has several, and not none."""
     without = [r for r, value in zip(rows, values, strict=True) if value is None]
-    if _cells(table, column) is not None:
-        return any(_texts(table, column, r) for r in without)
+    if _get_cells(table, column) is not None:
+        return any(_find_texts(table, column, r) for r in without)
     return any(np.isfinite(table.values[r, column]).any() for r in without)
 
 
@@ -328,7 +330,7 @@ def numbers_points(table: NumberTable, column: int) -> bool:
     is_length = unit is not None and unit.unit is not None
     values = table.values[:, column]
     return (
-        (column_role(table.names[column]) == "scan" or not has_known_role(table.names[column]))
+        (find_role(table.names[column]) == "scan" or not has_known_role(table.names[column]))
         and not is_length
         and len(values) >= MIN_POINTS_PER_PROFILE
         and values[0] in (0, 1)
@@ -342,7 +344,7 @@ def require_x(table: NumberTable, columns: Sequence[int], numbering: Sequence[in
     None or one of the names of the table is that of a coordinate. `columns` may be coordinates,
     `numbering` are those that number the points.
     """
-    roles = [column_role(table.names[c]) for c in columns]
+    roles = [find_role(table.names[c]) for c in columns]
     if len(columns) == 1 and any(not table.names[c] or roles[0] in HEIGHT_ROLES for c in numbering):
         label = table.names[numbering[0]] or "without a name"
         problem = f"column {label} numbers the points"

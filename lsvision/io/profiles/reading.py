@@ -37,7 +37,7 @@ from lsvision.io.profiles.plausibility import (
 from lsvision.io.profiles.point_clouds import read_pcd, read_ply
 from lsvision.io.profiles.ros_bags import read_ros_bag
 from lsvision.io.profiles.settings import RawProfiles, ReadOptions, ReadSettings
-from lsvision.io.profiles.units import mm_per_unit
+from lsvision.io.profiles.units import find_mm_per_unit
 from lsvision.io.profiles.yaml_points import read_yaml
 from lsvision.profile import Profile
 
@@ -211,7 +211,7 @@ def read_profiles(path: str | os.PathLike[str], **options: Unpack[ReadOptions]) 
     >>> len(read_profiles(f"{folder}/1*.csv"))
     2
     """
-    files = find_files(_file_name(path))
+    files = find_files(_build_file_name(path))
     if not files:
         kinds = " ".join(sorted(PROFILE_SUFFIXES))
         raise UnreadableFile(
@@ -251,7 +251,7 @@ def inspect_profiles(path: str | os.PathLike[str], **options: Unpack[ReadOptions
     'text, m, 1 profile, 0 of 2 points lost, heights turned'
     """
     settings = ReadSettings(**options)
-    file = Path(_file_name(path))
+    file = Path(_build_file_name(path))
     content = read_bytes(file)
     try:
         reader = settings.format or detect_format(content, file.suffix)
@@ -266,7 +266,7 @@ def inspect_profiles(path: str | os.PathLike[str], **options: Unpack[ReadOptions
     return profile_file
 
 
-def _file_name(path: Any) -> str:
+def _build_file_name(path: Any) -> str:
     if not isinstance(path, str | os.PathLike):
         raise TypeError(
             f"expected the name of a file, got {type(path).__name__}: lsvision.measure_cylinders "
@@ -288,7 +288,7 @@ def convert_to_section_frame(
     _require_used_options(reader, raw, settings)
     x_unit, height_unit, assumed = _resolve_units(raw, settings)
     away = raw.away if settings.flip is None else settings.flip
-    x_scale, height_scale = mm_per_unit(x_unit), mm_per_unit(height_unit)
+    x_scale, height_scale = find_mm_per_unit(x_unit), find_mm_per_unit(height_unit)
     sections, markers = remove_lost(raw, settings)
     zeros = note_repeated(sections) if settings.lost_values is None else ()
     reject_wrapped_numbers(sections)
@@ -312,7 +312,7 @@ def convert_to_section_frame(
         units=", ".join(unit_names),
         units_assumed=assumed,
         flipped=away,
-        positions=_scaled_positions(raw, settings.units or raw.position_unit or x_unit),
+        positions=_scale_positions(raw, settings.units or raw.position_unit or x_unit),
         notes=raw.notes
         + guessed
         + zeros
@@ -350,9 +350,9 @@ def _scale(sections: Sequence[FloatArray], factors: tuple[float, ...]) -> list[F
         return [section * factors for section in sections]
 
 
-def _scaled_positions(raw: RawProfiles, unit: str) -> tuple[float, ...] | None:
+def _scale_positions(raw: RawProfiles, unit: str) -> tuple[float, ...] | None:
     """Return the positions along the travel, stated in a unit, in mm."""
-    return raw.positions and tuple(position * mm_per_unit(unit) for position in raw.positions)
+    return raw.positions and tuple(position * find_mm_per_unit(unit) for position in raw.positions)
 
 
 def _resolve_units(raw: RawProfiles, settings: ReadSettings) -> tuple[str, str, bool]:

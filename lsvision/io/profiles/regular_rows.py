@@ -57,7 +57,7 @@ def find_regular_rows(text: str) -> _RegularRows | None:
     >>> find_regular_rows("x;z\n1,5;-2\n2;0\n") is None
     True
     """
-    head = _head(text)
+    head = _read_head(text)
     lines = head.splitlines()
     try:
         layout = find_layout(lines)
@@ -81,7 +81,7 @@ def _parse_regular_rows(rows: str, separator: str, width: int) -> FloatArray | N
     if "\r" in rows:
         rows = rows.replace("\r\n", "\n")
     block_values = []
-    for block in _blocks(rows):
+    for block in _iterate_blocks(rows):
         values = _parse_block(block, separator, width)
         if values is None and separator != " ":  # two blanks separate cells like one
             values = _parse_block(fill_empty_cells(block, separator), separator, width)
@@ -108,7 +108,7 @@ def fill_empty_cells(rows: str, separator: str) -> str:
     return text.replace(f"\n{separator}", f"\nnan{separator}")[1:-1]
 
 
-def _head(text: str) -> str:
+def _read_head(text: str) -> str:
     """Return the first lines of a text, as many as decide on its layout; a short one is whole."""
     if len(text) <= _BLOCK_LENGTH:
         return text
@@ -132,7 +132,7 @@ def _is_layout_of_all(layout: Layout, lines: list[str]) -> bool:
     )
 
 
-def _blocks(rows: str) -> Iterator[str]:
+def _iterate_blocks(rows: str) -> Iterator[str]:
     """Yield whole lines, some `_BLOCK_LENGTH` characters at a time, without empty ones at last."""
     start, end = 0, len(rows)
     while end > 0 and rows[end - 1] in " \r\n":

@@ -139,18 +139,20 @@ def _decode_messages(reader: Any, connections: Sequence[Any]) -> Iterator[Messag
             "frame_id": fields.header.frame_id,
         }
         content = (
-            _scan_fields(fields) if connection.msgtype == LASER_SCAN else _cloud_points(fields)
+            _read_scan_fields(fields)
+            if connection.msgtype == LASER_SCAN
+            else _read_cloud_points(fields)
         )
         yield Message(content, attributes)
 
 
-def _scan_fields(fields: Any) -> dict[str, Any]:
+def _read_scan_fields(fields: Any) -> dict[str, Any]:
     """Return the fields of a LaserScan from which its points are computed."""
     scan = {name: float(getattr(fields, name)) for name in SCAN_KEYS}
     return scan | {"ranges": fields.ranges.tolist()}
 
 
-def _cloud_points(cloud: Any) -> FloatArray:
+def _read_cloud_points(cloud: Any) -> FloatArray:
     """Return the (rows, columns, 3) points of a message, whose fields are attributes. Units: m.
 
     Definition (sensor_msgs/PointCloud2): ``height`` rows of ``width`` points; a point has
@@ -213,7 +215,7 @@ def _profiles_from_clouds(
         row_attributes += [cloud_attributes] * len(cloud)
     if not rows:
         raise UnreadableFile("PointCloud2 messages without a row of points: record the topic again")
-    columns, away, notes = _section_columns(rows, settings)
+    columns, away, notes = _choose_section_columns(rows, settings)
     return RawProfiles(
         sections=[row[:, columns] for row in rows],
         units=("m", "m"),
@@ -223,7 +225,7 @@ def _profiles_from_clouds(
     )
 
 
-def _section_columns(
+def _choose_section_columns(
     rows: Sequence[FloatArray], settings: ReadSettings
 ) -> tuple[list[int], bool, tuple[str, ...]]:
     """Return the columns of x and height, whether heights grow away from the sensor, and notes.
@@ -240,7 +242,7 @@ def _section_columns(
                 f"no columns {', '.join(requested)} in a PointCloud2: expected two of x,y,z"
             )
         return [names[column] for column in requested], False, ()
-    extents = np.array([_largest_extent(rows, axis) for axis in range(3)])
+    extents = np.array([_measure_largest_extent(rows, axis) for axis in range(3)])
     is_flat = extents <= MAX_FLATNESS_RATIO * extents.max()
     if is_flat[1]:
         return [0, 2], False, ()
@@ -253,7 +255,7 @@ def _section_columns(
     )
 
 
-def _largest_extent(rows: Sequence[FloatArray], axis: int) -> float:
+def _measure_largest_extent(rows: Sequence[FloatArray], axis: int) -> float:
     """Return the largest extent of a row of points along an axis. Units: m."""
     extents = [0.0]
     for row in rows:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TypedDict
 
 from lsvision.geometry import FloatArray
-from lsvision.io.profiles.units import MM_PER_UNIT, mm_per_unit, parse_unit
+from lsvision.io.profiles.units import MM_PER_UNIT, find_mm_per_unit, parse_unit
 
 MM_PER_KEYENCE_STEP = 1e-5
 """Unit in which controllers of Keyence state their scales, 0.01 um. Units: mm."""
@@ -239,7 +239,7 @@ def _parse_count_size(z_unit: float | str) -> float:
         raise ValueError(
             f"expected z_unit as a number of 0.01 um or as a length, 0.5um, got {z_unit!r}"
         )
-    return mm_per_unit(unit) / MM_PER_KEYENCE_STEP
+    return find_mm_per_unit(unit) / MM_PER_KEYENCE_STEP
 
 
 def _parse_markers(lost: float | str | Sequence[float | str]) -> tuple[float | str, ...]:

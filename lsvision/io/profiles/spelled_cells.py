@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from lsvision.geometry import FloatArray
-from lsvision.io.profiles.column_roles import column_role, identifies_profiles
+from lsvision.io.profiles.column_roles import find_role, identifies_profiles
 from lsvision.io.profiles.number_table import NumberTable, is_missing
 
 MAX_EXACT_NUMBER = 2.0**53
@@ -33,7 +33,7 @@ def find_spellings(
     """
     spellings = {}
     for column, name in enumerate(names):
-        if not name or column in table.texts or column_role(name) in _MEASURED_ROLES:
+        if not name or column in table.texts or find_role(name) in _MEASURED_ROLES:
             continue
         values = table.values[:, column]
         has_text = column in table.invalid_cells

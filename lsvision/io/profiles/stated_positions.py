@@ -7,13 +7,13 @@ from itertools import islice
 
 from lsvision.errors import UnreadableFile
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
-from lsvision.io.profiles.stated_units import statements_about_axis
+from lsvision.io.profiles.stated_units import select_for_axis
 from lsvision.io.profiles.unit_statements import (
     MAX_LINE_LENGTH,
     MAX_MENTION_LINES,
     find_unit_statements,
 )
-from lsvision.io.profiles.units import mm_per_unit, parse_unit
+from lsvision.io.profiles.units import find_mm_per_unit, parse_unit
 
 _STEP = r"(?:step(?:\s?size)?|pitch|spacing|increment|inc|delta|res(?:olution)?)"
 _START = r"(?:start|first|begin|min|origin|offset|0)"
@@ -68,7 +68,7 @@ def _find_positions(lines: Iterable[str]) -> dict[str, float]:
     ({'x0': -3.0, 'dx': 0.1}, {'dx': 0.05})
     """
     known = [line for line in islice(lines, MAX_MENTION_LINES) if len(line) <= MAX_LINE_LENGTH]
-    about_x = statements_about_axis(find_unit_statements(known), "x")
+    about_x = select_for_axis(find_unit_statements(known), "x")
     if any(statement.unit.unit != "mm" for statement in about_x):
         return {}
     positions: dict[str, float] = {}
@@ -84,4 +84,4 @@ def _find_positions(lines: Iterable[str]) -> dict[str, float]:
 def _to_mm(match: re.Match[str]) -> float:
     """Return the stated number in mm, which is the unit of one without."""
     unit = parse_unit(match["unit"] or match["key_unit"] or "mm")
-    return float(match["number"]) * mm_per_unit(unit or "mm")
+    return float(match["number"]) * find_mm_per_unit(unit or "mm")

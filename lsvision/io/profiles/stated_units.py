@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from lsvision.errors import UnreadableFile
-from lsvision.io.profiles.column_roles import column_role
+from lsvision.io.profiles.column_roles import find_role
 from lsvision.io.profiles.number_table import NumberTable
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.unit_statements import (
@@ -13,7 +13,7 @@ from lsvision.io.profiles.unit_statements import (
     find_unit_mentions,
     find_unit_statements,
 )
-from lsvision.io.profiles.units import StatedUnit, mm_per_unit
+from lsvision.io.profiles.units import StatedUnit, find_mm_per_unit
 
 _REMEDY = "state it, as --units um or --units 0.1mm"
 """Remedy for a unit that is not known."""
@@ -34,16 +34,16 @@ def resolve_units(
         ``z_out`` may be no inches.
     """
     if settings.count_unit is not None:  # of the height, whatever the file states on it
-        x_unit = settings.units or _stated_unit(table, x, "x")
+        x_unit = settings.units or _find_stated_unit(table, x, "x")
         return x_unit or "mm", settings.count_unit
     if settings.units is not None:
         return None, None
-    beside = find_unit_statements(table.lines_of_constants({x, height}))
+    beside = find_unit_statements(table.iterate_lines_of_constants({x, height}))
     table = replace(table, statements=table.statements + beside)
     for column in (x, height):
         _reject_in_beside_out(table, column)
         _reject_power_of_ten(table, column)
-    units = _stated_unit(table, x, "x"), _stated_unit(table, height, "height")
+    units = _find_stated_unit(table, x, "x"), _find_stated_unit(table, height, "height")
     require_known_unit(units, table.mentions, settings)
     return units
 
@@ -92,17 +92,17 @@ def require_known_unit(
         )
 
 
-def _stated_unit(table: NumberTable, column: int, axis: str) -> str | None:
+def _find_stated_unit(table: NumberTable, column: int, axis: str) -> str | None:
     """Return the unit of a column that header and comments state; None if there is none.
 
     Comments are about the axis that its name names, else about `axis`, ``"x"`` or ``"height"``.
     """
     header_unit = table.units[column] if table.units else None
-    role = column_role(table.names[column]) if table.names else ""
-    return common_unit(header_unit, _statements_about(table.statements, role, axis))
+    role = find_role(table.names[column]) if table.names else ""
+    return find_common_unit(header_unit, _select_about(table.statements, role, axis))
 
 
-def common_unit(
+def find_common_unit(
     header_unit: StatedUnit | None, statements: Iterable[UnitStatement] = ()
 ) -> str | None:
     """Return the unit that all statements about a column agree on; None without a statement.
@@ -124,7 +124,7 @@ def common_unit(
             raise UnreadableFile(
                 f"the unit {unit.text!r} is stated in it and not understood: {_REMEDY}{others}"
             )
-    sizes = {mm_per_unit(unit.unit): unit for unit in stated if unit.unit is not None}
+    sizes = {find_mm_per_unit(unit.unit): unit for unit in stated if unit.unit is not None}
     if len(sizes) > 1:
         texts = " and ".join(repr(unit.text) for unit in sizes.values())
         raise UnreadableFile(f"it states two units for the same numbers, {texts}: {_REMEDY}")
@@ -139,18 +139,18 @@ def add_units(
     Raises
     ------
     UnreadableFile
-        As `common_unit`.
+        As `find_common_unit`.
     """
     if settings.units is not None:
         return profiles
     statements = tuple(statements)
     x_unit, height_unit = profiles.units
-    x_unit = x_unit or common_unit(None, statements_about_axis(statements, "x"))
-    height_unit = height_unit or common_unit(None, statements_about_axis(statements, "height"))
+    x_unit = x_unit or find_common_unit(None, select_for_axis(statements, "x"))
+    height_unit = height_unit or find_common_unit(None, select_for_axis(statements, "height"))
     return replace(profiles, units=(x_unit, height_unit))
 
 
-def _statements_about(
+def _select_about(
     statements: Iterable[UnitStatement], role: str, default: str
 ) -> list[UnitStatement]:
     """Return the statements about all lengths, or about the axis of a column.
@@ -158,9 +158,9 @@ def _statements_about(
     The axis is that of its role; `default` if the role is not that of a coordinate.
     """
     axis = {"range": "height"}.get(role, role) if role in ("x", "y", "height", "range") else default
-    return statements_about_axis(statements, axis)
+    return select_for_axis(statements, axis)
 
 
-def statements_about_axis(statements: Iterable[UnitStatement], axis: str) -> list[UnitStatement]:
+def select_for_axis(statements: Iterable[UnitStatement], axis: str) -> list[UnitStatement]:
     """Return the statements about all lengths, or about ``"x"``, ``"y"`` or ``"height"``."""
     return [s for s in statements if s.axis in (None, axis)]

@@ -1,4 +1,4 @@
-"""Read the profiles of a file of any size in parts, so that the memory does not grow with it."""
+"""Read the profiles of a file of any size in chunks, so that the memory does not grow with it."""
 
 import os
 from collections.abc import Iterator
@@ -26,15 +26,15 @@ from lsvision.io.profiles.settings import RawProfiles, ReadOptions, ReadSettings
 if TYPE_CHECKING:
     import pyarrow as pa
 
-PROFILES_PER_PART = 256
-"""Largest number of profiles of a part, by default: 256 of 4096 points take 17 MB."""
+PROFILES_PER_CHUNK = 256
+"""Largest number of profiles of a chunk, by default: 256 of 4096 points take 17 MB."""
 MAX_MARKERS = 8
-"""Largest number of markers of lost points, found in the parts read so far, that are applied to the
-next parts: each is compared with all points, which takes time."""
+"""Largest number of markers of lost points, found in the chunks read so far, that are applied to
+the next chunks: each is compared with all points, which takes time."""
 
 
 @dataclass(frozen=True, eq=False)
-class ProfilePart:
+class ProfileChunk:
     """Consecutive profiles of a file; `first` is the index of its first one in the file, from 0.
 
     `columns` are those of a Parquet file other than the points, with their types, one row per
@@ -52,31 +52,31 @@ def iterate_profiles(
     path: str | os.PathLike[str],
     at_once: int | None = None,
     **options: Unpack[ReadOptions],
-) -> Iterator[ProfilePart]:
-    r"""Read the profiles of a file in parts.
+) -> Iterator[ProfileChunk]:
+    r"""Read the profiles of a file in chunks.
 
-    Parquet with one profile per row and NPY arrays of several profiles are read part by part; any
-    other file is one part.
+    Parquet with one profile per row and NPY arrays of several profiles are read chunk by chunk; any
+    other file is one chunk.
 
     Parameters
     ----------
     path : path
         The file.
     at_once : int, optional
-        Largest number of profiles of a part; by default `PROFILES_PER_PART`.
+        Largest number of profiles of a chunk; by default `PROFILES_PER_CHUNK`.
     **options
         Fields of `ReadSettings`, as for `read_profile`.
 
     Yields
     ------
-    ProfilePart
-        Parts in the order of the file. A value that was recognised as a marker of lost points in
-        one part marks them in all later parts, too.
+    ProfileChunk
+        Chunks in the order of the file. A value that was recognised as a marker of lost points in
+        one chunk marks them in all later chunks, too.
 
     Raises
     ------
     UnreadableFile
-        If the file or a part of it cannot be read (the message has the index of the part's first
+        If the file or a chunk of it cannot be read (the message has the index of the chunk's first
         profile), or all points are lost.
     ValueError, TypeError
         If `at_once` is below 1, or as `read_profile`.
@@ -86,33 +86,33 @@ def iterate_profiles(
     >>> import pathlib, tempfile
     >>> path = pathlib.Path(tempfile.mkdtemp()) / "profiles.npy"
     >>> np.save(path, np.random.default_rng(0).normal(size=(5, 40, 2)))
-    >>> [len(part.file.profiles) for part in iterate_profiles(path, at_once=2)]
+    >>> [len(chunk.file.profiles) for chunk in iterate_profiles(path, at_once=2)]
     [2, 2, 1]
     """
     settings, file = ReadSettings(**options), Path(path)
-    at_once = PROFILES_PER_PART if at_once is None else at_once
+    at_once = PROFILES_PER_CHUNK if at_once is None else at_once
     if at_once < 1:
         raise ValueError(f"expected at_once of at least 1, got {at_once}")
-    file_format = _streamed_format(file, settings)
+    file_format = _detect_streamed_format(file, settings)
     if file_format is None:
-        yield ProfilePart(0, inspect_profiles(file, **options))
+        yield ProfileChunk(0, inspect_profiles(file, **options))
         return
-    read_parts = _parquet_parts if file_format == "parquet" else _npy_parts
+    read_chunks = _iterate_parquet_chunks if file_format == "parquet" else _iterate_npy_chunks
     first, valid_points, marker_values = 0, 0, tuple[float, ...]()
     try:
-        for raw, columns, point_columns in read_parts(file, settings, at_once):
-            raw_part = replace(raw, lost=(*raw.lost, *marker_values))
-            part = convert_to_section_frame(file, file_format, raw_part, settings)
-            if first == 0 and len(part.profiles) < at_once:  # this part is the whole file
-                require_points(part.profiles)
-            valid_points += sum(map(len, part.profiles)) - part.lost
-            yield ProfilePart(first, part, columns, point_columns)
-            first += len(part.profiles)
+        for raw, columns, point_columns in read_chunks(file, settings, at_once):
+            raw_chunk = replace(raw, lost=(*raw.lost, *marker_values))
+            chunk = convert_to_section_frame(file, file_format, raw_chunk, settings)
+            if first == 0 and len(chunk.profiles) < at_once:  # this chunk is the whole file
+                require_points(chunk.profiles)
+            valid_points += sum(map(len, chunk.profiles)) - chunk.lost
+            yield ProfileChunk(first, chunk, columns, point_columns)
+            first += len(chunk.profiles)
             if settings.lost is None:  # markers of a pair of coordinates, "0, 0", are found again
-                part_values = [
-                    float(m.text) for m in part.markers if not (m.interrupts or "," in m.text)
+                chunk_values = [
+                    float(m.text) for m in chunk.markers if not (m.interrupts or "," in m.text)
                 ]
-                marker_values = tuple(dict.fromkeys((*marker_values, *part_values)))[:MAX_MARKERS]
+                marker_values = tuple(dict.fromkeys((*marker_values, *chunk_values)))[:MAX_MARKERS]
         if valid_points == 0:
             raise UnreadableFile(f"all points of its {first} profiles are lost: check exposure")
     except UnreadableFile as error:
@@ -120,8 +120,8 @@ def iterate_profiles(
         raise UnreadableFile(f"{file}: {location}{error}") from None
 
 
-def _streamed_format(file: Path, settings: ReadSettings) -> str | None:
-    """Return the format of a file whose parts can be read independently, else None."""
+def _detect_streamed_format(file: Path, settings: ReadSettings) -> str | None:
+    """Return the format of a file whose chunks can be read independently, else None."""
     if settings.plane is not None:  # the plane is fitted to all profiles together
         return None
     if str(file) == STDIN or not is_regular(file):
@@ -136,12 +136,12 @@ def _streamed_format(file: Path, settings: ReadSettings) -> str | None:
     return None
 
 
-def _parquet_parts(
+def _iterate_parquet_chunks(
     file: Path, settings: ReadSettings, at_once: int
 ) -> "Iterator[tuple[RawProfiles, pa.Table | None, tuple[str, ...]]]":
-    """Yield the profiles of each part of a table, and if a profile is one row, its other columns.
+    """Yield the profiles of each chunk of a table, and if a profile is one row, its other columns.
 
-    The last value has the names of the columns with a value for each point, which the first part
+    The last value has the names of the columns with a value for each point, which the first chunk
     decides.
     """
     point_columns: tuple[str, ...] | None = None
@@ -170,10 +170,10 @@ def _list_point_columns(table: "pa.Table", raw: RawProfiles) -> tuple[str, ...]:
     )
 
 
-def _npy_parts(
+def _iterate_npy_chunks(
     file: Path, settings: ReadSettings, at_once: int
 ) -> Iterator[tuple[RawProfiles, None, tuple[str, ...]]]:
-    """Yield the profiles of each part of an array; the array as one part if it is one profile."""
+    """Yield the profiles of each chunk of an array; the array as one chunk if it is one profile."""
     array = open_npy(file)
     is_stack = array.ndim == 3 or (
         array.ndim == 2
@@ -183,5 +183,5 @@ def _npy_parts(
         and are_heights(array.shape[1], settings)
     )
     for start in range(0, len(array), at_once) if is_stack and len(array) else (0,):
-        part = array[start : start + at_once] if is_stack else array
-        yield profiles_from_array(np.array(part), settings), None, ()  # read from the file here
+        chunk = array[start : start + at_once] if is_stack else array
+        yield profiles_from_array(np.array(chunk), settings), None, ()  # read from the file here

@@ -26,7 +26,7 @@ def decode_text(content: bytes) -> str:
         If the bytes are not text.
     """
     content = content.rstrip(b"\x1a")  # the end of a DOS file
-    for encoding in _encodings(content):
+    for encoding in _list_encodings(content):
         try:
             text = content.decode(encoding)
         except UnicodeDecodeError:
@@ -51,7 +51,7 @@ def _has_control_characters(content: bytes, text: str) -> bool:
     )
 
 
-def _encodings(content: bytes) -> list[str]:
+def _list_encodings(content: bytes) -> list[str]:
     """Return the encodings to try, in this order.
 
     UTF-16 and UTF-32 are recognised by a byte order mark, UTF-16 without one by its null bytes:
@@ -66,10 +66,10 @@ def _encodings(content: bytes) -> list[str]:
         return ["utf-16-le"]
     if len(start) >= 4 and start[::2].count(0) > 0.8 * len(start[::2]):
         return ["utf-16-be"]
-    return ["utf-8-sig", _legacy_encoding(content), "latin-1"]
+    return ["utf-8-sig", _guess_legacy_encoding(content), "latin-1"]
 
 
-def _legacy_encoding(content: bytes) -> str:
+def _guess_legacy_encoding(content: bytes) -> str:
     """Return the code page in which a text has the most words that name coordinates.
 
     Spreadsheets write CSV in the code page of their language, and its names of columns show which

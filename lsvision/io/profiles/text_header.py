@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from lsvision.io.profiles.column_roles import column_role, has_known_role
+from lsvision.io.profiles.column_roles import find_role, has_known_role
 from lsvision.io.profiles.number_table import COMMENT_MARKS
 from lsvision.io.profiles.text_layout import (
     are_column_numbers,
@@ -13,7 +13,13 @@ from lsvision.io.profiles.text_layout import (
     split_cells,
 )
 from lsvision.io.profiles.unit_statements import states_unit
-from lsvision.io.profiles.units import NOT_LENGTHS, StatedUnit, parse_unit, split_label, state_unit
+from lsvision.io.profiles.units import (
+    NOT_LENGTHS,
+    StatedUnit,
+    find_unit_in_text,
+    parse_unit,
+    split_label,
+)
 
 _TYPES = frozenset(
     "float double real int integer number numeric string text f4 f8 i4".split()  # noqa: SIM905
@@ -56,7 +62,7 @@ def read_header(preamble: Sequence[str], separator: str | None, width: int) -> H
     above the numbers or the units, unless the row above it names coordinates: it may hold units.
     A unit in a row of units has priority over one in a label.
     """
-    listed = _listed_labels(preamble, width)
+    listed = _find_listed_labels(preamble, width)
     if listed is not None:
         return listed
     names: list[str] = []
@@ -71,12 +77,12 @@ def read_header(preamble: Sequence[str], separator: str | None, width: int) -> H
     ]
     for position, (line, text) in enumerate(reversed(lines)):  # 0 is directly above the numbers
         labels = _split_labels(text, separator, width)
-        unit_row = None if labels is None else _unit_row(labels)
+        unit_row = None if labels is None else _parse_unit_row(labels)
         if unit_row is not None and not units:
             units = unit_row
         elif labels is None and not states_unit(line):
             name_count = name_count or _count_names(text)
-            bracketed = _bracketed_units(text, width)
+            bracketed = _parse_bracketed_units(text, width)
             if label_units and bracketed and not names and bracketed[0] != label_units[0]:
                 label_units = [StatedUnit(text, None)] * width  # of which column is not known
             label_units = label_units or bracketed
@@ -97,7 +103,7 @@ def read_header(preamble: Sequence[str], separator: str | None, width: int) -> H
     )
 
 
-def _listed_labels(preamble: Sequence[str], width: int) -> Header | None:
+def _find_listed_labels(preamble: Sequence[str], width: int) -> Header | None:
     """Return the header of lines that number the columns, one each, and name coordinates."""
     matches = [_LISTED.fullmatch(_COMMENT.sub("", line).strip()) for line in preamble]
     lines = [match for match in matches if match is not None]
@@ -142,7 +148,7 @@ def _split_labels(text: str, separator: str | None, width: int) -> list[str] | N
     return None
 
 
-def _bracketed_units(text: str, width: int) -> list[StatedUnit | None]:
+def _parse_bracketed_units(text: str, width: int) -> list[StatedUnit | None]:
     """Return the unit in brackets of a line as that of all columns; empty without one.
 
     The line has other names than the columns, so that several units cannot be assigned: they are
@@ -150,7 +156,7 @@ def _bracketed_units(text: str, width: int) -> list[StatedUnit | None]:
     """
     if _VALUE_WITH_UNIT.search(text):
         return []
-    stated = [state_unit(word) for word in re.findall(r"\[([^\]]{1,80})\]", text)]
+    stated = [find_unit_in_text(word) for word in re.findall(r"\[([^\]]{1,80})\]", text)]
     units = {unit.unit: unit for unit in stated if unit.unit is not None}
     if not units:
         return []
@@ -158,7 +164,7 @@ def _bracketed_units(text: str, width: int) -> list[StatedUnit | None]:
     return [unit] * width
 
 
-def _unit_row(labels: Sequence[str]) -> list[StatedUnit | None] | None:
+def _parse_unit_row(labels: Sequence[str]) -> list[StatedUnit | None] | None:
     """Return the units of a row that holds nothing but units; None for another row."""
     row: list[StatedUnit | None] = []
     for label in labels:
@@ -215,5 +221,5 @@ def _count_names(text: str) -> int:
     """
     labels = [w for w in re.split(r"[,;\s|]+", re.sub(r"(?<!\s)\s+(?=[\[(])", "", text)) if w]
     names = [split_label(label.strip('"'))[0] for label in labels]
-    is_height = len(names) == 1 and column_role(names[0]) in ("height", "range")
+    is_height = len(names) == 1 and find_role(names[0]) in ("height", "range")
     return len(names) if is_height or (all(map(has_known_role, names)) and len(names) >= 2) else 0

@@ -305,13 +305,13 @@ def _find_first_text_row(lines: Sequence[str]) -> tuple[int, str | None, int, tu
         if len(numeric) >= 2 and is_frequent and (best is None or len(numeric) > len(best[2])):
             best = separator, width, numeric
     if best is None:
-        raise _no_table_error(lines, rows)
+        raise _build_no_table_error(lines, rows)
     separator, width, numeric = best
     for index in rows:
         row = split_cells(lines[index].strip(" \r\n"), separator)
         if len(row) == width and _may_be_first(row, numeric):
             return index, separator, width, numeric
-    raise _no_table_error(lines, rows)
+    raise _build_no_table_error(lines, rows)
 
 
 def _may_be_first(row: Sequence[str], numeric: tuple[int, ...]) -> bool:
@@ -320,7 +320,7 @@ def _may_be_first(row: Sequence[str], numeric: tuple[int, ...]) -> bool:
     return words == 0 or (words == 1 and len(numeric) > 2)
 
 
-def _no_table_error(lines: Sequence[str], rows: Sequence[int]) -> UnreadableFile:
+def _build_no_table_error(lines: Sequence[str], rows: Sequence[int]) -> UnreadableFile:
     """Return the error of a text whose points are all lost, or that has no table of numbers."""
     lost = 0
     for index in rows:

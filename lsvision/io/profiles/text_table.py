@@ -83,10 +83,10 @@ def parse_table(text: str, lost_words: frozenset[str] = frozenset()) -> NumberTa
             f"its numbers are displayed by MATLAB over a factor of {factor[1]}: write them with "
             "writematrix"
         )
-    body = _regular_body(text)
+    body = _read_regular_body(text)
     if body is None:
         text = _BEHIND_NUMBERS.sub(r"\1", text) if "#" in text else text
-        body = _irregular_body(text.splitlines(), lost_words)
+        body = _read_irregular_body(text.splitlines(), lost_words)
     table, layout = body.table, body.layout
     width = table.values.shape[1]
     while width > 2 and _is_empty(table, width - 1):
@@ -105,7 +105,7 @@ def parse_table(text: str, lost_words: frozenset[str] = frozenset()) -> NumberTa
         invalid_cells=table.invalid_cells,
         spellings=find_spellings(table, header.names, body.read_column),
         lost=find_lost_values(other_lines),
-        notes=_footer_notes(body.below),
+        notes=_describe_footer(body.below),
         mentions=tuple(other_lines[:MAX_MENTION_LINES]),
     )
 
@@ -127,7 +127,7 @@ class _Body:
     comments: Sequence[str] = ()
 
 
-def _regular_body(text: str) -> _Body | None:
+def _read_regular_body(text: str) -> _Body | None:
     """Return the body of a text that ends with regular rows of numbers; else None."""
     regular = find_regular_rows(text)
     if regular is None:
@@ -138,7 +138,7 @@ def _regular_body(text: str) -> _Body | None:
     )
 
 
-def _irregular_body(lines: Sequence[str], lost_words: frozenset[str]) -> _Body:
+def _read_irregular_body(lines: Sequence[str], lost_words: frozenset[str]) -> _Body:
     """Return the table of a text with blank lines, comments, words or a footer."""
     layout = find_layout(lines)
     table = _parse_numeric_table(lines, layout)
@@ -156,7 +156,7 @@ def _irregular_body(lines: Sequence[str], lost_words: frozenset[str]) -> _Body:
     )
 
 
-def _number_lines(lines: Sequence[str], layout: Layout) -> list[tuple[int, str]]:
+def _select_number_lines(lines: Sequence[str], layout: Layout) -> list[tuple[int, str]]:
     """Return number and text of each line of numbers; empty lines and comments are left out."""
     # a tab at the end of a line precedes an empty cell: strip blanks only
     strip = " \r\n" if layout.separator == "\t" else None
@@ -174,7 +174,7 @@ def _parse_numeric_table(lines: Sequence[str], layout: Layout) -> NumberTable | 
     """
     if layout.separator == "|" or len(layout.numeric) < layout.width:
         return None
-    rows = [row for _, row in _number_lines(lines, layout)]
+    rows = [row for _, row in _select_number_lines(lines, layout)]
     if layout.separator is not None:
         rows = fill_empty_cells("\n".join(rows), layout.separator).split("\n")
     try:
@@ -193,7 +193,7 @@ def _parse_mixed_table(
     A column of which most cells are text is in `texts`, unless its first one is a number with
     thousands separators.
     """
-    rows = _number_lines(lines, layout)
+    rows = _select_number_lines(lines, layout)
     cells = _split_rows(rows, layout)
     columns = [[row[c] for row in cells] for c in range(layout.width)]
     decimal_comma = uses_decimal_comma([columns[c] for c in layout.numeric])
@@ -244,7 +244,7 @@ def _split_rows(rows: Sequence[tuple[int, str]], layout: Layout) -> list[list[st
 
 def _read_column(lines: Sequence[str], layout: Layout, column: int) -> list[str]:
     """Return the cells of a column as they stand in the text, without blanks around them."""
-    rows = _split_rows(_number_lines(lines, layout), layout)
+    rows = _split_rows(_select_number_lines(lines, layout), layout)
     return [cells[column].strip() for cells in rows]
 
 
@@ -324,7 +324,7 @@ def _check_thousands_points(sample: str, layout: Layout) -> None:
             )
 
 
-def _footer_notes(footer: Sequence[str]) -> tuple[str, ...]:
+def _describe_footer(footer: Sequence[str]) -> tuple[str, ...]:
     """Return a note on the lines below the numbers that are not comments."""
     footer_text = [line.strip() for line in footer if line.strip() and not is_comment(line)]
     if not footer_text:

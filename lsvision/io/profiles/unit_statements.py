@@ -12,15 +12,14 @@ from lsvision.io.profiles.units import (
     MM_PER_UNIT,
     NOT_LENGTHS,
     StatedUnit,
-    mm_per_unit,
+    find_mm_per_unit,
+    find_unit_in_text,
     parse_unit,
     split_label,
-    state_unit,
 )
 
 MAX_LINE_LENGTH = 300
 """Longest line that may state a unit or a marker of lost points. Units: characters."""
-
 MAX_MENTION_LINES = 1000
 """Maximum number of lines that are searched for a unit in free text."""
 
@@ -255,9 +254,9 @@ def _parse_statements(line: str) -> Iterator[UnitStatement]:
     text = "" if len(line) > MAX_LINE_LENGTH else _COMMENT.sub("", line).strip()
     if not text:
         return
-    bare_unit = parse_unit(text.strip("[](){} "))
-    if bare_unit is not None and _may_be_unit(bare_unit):
-        yield UnitStatement(StatedUnit(text, bare_unit))
+    unit = parse_unit(text.strip("[](){} "))
+    if unit is not None and _may_be_unit(unit):
+        yield UnitStatement(StatedUnit(text, unit))
         return
     key_value = _KEY_VALUE.match(text) or _KEY_BLANK_VALUE.match(text)
     if key_value and (found := tuple(_parse_key_value(key_value[1], key_value[2], text))):
@@ -265,15 +264,16 @@ def _parse_statements(line: str) -> Iterator[UnitStatement]:
         return
     yield from _parse_axes(text.lower())
     if line.lstrip().startswith(("#", "%", "//", "!", "*")) or key_value or " in " in text:
-        for subject, unit in _PHRASE.findall(text.lower()):
-            if parse_unit(unit) is not None or unit.strip() in NOT_LENGTHS:
-                yield UnitStatement(state_unit(unit), _axis(set(re.findall(r"\w+", subject))))
+        for subject, word in _PHRASE.findall(text.lower()):
+            if parse_unit(word) is not None or word.strip() in NOT_LENGTHS:
+                words = set(re.findall(r"\w+", subject))
+                yield UnitStatement(find_unit_in_text(word), _find_axis(words))
 
 
 def _parse_key_value(key: str, value: str, line: str) -> Iterator[UnitStatement]:
     """Yield the statements of a key and its value: a unit, that of a count or an axis, a scale."""
     words = _split_key(key)
-    axis, is_length = _axis(words), not words & _OTHER_KEYS
+    axis, is_length = _find_axis(words), not words & _OTHER_KEYS
     if words & _UNIT_KEYS and is_length and _names_unit(key):
         yield from _parse_unit_value(value, line, axis)
     elif (unit := _parse_count_unit(key, value, words)) is not None:
@@ -301,7 +301,7 @@ def _parse_axes(text: str) -> Iterator[UnitStatement]:
     pairs = _AXIS_EQUALS.findall(text)
     others = set(re.findall(r"\w+", _AXIS_EQUALS.sub("", text)))
     if len(pairs) > 1 and others <= _FILLERS and all(parse_unit(unit) for _, unit in pairs):
-        yield from (UnitStatement(state_unit(unit), _AXES[name]) for name, unit in pairs)
+        yield from (UnitStatement(find_unit_in_text(unit), _AXES[name]) for name, unit in pairs)
 
 
 def _split_key(key: str) -> set[str]:
@@ -323,7 +323,7 @@ def _names_unit(key: str) -> bool:
     return behind <= _FILLERS | _UNIT_REMARKS | set(_AXES)
 
 
-def _axis(words: set[str]) -> str | None:
+def _find_axis(words: set[str]) -> str | None:
     """Return the axis that the words of a key name; None if they name none, or several."""
     axes = {_AXES[word] for word in words if word in _AXES}
     return axes.pop() if len(axes) == 1 else None
@@ -340,7 +340,7 @@ def _parse_unit_value(value: str, line: str, axis: str | None) -> Iterator[UnitS
     if not pairs or any(parse_unit(text) is None for _, text in pairs):
         pairs = [(name, text) for text, name in _UNIT_AXIS.findall(line.lower())]
     by_axis = [
-        UnitStatement(state_unit(text), _AXES[name]) for name, text in pairs if name in _AXES
+        UnitStatement(find_unit_in_text(text), _AXES[name]) for name, text in pairs if name in _AXES
     ]
     if by_axis and all(statement.unit.unit for statement in by_axis):
         yield from by_axis
@@ -385,7 +385,7 @@ def _parse_count_unit(key: str, value: str, words: set[str]) -> str | None:
 
 def _may_be_unit(unit: str) -> bool:
     """Return whether a length such as "0.1 mm" may be a unit, and no place such as "20 mm"."""
-    return unit in MM_PER_UNIT or mm_per_unit(unit) < 1
+    return unit in MM_PER_UNIT or find_mm_per_unit(unit) < 1
 
 
 def _parse_ratio(key: str, value: str) -> str | None:

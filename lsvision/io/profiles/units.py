@@ -107,7 +107,7 @@ _SHORT = re.compile(r"^([xyzhrd])(mm|um|µm|μm|nm|cm)$")
 class StatedUnit:
     """A unit of length as the text of a file states it.
 
-    `unit` is the name that `mm_per_unit` takes; None if the text is not understood.
+    `unit` is the name that `find_mm_per_unit` takes; None if the text is not understood.
     """
 
     text: str
@@ -137,7 +137,7 @@ def parse_unit(text: str) -> str | None:
     return unit if scale == 1 else f"{scale:.12g} {unit}"
 
 
-def mm_per_unit(unit: str) -> float:
+def find_mm_per_unit(unit: str) -> float:
     """Return the length in mm of a unit from `parse_unit`, or of any text that it understands.
 
     Raises
@@ -157,7 +157,7 @@ def mm_per_unit(unit: str) -> float:
     return (float(scale) if scale else 1.0) * MM_PER_UNIT[word]
 
 
-def state_unit(text: str) -> StatedUnit:
+def find_unit_in_text(text: str) -> StatedUnit:
     """Return the unit that a text states."""
     return StatedUnit(text.strip(), parse_unit(text))
 
@@ -182,15 +182,15 @@ def split_label(label: str) -> tuple[str, StatedUnit | None]:
         return _from_brackets(*bracketed.groups())
     short = _SHORT.match(word)
     if short:
-        return short[1], state_unit(short[2])
+        return short[1], find_unit_in_text(short[2])
     scaled = _SCALED_SUFFIX.match(word)
     if scaled and parse_unit(scaled[2].replace("_", " ")) is not None:
-        return scaled[1], state_unit(scaled[2].replace("_", " "))
+        return scaled[1], find_unit_in_text(scaled[2].replace("_", " "))
     suffixed = _SUFFIXED.match(word)
     if suffixed:
         name, mark, suffix = suffixed.groups()
         if parse_unit(suffix) is not None or suffix in NOT_LENGTHS or "/" in mark:
-            return _strip_marks(name), state_unit(suffix)
+            return _strip_marks(name), find_unit_in_text(suffix)
     return word, None
 
 
@@ -205,10 +205,10 @@ def _from_brackets(
     if not inside or inside in ("-", "1"):
         return name, None
     inside = re.sub(r"^in\s+(?=\S)", "", inside)  # "(in um)" states um; "(in)" alone is an inch
-    stated = state_unit(inside)
+    stated = find_unit_in_text(inside)
     first = re.split(r"[\s,;:]+", inside)[0]
     if stated.unit is None and parse_unit(first) is not None and bracket != "[":
-        stated = state_unit(first)  # as "(mm, towards the sensor)"
+        stated = find_unit_in_text(first)  # as "(mm, towards the sensor)"
     words = inside.split()
     if stated.unit is None and bracket == "(" and (len(words) > 2 or set(words) <= _REMARKS):
         return name, None

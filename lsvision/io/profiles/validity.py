@@ -52,12 +52,12 @@ def lose_invalid_points(
     for column, name in enumerate(table.names):
         if column in coordinates:
             continue
-        kind, may_be_verdict = _kind(name)
+        kind, may_be_verdict = _classify_name(name)
         if not kind and not has_known_role(name) and _has_two_values(table, column):
             kind, may_be_verdict = "flag", True
         if not kind or (may_be_verdict and not _varies(table, column, rows)):
             continue
-        valid = _validity(table, column, kind)
+        valid = _find_validity(table, column, kind)
         if valid is None:
             if kind == "flag" or _may_be_code(table, column):
                 notes.append(f"{name} varies and is not used: {_REMEDY}")
@@ -69,7 +69,7 @@ def lose_invalid_points(
     return points, tuple(notes)
 
 
-def _kind(name: str) -> tuple[str, bool]:
+def _classify_name(name: str) -> tuple[str, bool]:
     """Return what a column of this name says, and whether it may say it of a part.
 
     It is ``"valid"``, ``"lost"``, ``"flag"``, or empty for other columns.
@@ -95,10 +95,10 @@ def note_unused_flags(labels: Iterable[str]) -> tuple[str, ...]:
     >>> [note[:37] for note in note_unused_flags(["valid_indices", "roi"])]
     ['valid_indices is not used: if it marks']
     """
-    return tuple(f"{label} is not used: {_REMEDY}" for label in labels if _kind(label)[0])
+    return tuple(f"{label} is not used: {_REMEDY}" for label in labels if _classify_name(label)[0])
 
 
-def _validity(table: NumberTable, column: int, kind: str) -> BoolArray | None:
+def _find_validity(table: NumberTable, column: int, kind: str) -> BoolArray | None:
     """Return whether each point is valid; None if the cells do not say so.
 
     Words such as ok and nok do in any column; true and false, and 0 and one other number, where the

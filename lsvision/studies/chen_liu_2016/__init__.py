@@ -6,23 +6,23 @@ the simulator: `cases` and `scenes` make the data, `methods` measures them in fi
 `report` runs all and writes JSON; `page`, `pictures` and `report_tables` present the results.
 """
 
-from lsvision.studies.chen_liu_2016.page import report_page
+from lsvision.studies.chen_liu_2016.page import render_report_page
 from lsvision.studies.chen_liu_2016.paper_pipeline import PaperSettings, measure_cylinders_paper
 from lsvision.studies.chen_liu_2016.report import (
     ExperimentSizes,
     PaperReport,
-    report_json,
+    format_report_json,
     run_experiments,
 )
-from lsvision.studies.chen_liu_2016.report_tables import readme_table
+from lsvision.studies.chen_liu_2016.report_tables import format_readme_table
 
 __all__ = [
     "ExperimentSizes",
     "PaperReport",
     "PaperSettings",
+    "format_readme_table",
+    "format_report_json",
     "measure_cylinders_paper",
-    "readme_table",
-    "report_json",
-    "report_page",
+    "render_report_page",
     "run_experiments",
 ]

@@ -135,10 +135,10 @@ def _apply_variant(
         fit = variant.fit(arc)
     except LsvisionError:
         return None
-    return _Outcome(_errors(fit, tube) / bound, fit.evaluations)
+    return _Outcome(_compute_errors(fit, tube) / bound, fit.evaluations)
 
 
-def _errors(fit: VariantFit, tube: TubeTruth) -> FloatArray:
+def _compute_errors(fit: VariantFit, tube: TubeTruth) -> FloatArray:
     """Return the absolute errors of radius (mm), theta and phi (rad)."""
     ellipse = fit.ellipse
     theta_error = (ellipse.theta - tube.theta + math.pi / 2) % math.pi - math.pi / 2

@@ -10,7 +10,7 @@ from lsvision.studies.chen_liu_2016.cases import (
     INCIDENCE_LIMIT_DEG,
     PITCH_MM,
     STANDOFF_MM,
-    paper_sensor,
+    build_paper_sensor,
 )
 from lsvision.studies.chen_liu_2016.published_results import QUANTITIES
 from lsvision.studies.chen_liu_2016.tables import TableRow, pool_errors
@@ -64,9 +64,9 @@ class Achievability:
     @property
     def chance(self) -> float:
         """Probability of errors as small as the printed ones by an efficient method, in [0, 1]."""
-        return self.chance_at(1.0)
+        return self.compute_chance_at(1.0)
 
-    def chance_at(self, noise_ratio: float) -> float:
+    def compute_chance_at(self, noise_ratio: float) -> float:
         """Return `chance` for a noise, and thus a bound, that is larger by a ratio."""
         from scipy.special import chdtr
 
@@ -105,12 +105,12 @@ def _compare(rows: Sequence[TableRow], quantity: str, noise_mm: float) -> Achiev
         best_sigma=best,
         pipes=len(rows),
         chi_square=squares,
-        sections_needed=_sections_needed(rows, quantity, largest / SIGMAS_WITHIN, noise_mm),
+        sections_needed=_count_sections_needed(rows, quantity, largest / SIGMAS_WITHIN, noise_mm),
         noise_needed_mm=noise_mm * largest / (SIGMAS_WITHIN * max(stds)),
     )
 
 
-def _sections_needed(
+def _count_sections_needed(
     rows: Sequence[TableRow], quantity: str, std: float, noise_mm: float
 ) -> int | None:
     """Return the number of sections that reach a std for every pipe; None as in `Achievability`.
@@ -118,7 +118,7 @@ def _sections_needed(
     The unit of `std` is that of the quantity.
     """
     view = SensorView(
-        sensor=paper_sensor(noise_mm),
+        sensor=build_paper_sensor(noise_mm),
         standoff=STANDOFF_MM,
         pitch=PITCH_MM,
         incidence_limit=math.radians(INCIDENCE_LIMIT_DEG),

@@ -13,7 +13,7 @@ import numpy as np
 from lsvision.geometry import Ellipse, Pose
 from lsvision.sensors.profile_sensor import ProfileSensor
 from lsvision.simulate import Scene, SectionSettings, SimulatedSection, Tube, simulate_scan
-from lsvision.simulate.welds import touching_centre, weld_bead
+from lsvision.simulate.welds import build_weld_bead, compute_touching_centre
 from lsvision.studies.chen_liu_2016.published_results import PUBLISHED_ROWS, PublishedRow
 
 PITCH_MM = 0.6
@@ -37,7 +37,7 @@ SECTION_SETTINGS = SectionSettings(
 """Errors of the sensor: noise and loss at grazing incidence; no other lost points, no jumps."""
 
 
-def paper_sensor(noise_mm: float) -> ProfileSensor:
+def build_paper_sensor(noise_mm: float) -> ProfileSensor:
     """Return the paper's sensor: pitch 0.6 mm, std `noise_mm` along the ray at 400 mm."""
     return ProfileSensor(
         name="the paper's sensor, simulated",
@@ -69,22 +69,22 @@ class Case:
     @property
     def scene(self) -> Scene:
         """Scene of the pipes, with theta and phi in the section z = 0; a pair has a weld bead."""
-        ellipses = [_section(row) for row in self.rows]
+        ellipses = [_build_section(row) for row in self.rows]
         if len(ellipses) == 1:
-            return Scene((_tube(self.rows[0], (0.0, -STANDOFF_MM)),))
+            return Scene((_build_tube(self.rows[0], (0.0, -STANDOFF_MM)),))
         left, right = ellipses
-        distance, _ = touching_centre(left, right, 0.0)
+        distance, _ = compute_touching_centre(left, right, 0.0)
         centres = [(x, -STANDOFF_MM) for x in (-distance / 2, distance / 2)]
-        tubes = [_tube(row, centre) for row, centre in zip(self.rows, centres, strict=True)]
+        tubes = [_build_tube(row, centre) for row, centre in zip(self.rows, centres, strict=True)]
         x, y, z = tubes[0].cylinder.direction
         sections = [tube.cylinder.section() for tube in tubes]
         leg = BEAD_LEG * self.radius_mm
         # A bulge of 0 is a concave fillet, as in the paper's Figure 12.
-        bead = weld_bead(*sections, leg=leg, bulge=0.0, along=(float(x), float(y), float(z)))
+        bead = build_weld_bead(*sections, leg=leg, bulge=0.0, along=(float(x), float(y), float(z)))
         return Scene((*tubes, bead))
 
 
-def paper_cases() -> tuple[Case, ...]:
+def list_paper_cases() -> tuple[Case, ...]:
     """Return the twelve pipes of Tables 1-3 and the three pairs of Table 4."""
     singles = [Case((row,)) for row in PUBLISHED_ROWS if row.table < 4]
     pairs = [
@@ -110,16 +110,16 @@ def simulate_case(
     row = case.rows[0]
     numbers = [seed, row.table, row.number, round(row.phi_deg), len(poses)]
     rng = np.random.default_rng(numbers)
-    return simulate_scan(case.scene, poses, paper_sensor(noise_mm), SECTION_SETTINGS, rng=rng)
+    return simulate_scan(case.scene, poses, build_paper_sensor(noise_mm), SECTION_SETTINGS, rng=rng)
 
 
-def _section(row: PublishedRow) -> Ellipse:
+def _build_section(row: PublishedRow) -> Ellipse:
     """Return the section of a row's pipe, centred at the origin."""
     phi = math.radians(row.phi_deg)
     major = row.radius_mm / math.cos(phi)
     return Ellipse((0.0, 0.0), major, row.radius_mm, math.radians(row.theta_deg))
 
 
-def _tube(row: PublishedRow, centre: tuple[float, float]) -> Tube:
+def _build_tube(row: PublishedRow, centre: tuple[float, float]) -> Tube:
     """Return a row's pipe with the centre of its section at (x, y) in mm."""
     return Tube.of(row.radius_mm, math.radians(row.theta_deg), math.radians(row.phi_deg), centre)

@@ -75,12 +75,12 @@ def measure_case(
     labels = section.truth.labels
     radius, known_radius = case.radius_mm, case.radius_mm if method == "known" else None
     if method == "paper":
-        settings = _paper_settings(section)
+        settings = _choose_paper_settings(section)
         measurement = measure_cylinders_paper(section.profile, radius=radius, settings=settings)
     else:
         measurement = measure_cylinders(section.profile, radius=radius, known_radius=known_radius)
     estimates = [(labels[c.indices], (c.radius, c.theta, c.phi)) for c in measurement.cylinders]
-    return _estimates_by_pipe(estimates, len(case.rows))
+    return _match_estimates(estimates, len(case.rows))
 
 
 def case_bound(case: Case, method: Method, *, noise_mm: float) -> tuple[Triple, ...]:
@@ -98,7 +98,7 @@ def case_bound(case: Case, method: Method, *, noise_mm: float) -> tuple[Triple, 
     return tuple(_section_bound(sections[0], label, known_std) for label in labels)
 
 
-def case_errors(estimate: Estimate, case: Case, pipe: int) -> Triple:
+def compute_case_errors(estimate: Estimate, case: Case, pipe: int) -> Triple:
     """Return the errors (estimate minus truth) of pipe number `pipe`, from 0.
 
     The error of theta is in [-90, 90) deg.
@@ -109,7 +109,7 @@ def case_errors(estimate: Estimate, case: Case, pipe: int) -> Triple:
     return Triple(radius - row.radius_mm, theta_error, math.degrees(phi) - row.phi_deg)
 
 
-def _paper_settings(section: SimulatedSection) -> PaperSettings:
+def _choose_paper_settings(section: SimulatedSection) -> PaperSettings:
     """Return settings of the paper's pipeline with the window of a full profile.
 
     The window is 10 % of the sensor's columns, as on the paper's profiles of a whole bench. 10 % of
@@ -132,10 +132,10 @@ def _measure_scan(
         theta = math.atan2(y, x) if z > 0 else math.atan2(-y, -x)
         estimate = (cylinder.radius, theta, math.acos(min(abs(z), 1.0)))
         estimates.append((labels[cylinder.point_sections, cylinder.indices], estimate))
-    return _estimates_by_pipe(estimates, len(case.rows))
+    return _match_estimates(estimates, len(case.rows))
 
 
-def _estimates_by_pipe(
+def _match_estimates(
     estimates: Iterable[tuple[IntArray, Estimate]], pipes: int
 ) -> tuple[Estimate | None, ...]:
     """Return for each pipe the estimate with most of its points, or None.
@@ -158,11 +158,11 @@ def _estimates_by_pipe(
 def _section_bound(section: SimulatedSection, label: int, known_std: float | None) -> Triple:
     """Return the bound of a pipe from one section; `known_std` is that of a known radius in mm."""
     on_pipe = section.truth.labels == label
-    return _triple(
+    return _list_uncertainties(
         section_bound(
             section.truth.tubes[label - 1].ellipse,
             section.truth.points[on_pipe],
-            noise_of(section).covariances(section.profile.points)[on_pipe],
+            get_noise_model(section).covariances(section.profile.points)[on_pipe],
             known_std,
         )
     )
@@ -180,13 +180,13 @@ def _scan_bound(
         on_pipe = section.truth.labels == label
         surface_points = pose.apply(_with_zero_z(section.truth.points[on_pipe]))
         normals = cylinder_normals(pipe, surface_points)[:, :2]
-        covariances = noise_of(section).covariances(section.profile.points)[on_pipe]
+        covariances = get_noise_model(section).covariances(section.profile.points)[on_pipe]
         points.append(surface_points)
         variances.append(np.einsum("ni,nij,nj->n", normals, covariances, normals))
-    return _triple(scan_bound(pipe, np.concatenate(points), np.concatenate(variances)))
+    return _list_uncertainties(scan_bound(pipe, np.concatenate(points), np.concatenate(variances)))
 
 
-def _triple(bound: SectionPrediction | ScanPrediction) -> Triple:
+def _list_uncertainties(bound: SectionPrediction | ScanPrediction) -> Triple:
     """Return the standard uncertainties of radius (mm), theta and phi (deg)."""
     deg = math.degrees(1.0)
     return Triple(bound.radius_std, bound.theta_std * deg, bound.phi_std * deg)
@@ -197,7 +197,7 @@ def _with_zero_z(points: Points) -> Points:
     return np.column_stack([points, np.zeros(len(points))])
 
 
-def noise_of(section: SimulatedSection) -> NoiseModel:
+def get_noise_model(section: SimulatedSection) -> NoiseModel:
     """Return the noise model of a simulated section's profile."""
     noise = section.profile.noise
     if noise is None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lsvision.results.html import html_environment
+from lsvision.results.html import build_html_environment
 from lsvision.studies.chen_liu_2016.ablation import SECTION_SETTINGS
 from lsvision.studies.chen_liu_2016.achievability import SIGNIFICANCE
 from lsvision.studies.chen_liu_2016.methods import Method
@@ -29,15 +29,15 @@ from lsvision.studies.chen_liu_2016.published_results import (
 from lsvision.studies.chen_liu_2016.repeatability import POSITION, phi_std_of_axes
 from lsvision.studies.chen_liu_2016.report import PaperReport
 from lsvision.studies.chen_liu_2016.report_tables import (
-    ablation_table,
-    achievability_table,
-    error_table,
+    build_ablation_table,
+    build_achievability_table,
+    build_error_table,
+    build_pitfall_table,
+    build_repeatability_table,
+    build_scene_table,
+    build_timing_table,
     format_significant,
     match_table,
-    pitfall_table,
-    repeatability_table,
-    scene_table,
-    timing_table,
 )
 from lsvision.studies.chen_liu_2016.tables import ErrorStatistics, pool_errors
 
@@ -48,7 +48,7 @@ MAX_COST_RATIO = 1.1
 """Ratio of a variant's errors to those of the complete pipeline up to which it is as accurate."""
 
 
-def report_page(report: PaperReport) -> str:
+def render_report_page(report: PaperReport) -> str:
     """Return the report as one self-contained HTML page: pictures inline, no other files."""
 
     def pooled(method: Method, table: int) -> ErrorStatistics:
@@ -57,15 +57,15 @@ def report_page(report: PaperReport) -> str:
         return pool_errors([row.spreads[method] for row in rows])
 
     return (
-        _environment()
+        _build_environment()
         .get_template("report.html.j2")
         .render(
             report=report,
-            pictures=_pictures(report),
-            tables=_tables(report),
+            pictures=_draw_pictures(report),
+            tables=_build_tables(report),
             pooled=pooled,
-            largest_printed=_largest_printed_errors(report, table=3),
-            unreachable=_unreachable_errors(report),
+            largest_printed=_find_largest_printed_errors(report, table=3),
+            unreachable=_count_unreachable_errors(report),
             published_box_mm=PUBLISHED_BOX_MM,
             published_axis_mm=PUBLISHED_AXIS_MM,
             phi_std_of_published_axes=phi_std_of_axes(
@@ -73,26 +73,26 @@ def report_page(report: PaperReport) -> str:
             ),
             jump_fraction=SECTION_SETTINGS.jump_fraction,
             max_cost_percent=100 * (MAX_COST_RATIO - 1),
-            variants_without_cost=_variants_without_cost(report),
+            variants_without_cost=_list_variants_without_cost(report),
         )
     )
 
 
 @cache
-def _environment() -> "Environment":
+def _build_environment() -> "Environment":
     """Return the environment of this package's templates, with its filters."""
-    environment = html_environment("lsvision.studies.chen_liu_2016")
+    environment = build_html_environment("lsvision.studies.chen_liu_2016")
     environment.filters["significant"] = format_significant
-    environment.filters["anchor"] = _anchor
+    environment.filters["anchor"] = _build_anchor
     return environment
 
 
-def _anchor(heading: str) -> str:
+def _build_anchor(heading: str) -> str:
     """Return the fragment identifier of a heading: letters, digits, and hyphens for spaces."""
     return "".join(c for c in heading.lower() if c.isalnum() or c == " ").replace(" ", "-")
 
 
-def _pictures(report: PaperReport) -> dict[str, Any]:
+def _draw_pictures(report: PaperReport) -> dict[str, Any]:
     """Return every figure of the page as SVG."""
     return {
         "tables": draw_tables(report.rows),
@@ -104,22 +104,22 @@ def _pictures(report: PaperReport) -> dict[str, Any]:
     }
 
 
-def _tables(report: PaperReport) -> dict[str, Any]:
+def _build_tables(report: PaperReport) -> dict[str, Any]:
     """Return every table of the page."""
     numbers = sorted({row.printed.table for row in report.rows})
     return {
-        "errors": [error_table(report.rows, number) for number in numbers],
-        "achievability": achievability_table(report.achievability),
-        "timing": timing_table(report.timings),
+        "errors": [build_error_table(report.rows, number) for number in numbers],
+        "achievability": build_achievability_table(report.achievability),
+        "timing": build_timing_table(report.timings),
         "matches": match_table(report.timings),
-        "scenes": [scene_table(scene) for scene in report.scenes],
-        "repeatability": repeatability_table(report.repeatability),
-        "ablation": ablation_table(report.ablation),
-        "pitfalls": [pitfall_table(pitfall) for pitfall in report.pitfalls],
+        "scenes": [build_scene_table(scene) for scene in report.scenes],
+        "repeatability": build_repeatability_table(report.repeatability),
+        "ablation": build_ablation_table(report.ablation),
+        "pitfalls": [build_pitfall_table(pitfall) for pitfall in report.pitfalls],
     }
 
 
-def _largest_printed_errors(report: PaperReport, table: int) -> Triple:
+def _find_largest_printed_errors(report: PaperReport, table: int) -> Triple:
     """Return the largest absolute error of each quantity in a table of the paper."""
     results = [result for result in report.achievability if result.table == table]
     return Triple(**{result.quantity: result.largest_printed for result in results})
@@ -144,20 +144,20 @@ class _UnreachableErrors:
     sections_needed: int
 
 
-def _unreachable_errors(report: PaperReport) -> _UnreachableErrors:
+def _count_unreachable_errors(report: PaperReport) -> _UnreachableErrors:
     """Return how many groups of printed errors are too small for one section."""
     unreachable = [result for result in report.achievability if not result.reachable]
     noise_ratio = report.repeatability.noise_of_printed_box_mm / report.noise_mm
     return _UnreachableErrors(
         groups=len(unreachable),
         groups_at_figure_16_noise=sum(
-            result.chance_at(noise_ratio) < SIGNIFICANCE for result in report.achievability
+            result.compute_chance_at(noise_ratio) < SIGNIFICANCE for result in report.achievability
         ),
         sections_needed=max((result.sections_needed or 0 for result in unreachable), default=0),
     )
 
 
-def _variants_without_cost(report: PaperReport) -> list[str]:
+def _list_variants_without_cost(report: PaperReport) -> list[str]:
     """Return the names of variants with all errors within `MAX_COST_RATIO` of the pipeline's."""
     complete, *variants = report.ablation
     limits = MAX_COST_RATIO * np.array([*complete.typical, *complete.worst])

@@ -74,11 +74,11 @@ class PaperSettings:
         if not self.end_part_fraction < 0.5:
             raise ValueError(f"expected end_part_fraction < 0.5, got {self.end_part_fraction}")
 
-    def window_points(self, count: int) -> int:
+    def count_window_points(self, count: int) -> int:
         """Return the number of points in a window of rough identification, of `count` points."""
         return max(MIN_WINDOW_POINTS, round(self.window_fraction * count))
 
-    def end_points(self, count: int) -> int:
+    def count_end_points(self, count: int) -> int:
         """Return the number of points in each end part of an arc of `count` >= 3 points.
 
         At least one point is left in the middle.
@@ -133,8 +133,8 @@ def measure_cylinders_paper(
     spans = _identify_spans(points, initial_radius, settings)
     if len(points) and not spans:
         reason = (
-            f"no {settings.window_points(len(points))} neighbouring points of {len(points)} lie "
-            f"within {settings.sensor_error_mm:g} mm of an ellipse"
+            f"no {settings.count_window_points(len(points))} neighbouring points of {len(points)} "
+            f"lie within {settings.sensor_error_mm:g} mm of an ellipse"
         )
         everything = Arc(int(valid_indices.min()), int(valid_indices.max()) + 1)
         rejections.append(Rejection(everything, reason))
@@ -151,7 +151,7 @@ def measure_cylinders_paper(
     return build_measurement(cylinders, rejections, prepared, profile)
 
 
-def _initial_ellipse(points: Points, radius: float) -> Ellipse:
+def _guess_initial_ellipse(points: Points, radius: float) -> Ellipse:
     """Return the initial guess of the paper (section 2.3): a circle below the highest point."""
     top = points[np.argmax(points[:, 1])]
     return Ellipse((float(top[0]), float(top[1]) - radius), radius, radius, 0.0)
@@ -163,7 +163,7 @@ def largest_window_residual(window: Points, radius: float) -> float:
     The window has consecutive points of a profile; the fit starts at a circle of the radius, in mm.
     """
     try:
-        fit = fit_ellipse(window, _initial_ellipse(window, radius), settings=RADIAL_FITTING)
+        fit = fit_ellipse(window, _guess_initial_ellipse(window, radius), settings=RADIAL_FITTING)
     except LsvisionError:
         return math.inf
     return float(np.abs(fit.residuals).max())
@@ -221,7 +221,7 @@ def _identify_spans(
 ) -> list[tuple[int, int]]:
     """Return (start, stop) of each span of Figure 6: consecutive windows with small r_j only."""
     count = len(points)
-    num = settings.window_points(count)
+    num = settings.count_window_points(count)
     spans: list[tuple[int, int]] = []
     start = None
     for i in range(count - num + 1):
@@ -239,9 +239,11 @@ def _identify_spans(
 
 def _screen(points: Points, indices: IntArray, radius: float, settings: PaperSettings) -> IntArray:
     """Return the indices after screening (Figure 9): without end points beyond the sensor error."""
-    end_points = settings.end_points(len(points))
+    end_points = settings.count_end_points(len(points))
     middle = points[end_points : len(points) - end_points]
-    ellipse = fit_ellipse(middle, _initial_ellipse(middle, radius), settings=RADIAL_FITTING).ellipse
+    ellipse = fit_ellipse(
+        middle, _guess_initial_ellipse(middle, radius), settings=RADIAL_FITTING
+    ).ellipse
     inliers = np.abs(radial_residuals(points, ellipse)) < settings.sensor_error_mm
     inliers[end_points : len(points) - end_points] = True
     return indices[inliers]
@@ -251,4 +253,6 @@ def _fit_arc(points: Points, radius: float, settings: PaperSettings) -> EllipseF
     """Return the ellipse of screened points, smoothed and homogenised (sections 3.3 and 2.3)."""
     smooth = smooth_profile_paper(points, settings.smoothing_fraction)
     homogenised = homogenise_profile_paper(smooth, settings.step_mm)
-    return fit_ellipse(homogenised, _initial_ellipse(homogenised, radius), settings=RADIAL_FITTING)
+    return fit_ellipse(
+        homogenised, _guess_initial_ellipse(homogenised, radius), settings=RADIAL_FITTING
+    )

@@ -8,7 +8,7 @@ import numpy as np
 from lsvision.geometry import Ellipse, FloatArray, Points, orthogonal_residuals, radial_residuals
 from lsvision.measure import measure_cylinders
 from lsvision.profile import Profile
-from lsvision.studies.chen_liu_2016.cases import STANDOFF_MM, paper_sensor, simulate_case
+from lsvision.studies.chen_liu_2016.cases import STANDOFF_MM, build_paper_sensor, simulate_case
 from lsvision.studies.chen_liu_2016.methods import METHODS
 from lsvision.studies.chen_liu_2016.repeatability import POSITION
 
@@ -55,15 +55,15 @@ class Pitfall:
 def check_pitfalls() -> tuple[Pitfall, ...]:
     """Return the five pitfalls with their numbers."""
     return (
-        _theta_of_major_axis(),
-        _radial_distance(),
-        _two_axes(),
-        _division_by_zero(),
-        _direction_of_y(),
+        _demonstrate_theta_of_major_axis(),
+        _demonstrate_radial_distance(),
+        _demonstrate_two_axes(),
+        _demonstrate_division_by_zero(),
+        _demonstrate_direction_of_y(),
     )
 
 
-def printed_equation_one(points: Points, ellipse: Ellipse, theta: float) -> FloatArray:
+def evaluate_printed_equation_one(points: Points, ellipse: Ellipse, theta: float) -> FloatArray:
     """Return the left-hand side of the paper's Eq. (1) as printed; it should be 1 on the ellipse.
 
     The points are (n, 2) in mm; of the ellipse, centre and semi-axes are used; theta in rad is the
@@ -78,10 +78,10 @@ def printed_equation_one(points: Points, ellipse: Ellipse, theta: float) -> Floa
     return left_hand_side
 
 
-def printed_equation_four(points: Points, ellipse: Ellipse, theta: float) -> FloatArray:
+def evaluate_printed_equation_four(points: Points, ellipse: Ellipse, theta: float) -> FloatArray:
     """Return the paper's r_j, Eq. (4) as printed, in mm; it should be 0 on the ellipse.
 
-    See `printed_equation_one`. NaN for a point with the x of the centre.
+    See `evaluate_printed_equation_one`. NaN for a point with the x of the centre.
     """
     dx, dy = (points - ellipse.centre).T
     a, b = ellipse.semi_major, ellipse.semi_minor
@@ -95,11 +95,11 @@ def printed_equation_four(points: Points, ellipse: Ellipse, theta: float) -> Flo
     return residuals
 
 
-def _theta_of_major_axis() -> Pitfall:
+def _demonstrate_theta_of_major_axis() -> Pitfall:
     ellipse = Ellipse((0.0, 0.0), 20.0, 15.0, math.radians(30))
     vertex = ellipse.points_at(np.zeros(1))
     as_text, as_printed = ellipse.theta, ellipse.theta - math.pi / 2
-    eq_1, eq_4 = printed_equation_one, printed_equation_four
+    eq_1, eq_4 = evaluate_printed_equation_one, evaluate_printed_equation_four
     return Pitfall(
         "θ: direction of which axis?",
         "By the text, θ is the direction of the major axis. Eqs. (1) and (4) as printed put "
@@ -115,7 +115,7 @@ def _theta_of_major_axis() -> Pitfall:
     )  # fmt: skip
 
 
-def _radial_distance() -> Pitfall:
+def _demonstrate_radial_distance() -> Pitfall:
     def ratio(phi_deg: float) -> float:
         """Return the largest ratio of radial to orthogonal residual, for points 0.1 mm outside."""
         phi = math.radians(phi_deg)
@@ -141,11 +141,11 @@ def _radial_distance() -> Pitfall:
     )
 
 
-def _two_axes() -> Pitfall:
+def _demonstrate_two_axes() -> Pitfall:
     ellipse = Ellipse((0.0, -400.0), 19.0 / math.cos(math.radians(20)), 19.0, math.radians(20))
     first, second = ellipse.axis_twins
     axis_angle_deg = math.degrees(math.acos(float(first @ second)))
-    sections = [_section_by_rays(axis) for axis in (first, second)]
+    sections = [_intersect_rays(axis) for axis in (first, second)]
     return Pitfall(
         "One section fits two pipes",
         "The paper's θ and φ are meant to give the orientation; a pipe leaning forwards and one "
@@ -159,7 +159,7 @@ def _two_axes() -> Pitfall:
     )  # fmt: skip
 
 
-def _section_by_rays(axis: FloatArray) -> FloatArray:
+def _intersect_rays(axis: FloatArray) -> FloatArray:
     """Return the distance (mm) in z = 0 from the axis of a 19 mm pipe to its surface, (360,)."""
     angles = np.radians(np.arange(360))
     directions = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(360)])
@@ -168,13 +168,13 @@ def _section_by_rays(axis: FloatArray) -> FloatArray:
     return distances
 
 
-def _division_by_zero() -> Pitfall:
+def _demonstrate_division_by_zero() -> Pitfall:
     ellipse = Ellipse((0.0, -400.0), 22.0, 19.0, math.radians(20))
     inverse_height = math.hypot(math.sin(ellipse.theta) / 22.0, math.cos(ellipse.theta) / 19.0)
     top = np.array([[0.0, -400.0 + 1 / inverse_height]])
     arc_points = ellipse.points_at(np.radians(np.linspace(190, -30, 120)))
     not_increasing = int((np.diff(arc_points[:, 0]) <= 0).sum())
-    resampled = _spline_along_arc(arc_points)
+    resampled = _resample_spline_along_arc(arc_points)
     return Pitfall(
         "Eq. (4) divides by x − x₀, and the spline S(x) needs increasing x",
         "A point straight above the centre has no r_j, and an arc past its vertical flank has "
@@ -182,7 +182,7 @@ def _division_by_zero() -> Pitfall:
         "Residuals in the ellipse's own frame; homogenising runs along the arc.",
         (
             Check("Eq. (4) at the point of the ellipse above its centre (should be 0)", float(
-                printed_equation_four(top, ellipse, ellipse.theta - math.pi / 2)[0])),
+                evaluate_printed_equation_four(top, ellipse, ellipse.theta - math.pi / 2)[0])),
             Check("lsvision's radial residual there, mm", float(radial_residuals(top, ellipse)[0])),
             Check("points where x does not increase, of 120 on an arc past both vertical flanks",
                   not_increasing),
@@ -192,7 +192,7 @@ def _division_by_zero() -> Pitfall:
     )  # fmt: skip
 
 
-def _spline_along_arc(points: Points) -> Points:
+def _resample_spline_along_arc(points: Points) -> Points:
     """Return points at equal steps of arc length, by one spline for each coordinate."""
     from scipy.interpolate import CubicSpline
 
@@ -201,10 +201,10 @@ def _spline_along_arc(points: Points) -> Points:
     return resampled
 
 
-def _direction_of_y() -> Pitfall:
+def _demonstrate_direction_of_y() -> Pitfall:
     radius = POSITION.radius_mm
     (section,) = simulate_case(POSITION, 0, METHODS["section"].poses, noise_mm=NOISE_MM)
-    upright, sensor = section.profile.points, paper_sensor(NOISE_MM)
+    upright, sensor = section.profile.points, build_paper_sensor(NOISE_MM)
     reversed_y = Profile(upright * [1.0, -1.0])
     initial_error = float(np.nanmax(reversed_y.points[:, 1])) - radius - STANDOFF_MM
     return Pitfall(

@@ -65,12 +65,12 @@ def draw_tables(rows: Sequence[TableRow]) -> str:
         axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
         axes.set_ylabel(f"error of {AXIS_NAMES[quantity]}")
         axes.grid(visible=True, axis="y", lw=0.4, alpha=0.6)
-    names = [_tick_label(table_rows[0].printed) for table_rows in by_table]
+    names = [_format_tick_label(table_rows[0].printed) for table_rows in by_table]
     panels[-1].set_xticks(range(len(tables)), names)
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=2, fontsize=7.5,
                   frameon=False, columnspacing=1, handletextpad=0.3)  # fmt: skip
-    return _inline_svg(
+    return _render_inline_svg(
         figure, "tables",
         "Errors of radius, theta and phi in Tables 1 to 4 for five ways to measure, beside the "
         "paper's printed errors and the best possible, on a logarithmic scale",
@@ -95,7 +95,7 @@ def _draw_table(axes: "Axes", rows: Sequence[TableRow], quantity: str, position:
                   label=f"({info.letter}) {info.name}" if first else None)  # fmt: skip
 
 
-def _tick_label(printed: PublishedRow) -> str:
+def _format_tick_label(printed: PublishedRow) -> str:
     """Return the label of a table for the x axis."""
     kind = "welded" if printed.table == 4 else f"φ = {printed.phi_deg:g}°"
     return f"Table {printed.table}\n{kind}"
@@ -112,7 +112,7 @@ def draw_scene(scene: SceneFigure, number: int) -> str:
     axes.margins(y=0.15)  # space for the letters above the points
     _draw_legend_above(axes)
     content = "measured points and the pipes found, each with its ellipse and major axis"
-    return _inline_svg(figure, f"scene{number}", f"{scene.title}: {content}")
+    return _render_inline_svg(figure, f"scene{number}", f"{scene.title}: {content}")
 
 
 def _draw_legend_above(axes: "Axes") -> None:
@@ -126,23 +126,23 @@ def draw_repeatability(repeatability: Repeatability) -> str:
     axes = figure.subplots()
     centres = repeatability.ellipses[:, :2]
     axes.plot(*centres.T, ".", color=BLUE, ms=2.5, alpha=0.6, label="centres measured")
-    axes.plot(*_covariance_ellipse(repeatability.bound[:2, :2]).T, "-", color="black", lw=1.2,
+    axes.plot(*_draw_covariance_ellipse(repeatability.bound[:2, :2]).T, "-", color="black", lw=1.2,
               label="best possible, three sigma")  # fmt: skip
     low, high = centres.min(axis=0), centres.max(axis=0)
-    axes.plot(*_box(low, high).T, "--", color=GREY, lw=1, label="box of all centres")
+    axes.plot(*_build_box(low, high).T, "--", color=GREY, lw=1, label="box of all centres")
     half = PUBLISHED_BOX_MM / 2
-    axes.plot(*_box(np.full(2, -half), np.full(2, half)).T, "-", color="red", lw=1.2,
+    axes.plot(*_build_box(np.full(2, -half), np.full(2, half)).T, "-", color="red", lw=1.2,
               label=f"the paper's box, {PUBLISHED_BOX_MM:g} mm")  # fmt: skip
     axes.set_aspect("equal")
     axes.set(xlabel="X off the true centre / mm", ylabel="Y off the true centre / mm")
     axes.grid(visible=True, lw=0.4, alpha=0.5)
     axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
-    return _inline_svg(figure, "repeatability",
+    return _render_inline_svg(figure, "repeatability",
                       "Centres of repeated measurements, the box around them, the paper's box, "
                       "and the best possible at three sigma")  # fmt: skip
 
 
-def _covariance_ellipse(covariance: FloatArray) -> FloatArray:
+def _draw_covariance_ellipse(covariance: FloatArray) -> FloatArray:
     """Return points (181, 2) on the `ELLIPSE_SIGMAS` ellipse of a covariance (2, 2)."""
     angles = np.linspace(0, 2 * np.pi, 181)
     circle = np.column_stack([np.cos(angles), np.sin(angles)])
@@ -150,7 +150,7 @@ def _covariance_ellipse(covariance: FloatArray) -> FloatArray:
     return ellipse
 
 
-def _box(low: FloatArray, high: FloatArray) -> FloatArray:
+def _build_box(low: FloatArray, high: FloatArray) -> FloatArray:
     """Return the closed polygon (5, 2) of a box between two opposite corners."""
     (left, bottom), (right, top) = low, high
     return np.array([[left, bottom], [right, bottom], [right, top], [left, top], [left, bottom]])
@@ -179,7 +179,7 @@ def draw_recognition(steps: StepExample) -> str:
         ylabel="largest |rⱼ| of the window / mm",
     )
     residual_axes.legend(fontsize=8, loc="upper right")
-    return _inline_svg(
+    return _render_inline_svg(
         figure, "recognition",
         "A section with two welded pipes among clutter, and below it the largest residual of "
         "each window of the paper's rough identification",
@@ -211,7 +211,7 @@ def draw_screening(steps: StepExample) -> str:
     axes.set(ylim=(-RESIDUAL_LIMIT_MM, RESIDUAL_LIMIT_MM), xlabel="X / mm",
              ylabel="off the middle part's ellipse / mm")  # fmt: skip
     _draw_legend_above(axes)
-    return _inline_svg(
+    return _render_inline_svg(
         figure, "screening",
         "Residuals of an arc's points to the ellipse of its middle part; end points beyond "
         "the noise are dropped",
@@ -241,14 +241,14 @@ def draw_smoothing(steps: StepExample) -> str:
     axes.axhline(0.0, color=GREEN, lw=0.8, label="the true pipe")
     axes.set(xlabel="X / mm", ylabel="off the true ellipse / mm")
     _draw_legend_above(axes)
-    return _inline_svg(
+    return _render_inline_svg(
         figure, "smoothing",
         "Distance from the true ellipse of measured points, of points smoothed along the arc, "
         "and of points smoothed as y over x",
     )  # fmt: skip
 
 
-def _inline_svg(figure: "Figure", name: str, description: str) -> str:
+def _render_inline_svg(figure: "Figure", name: str, description: str) -> str:
     """Return a figure as an ``<svg>`` element; the same figure gives the same text.
 
     The name is the prefix of every id, which makes the ids of all figures on a page unique; the

@@ -102,7 +102,7 @@ _WELDED = (
 )
 
 
-def _rows() -> tuple[PublishedRow, ...]:
+def _parse_rows() -> tuple[PublishedRow, ...]:
     """Return the rows of Tables 1-4."""
     rows = []
     for table, (angles, errors) in enumerate(zip(_ANGLES, _SINGLE, strict=True), 1):
@@ -114,7 +114,7 @@ def _rows() -> tuple[PublishedRow, ...]:
     return tuple(rows)
 
 
-PUBLISHED_ROWS = _rows()
+PUBLISHED_ROWS = _parse_rows()
 """Tables 1-4; pipes 1 and 2 of a pair of Table 4 follow each other."""
 
 PUBLISHED_TIMES = (

@@ -9,7 +9,7 @@ from lsvision.geometry import Ellipse, FloatArray, as_readonly_array
 from lsvision.measure import measure_cylinders
 from lsvision.planning import section_bound
 from lsvision.studies.chen_liu_2016.cases import Case, simulate_case
-from lsvision.studies.chen_liu_2016.methods import METHODS, noise_of
+from lsvision.studies.chen_liu_2016.methods import METHODS, get_noise_model
 from lsvision.studies.chen_liu_2016.published_results import PUBLISHED_BOX_MM, PublishedRow, Triple
 
 POSITION = Case((PublishedRow(0, 1, 19.0, 20.0, 20.0, Triple(0.0, 0.0, 0.0)),))
@@ -82,16 +82,18 @@ def measure_repeatedly(repeats: int, *, noise_mm: float, seed: int = 0) -> Repea
         cylinders = measure_cylinders(section.profile, radius=POSITION.radius_mm).cylinders
         if len(cylinders) != 1:
             continue
-        errors.append(_centre_and_axes(cylinders[0].ellipse) - _centre_and_axes(true_ellipse))
+        errors.append(
+            _list_centre_and_axes(cylinders[0].ellipse) - _list_centre_and_axes(true_ellipse)
+        )
     if len(errors) < 2:
         raise ValueError(
             f"expected two or more measurements with one cylinder, got {len(errors)} of {repeats}"
         )
     on_pipe = first.truth.labels == 1
-    covariances = noise_of(first).covariances(first.profile.points)[on_pipe]
+    covariances = get_noise_model(first).covariances(first.profile.points)[on_pipe]
     points = first.truth.points[on_pipe]
     bound = section_bound(true_ellipse, points, covariances).covariance[:4, :4]
-    sides = expected_range(len(errors)) * np.sqrt(np.diag(bound)[:2])
+    sides = compute_expected_range(len(errors)) * np.sqrt(np.diag(bound)[:2])
     return Repeatability(
         ellipses=np.array(errors),
         missed=repeats - len(errors),
@@ -101,12 +103,12 @@ def measure_repeatedly(repeats: int, *, noise_mm: float, seed: int = 0) -> Repea
     )
 
 
-def _centre_and_axes(ellipse: Ellipse) -> FloatArray:
+def _list_centre_and_axes(ellipse: Ellipse) -> FloatArray:
     """Return centre x, y and semi-axes a, b (4,). Units: mm."""
     return np.array([*ellipse.centre, ellipse.semi_major, ellipse.semi_minor])
 
 
-def expected_range(count: int) -> float:
+def compute_expected_range(count: int) -> float:
     """Return the mean range (largest minus smallest) of `count` standard normal numbers.
 
     Definition: integral over x of 1 - F(x)^n - (1 - F(x))^n, with n = `count` and F the standard
@@ -114,7 +116,7 @@ def expected_range(count: int) -> float:
 
     Examples
     --------
-    >>> f"{expected_range(2):.3f} {expected_range(1000):.2f}"
+    >>> f"{compute_expected_range(2):.3f} {compute_expected_range(1000):.2f}"
     '1.128 6.48'
     """
     from scipy.special import ndtr

@@ -5,14 +5,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
-from lsvision.results.quantities import plain_value
+from lsvision.results.quantities import convert_to_plain
 from lsvision.studies.chen_liu_2016.ablation import AblationResult, run_ablation
 from lsvision.studies.chen_liu_2016.achievability import Achievability, compare_with_bound
-from lsvision.studies.chen_liu_2016.cases import paper_cases
+from lsvision.studies.chen_liu_2016.cases import list_paper_cases
 from lsvision.studies.chen_liu_2016.methods import METHODS, Method
 from lsvision.studies.chen_liu_2016.paper_pitfalls import Pitfall, check_pitfalls
 from lsvision.studies.chen_liu_2016.repeatability import Repeatability, measure_repeatedly
-from lsvision.studies.chen_liu_2016.report_tables import readme_table
+from lsvision.studies.chen_liu_2016.report_tables import format_readme_table
 from lsvision.studies.chen_liu_2016.scenes import (
     SceneFigure,
     Timing,
@@ -69,13 +69,13 @@ class ExperimentSizes:
     def quick(cls) -> Self:
         """Return sizes for a minute or two; std of an rms: 14 % (section, known), else 25-41 %."""
         runs = {"paper": 3, "section": 24, "known": 24, "two": 8, "twenty": 3}
-        return cls(runs=_ordered_runs(runs), timing_scenes=1, repeats=200, ablation_scenes=20)
+        return cls(runs=_order_runs(runs), timing_scenes=1, repeats=200, ablation_scenes=20)
 
     @classmethod
     def full(cls) -> Self:
         """Return sizes for about ten minutes; std of an rms: 4 % (section, known), else 7-16 %."""
         runs = {"paper": 20, "section": 400, "known": 400, "two": 100, "twenty": 30}
-        return cls(runs=_ordered_runs(runs), timing_scenes=4, repeats=1000, ablation_scenes=200)
+        return cls(runs=_order_runs(runs), timing_scenes=4, repeats=1000, ablation_scenes=200)
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +141,7 @@ def run_experiments(
         )
     timings = time_conditions(sizes.timing_scenes, noise_mm=noise_mm, seed=seed, progress=progress)
     rows = measure_tables(
-        paper_cases(), sizes.runs, noise_mm=noise_mm, seed=seed, progress=progress
+        list_paper_cases(), sizes.runs, noise_mm=noise_mm, seed=seed, progress=progress
     )
     progress("printed errors against the bound of one section")
     achievability = compare_with_bound(rows, noise_mm=noise_mm)
@@ -164,12 +164,12 @@ def run_experiments(
     )
 
 
-def _ordered_runs(runs: Mapping[str, int]) -> dict[Method, int]:
+def _order_runs(runs: Mapping[str, int]) -> dict[Method, int]:
     """Return the number of measurements by each method, in the order of `METHODS`."""
     return {method: runs[method] for method in METHODS}
 
 
-def report_json(report: PaperReport) -> str:
+def format_report_json(report: PaperReport) -> str:
     """Return the report as JSON text; the same report gives the same text.
 
     Lengths are in ``*_mm``, angles in ``*_deg``, times in ``*seconds``; NaN and infinity are null.
@@ -179,35 +179,35 @@ def report_json(report: PaperReport) -> str:
     document = {
         "schema": SCHEMA,
         "noise_mm": report.noise_mm,
-        "effort": plain_value(report.sizes),
+        "effort": convert_to_plain(report.sizes),
         "ways": {key: {"letter": info.letter, "name": info.name, "places_mm": info.positions_mm}
                  for key, info in METHODS.items()},
-        "tables_1_to_4": [plain_value(row) for row in report.rows],
-        "readme_table": readme_table(report.rows),
+        "tables_1_to_4": [convert_to_plain(row) for row in report.rows],
+        "readme_table": format_readme_table(report.rows),
         "reach": [
-            {**plain_value(result), "chance": result.chance, "reachable": result.reachable}
+            {**convert_to_plain(result), "chance": result.chance, "reachable": result.reachable}
             for result in report.achievability
         ],
-        "table_5": [{**plain_value(timing), "ratio": timing.ratio} for timing in report.timings],
-        "figures_14_and_15": [_scene(scene) for scene in report.scenes],
-        "figure_16": _repeatability(report.repeatability),
-        "ablation_in_units_of_the_bound": [plain_value(result) for result in report.ablation],
-        "traps": [plain_value(pitfall) for pitfall in report.pitfalls],
+        "table_5": [{**convert_to_plain(timing), "ratio": timing.ratio} for timing in
+        report.timings], "figures_14_and_15": [_build_scene_record(scene) for scene in
+        report.scenes], "figure_16": _build_repeatability_record(report.repeatability),
+        "ablation_in_units_of_the_bound": [convert_to_plain(result) for result in report.ablation],
+        "traps": [convert_to_plain(pitfall) for pitfall in report.pitfalls],
     }  # fmt: skip
     return json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 
 
-def _scene(scene: SceneFigure) -> dict[str, Any]:
-    return {"title": scene.title, "false": scene.false, "pipes": plain_value(scene.pipes)}
+def _build_scene_record(scene: SceneFigure) -> dict[str, Any]:
+    return {"title": scene.title, "false": scene.false, "pipes": convert_to_plain(scene.pipes)}
 
 
-def _repeatability(repeatability: Repeatability) -> dict[str, Any]:
+def _build_repeatability_record(repeatability: Repeatability) -> dict[str, Any]:
     """Return the results of Figure 16 as a JSON object."""
     order = ("centre_x_mm", "centre_y_mm", "semi_major_mm", "semi_minor_mm")
     return {
         "measurements": len(repeatability.ellipses),
         "missed": repeatability.missed,
-        "std": plain_value(dict(zip(order, repeatability.stds_mm, strict=True))),
+        "std": convert_to_plain(dict(zip(order, repeatability.stds_mm, strict=True))),
         "bound": dict(zip(order, repeatability.bound_stds_mm, strict=True)),
         "box_mm": repeatability.box_mm,
         "expected_box_mm": repeatability.expected_box_mm,

@@ -19,7 +19,7 @@ from lsvision.studies.chen_liu_2016.scenes import SceneFigure, Timing
 from lsvision.studies.chen_liu_2016.tables import TableRow, pool_errors
 
 README_HEAD = ("Paper's Table", "", "Radius, mm", "θ, °", "φ, °")
-"""Names of the columns of `readme_table`; the second column names the method."""
+"""Names of the columns of `format_readme_table`; the second column names the method."""
 ERROR_NAMES = {
     "radius_mm": "Radius error, mm",
     "theta_deg": "θ error, degrees",
@@ -104,13 +104,13 @@ def format_significant(value: float, digits: int = 2) -> str:
     return f"{value:.{max(digits - 1 - exponent, 0)}f}"
 
 
-def readme_table(rows: Sequence[TableRow]) -> str:
+def format_readme_table(rows: Sequence[TableRow]) -> str:
     """Return the rms errors of Tables 1-4, as in ``.github/ACCURACY.md``, as a Markdown table.
 
     The numbers in brackets are the Cramer-Rao bound, which depends on geometry and noise only: a
     test compares them with that file without measuring.
     """
-    lines = [_markdown_row(*README_HEAD), "|---|---|---|---|---|"]
+    lines = [_format_markdown_row(*README_HEAD), "|---|---|---|---|---|"]
     for table in sorted({row.printed.table for row in rows}):
         table_rows = [row for row in rows if row.printed.table == table]
         first = table_rows[0].printed
@@ -119,35 +119,36 @@ def readme_table(rows: Sequence[TableRow]) -> str:
             format_significant(max(abs(getattr(row.printed.errors, q)) for row in table_rows))
             for q in QUANTITIES
         ]
-        lines.append(_markdown_row(name, "largest error printed", *printed))
+        lines.append(_format_markdown_row(name, "largest error printed", *printed))
         for method, info in METHODS.items():
             pooled = pool_errors([row.spreads[method] for row in table_rows])
             cells = [
-                _rms_and_bound(getattr(pooled.rms, q), getattr(pooled.bound, q)) for q in QUANTITIES
+                _format_rms_and_bound(getattr(pooled.rms, q), getattr(pooled.bound, q))
+                for q in QUANTITIES
             ]
-            lines.append(_markdown_row("", f"({info.letter}) {info.name}", *cells))
+            lines.append(_format_markdown_row("", f"({info.letter}) {info.name}", *cells))
     return "\n".join(lines) + "\n"
 
 
-def _rms_and_bound(rms: float, bound: float) -> str:
+def _format_rms_and_bound(rms: float, bound: float) -> str:
     """Return ``rms (bound)`` as text; "given" for a known radius, whose bound is 0."""
     if bound == 0:
         return "given"
     return f"{format_significant(rms)} ({format_significant(bound)})"
 
 
-def _markdown_row(*cells: str) -> str:
+def _format_markdown_row(*cells: str) -> str:
     """Return cells as a row of a Markdown table."""
     return "| " + " | ".join(cells) + " |"
 
 
-def error_table(rows: Sequence[TableRow], number: int) -> Table:
+def build_error_table(rows: Sequence[TableRow], number: int) -> Table:
     """Return one of Tables 1-4: printed errors, one section's bound, rms errors of the methods."""
     table_rows = [row for row in rows if row.printed.table == number]
     lines: list[Row] = []
     for quantity in QUANTITIES:
         lines.append(Row(ERROR_NAMES[quantity]))
-        lines += [_error_row(row, quantity) for row in table_rows]
+        lines += [_build_error_row(row, quantity) for row in table_rows]
     head = ("Pipe", "Printed error", "Best possible, one section",
             *(f"({info.letter}) {info.short}" for info in METHODS.values()))  # fmt: skip
     first = table_rows[0].printed
@@ -157,7 +158,7 @@ def error_table(rows: Sequence[TableRow], number: int) -> Table:
     return Table(f"Table {number}: {title}. Typical errors", head, tuple(lines))
 
 
-def _error_row(row: TableRow, quantity: str) -> Row:
+def _build_error_row(row: TableRow, quantity: str) -> Row:
     """Return printed error, bound and rms error of each method for a quantity of a pipe."""
     printed = row.printed
     name = f"r = {printed.radius_mm:g} mm"
@@ -169,7 +170,7 @@ def _error_row(row: TableRow, quantity: str) -> Row:
         missed = f" ({statistics.missed} missed)" if statistics.missed else ""
         given = getattr(statistics.bound, quantity) == 0  # the radius is known
         errors.append(("given" if given else format_significant(rms)) + missed)
-    return _row(
+    return _build_row(
         name,
         f"{getattr(printed.errors, quantity):+.3f}".replace("-", "−"),
         format_significant(getattr(row.spreads["section"].bound, quantity)),
@@ -177,20 +178,20 @@ def _error_row(row: TableRow, quantity: str) -> Row:
     )
 
 
-def achievability_table(results: Sequence[Achievability]) -> Table:
+def build_achievability_table(results: Sequence[Achievability]) -> Table:
     """Return the table of printed errors that one section reaches, and of the sections needed."""
     rows: list[Row] = []
     for number in sorted({result.table for result in results}):
         rows.append(Row(f"Table {number}"))
-        rows += [_achievability_row(result) for result in results if result.table == number]
+        rows += [_build_achievability_row(result) for result in results if result.table == number]
     head = ("Quantity", "Largest printed error", "Best possible, one section",
             "Probability of errors so small", "From one section?", "Sections needed",
             "Noise needed, mm")  # fmt: skip
     return Table("The printed errors against the best possible", head, tuple(rows))
 
 
-def _achievability_row(result: Achievability) -> Row:
-    """Return a row of `achievability_table`."""
+def _build_achievability_row(result: Achievability) -> Row:
+    """Return a row of `build_achievability_table`."""
     unit = result.quantity.rsplit("_", 1)[1]
     return Row(
         QUANTITY_NAMES[result.quantity].split(",")[0],
@@ -214,7 +215,7 @@ def _format_probability(probability: float) -> str:
     return "under 1 in 100,000"
 
 
-def timing_table(timings: Sequence[Timing]) -> Table:
+def build_timing_table(timings: Sequence[Timing]) -> Table:
     """Return Table 5: the times of the paper and of both pipelines."""
     head = ("Condition", "Paper, Matlab: s", "per pipe: s", "(a) paper’s pipeline: s",
             "per pipe: s", "(b) lsvision: ms", "per pipe: ms", "Ratio a/b")  # fmt: skip
@@ -222,7 +223,7 @@ def timing_table(timings: Sequence[Timing]) -> Table:
     for timing in timings:
         printed, pipes = timing.printed, timing.printed.pipes
         paper_s, lsvision_ms = timing.paper.seconds, 1000 * timing.section.seconds
-        rows.append(_row(
+        rows.append(_build_row(
             printed.condition, f"{printed.seconds:.3f}", f"{printed.seconds / pipes:.3f}",
             format_significant(paper_s, 3), format_significant(paper_s / pipes, 3),
             format_significant(lsvision_ms), format_significant(lsvision_ms / pipes),
@@ -235,14 +236,14 @@ def match_table(timings: Sequence[Timing]) -> Table:
     """Return the table of pipes found and false results of both pipelines (scenes of Table 5)."""
     head = ("Condition", "Pipes present", "(a) found", "(a) false", "(b) found", "(b) false")
     rows = [
-        _row(timing.printed.condition, str(timing.pipes), str(timing.paper.found),
+        _build_row(timing.printed.condition, str(timing.pipes), str(timing.paper.found),
              str(timing.paper.false), str(timing.section.found), str(timing.section.false))
         for timing in timings
     ]  # fmt: skip
     return Table("Pipes found, and results that are not pipes", head, tuple(rows))
 
 
-def scene_table(scene: SceneFigure) -> Table:
+def build_scene_table(scene: SceneFigure) -> Table:
     """Return the table of true and measured values of the pipes in a scene."""
     rows = []
     for number, pipe in enumerate(scene.pipes, 1):
@@ -256,14 +257,16 @@ def scene_table(scene: SceneFigure) -> Table:
     return Table(f"{scene.false} results that are not pipes", ("", "true", "found"), tuple(rows))
 
 
-def repeatability_table(repeatability: Repeatability) -> Table:
+def build_repeatability_table(repeatability: Repeatability) -> Table:
     """Return the table of std of centre and semi-axes, the bound, and the paper's figures."""
     names = ("centre X", "centre Y", "long semi-axis a", "short semi-axis b (the radius)")
     boxes = [format_significant(side) for side in repeatability.box_mm]
     bound_boxes = [format_significant(side) for side in repeatability.expected_box_mm]
     limits = (PUBLISHED_BOX_MM, PUBLISHED_BOX_MM, PUBLISHED_AXIS_MM, PUBLISHED_AXIS_MM)
     rows = [
-        _row(name, format_significant(std), format_significant(bound), box, bound_box, f"{limit:g}")
+        _build_row(
+            name, format_significant(std), format_significant(bound), box, bound_box, f"{limit:g}"
+        )
         for name, std, bound, box, bound_box, limit in zip(
             names, repeatability.stds_mm, repeatability.bound_stds_mm,
             [*boxes, "", ""], [*bound_boxes, "", ""], limits, strict=True,
@@ -275,7 +278,7 @@ def repeatability_table(repeatability: Repeatability) -> Table:
     return Table(f"{count} measurements of one position", head, tuple(rows))
 
 
-def ablation_table(results: Sequence[AblationResult]) -> Table:
+def build_ablation_table(results: Sequence[AblationResult]) -> Table:
     """Return the table of errors of every variant in units of the bound."""
     rows: list[Row] = []
     group = ""
@@ -285,16 +288,16 @@ def ablation_table(results: Sequence[AblationResult]) -> Table:
             rows.append(Row(group[0].upper() + group[1:]))
         errors = [format_significant(value) for value in (*result.typical, *result.worst)]
         evaluations = format_significant(result.evaluations)
-        rows.append(_row(result.name, *errors, evaluations, str(result.failed)))
+        rows.append(_build_row(result.name, *errors, evaluations, str(result.failed)))
     head = ("Pipeline", "radius, typical", "θ, typical", "φ, typical", "radius, worst", "θ, worst",
             "φ, worst", "evaluations", "no ellipse")  # fmt: skip
     return Table(f"Error over the best possible, {results[0].pipes} pipes", head, tuple(rows))
 
 
-def pitfall_table(pitfall: Pitfall) -> Table:
+def build_pitfall_table(pitfall: Pitfall) -> Table:
     """Return the table of numbers that demonstrate a pitfall."""
     rows = [
-        _row(
+        _build_row(
             check.description, "no value (0/0)" if math.isnan(check.value) else f"{check.value:.4g}"
         )
         for check in pitfall.checks
@@ -302,6 +305,6 @@ def pitfall_table(pitfall: Pitfall) -> Table:
     return Table("Checked", ("quantity", "value"), tuple(rows))
 
 
-def _row(name: str, *texts: str) -> Row:
+def _build_row(name: str, *texts: str) -> Row:
     """Return a row of cells without highlighting."""
     return Row(name, tuple(Cell(text) for text in texts))

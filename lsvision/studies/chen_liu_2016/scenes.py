@@ -110,7 +110,7 @@ def count_matches(measurement: Measurement, truth: SectionTruth) -> tuple[int, i
     unmatched = {tube.label for tube in truth.tubes}
     false = 0
     for cylinder in measurement.cylinders:
-        points = _point_mask(cylinder, truth.labels)
+        points = _mask_points(cylinder, truth.labels)
         matches = [
             label for label in sorted(unmatched) if _exceeds_min_iou(points, truth.labels == label)
         ]
@@ -121,7 +121,7 @@ def count_matches(measurement: Measurement, truth: SectionTruth) -> tuple[int, i
     return len(truth.tubes) - len(unmatched), false
 
 
-def _point_mask(cylinder: CylinderSection, labels: IntArray) -> BoolArray:
+def _mask_points(cylinder: CylinderSection, labels: IntArray) -> BoolArray:
     """Return a mask of the cylinder's points, one value for each label."""
     points = np.zeros(len(labels), dtype=bool)
     points[cylinder.indices] = True
@@ -222,7 +222,7 @@ def _compare_pipe(
     truth = (tube.radius, tube.theta * deg, tube.phi * deg)
     labels = section.truth.labels
     for c in measurement.cylinders:
-        if _exceeds_min_iou(_point_mask(c, labels), labels == tube.label):
+        if _exceeds_min_iou(_mask_points(c, labels), labels == tube.label):
             return ScenePipe(
                 *truth,
                 (c.radius, c.radius_std),

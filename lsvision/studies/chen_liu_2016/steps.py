@@ -119,7 +119,7 @@ def run_steps(*, noise_mm: float) -> StepExample:
 def _compute_windows(profile: PreparedProfile) -> FloatArray:
     """Return middle x and largest abs(r_j) of the paper's k windows (Figure 6), (k, 2) in mm."""
     points = profile.points[profile.valid_indices]
-    num = PaperSettings().window_points(len(points))
+    num = PaperSettings().count_window_points(len(points))
     radius = float(np.sqrt(SEARCH_RANGE_MM[0] * SEARCH_RANGE_MM[1]))
     windows = [points[i : i + num] for i in range(0, len(points) - num + 1, WINDOW_STEP)]
     return np.array([[w[num // 2, 0], largest_window_residual(w, radius)] for w in windows])

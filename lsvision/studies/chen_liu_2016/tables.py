@@ -12,7 +12,7 @@ from lsvision.studies.chen_liu_2016.methods import (
     Estimate,
     Method,
     case_bound,
-    case_errors,
+    compute_case_errors,
     measure_case,
 )
 from lsvision.studies.chen_liu_2016.published_results import QUANTITIES, PublishedRow, Triple
@@ -78,8 +78,10 @@ def measure_tables(
     for case in cases:
         row = case.rows[0]
         progress(f"table {row.table}: radius {row.radius_mm:g} mm, phi {row.phi_deg:g} deg")
-        spreads = {method: _statistics(case, method, range(seed, seed + runs[method]), noise_mm)
-                   for method in METHODS}  # fmt: skip
+        spreads = {
+            method: _compute_statistics(case, method, range(seed, seed + runs[method]), noise_mm)
+            for method in METHODS
+        }
         for pipe, printed in enumerate(case.rows):
             rows.append(TableRow(printed, {method: spreads[method][pipe] for method in METHODS}))
     return tuple(rows)
@@ -95,7 +97,7 @@ def pool_errors(spreads: Sequence[ErrorStatistics]) -> ErrorStatistics:
 
     def mean(field: str, power: int, weights: FloatArray) -> Triple:
         """Return the weighted power mean of a field: 1 is the mean, 2 the root mean square."""
-        values = np.array([_numbers(getattr(spread, field)) for spread in spreads])
+        values = np.array([_list_numbers(getattr(spread, field)) for spread in spreads])
         with np.errstate(invalid="ignore"):  # 0 / 0 = NaN if no pipe was found
             mean_power = weights @ np.nan_to_num(values) ** power / weights.sum()
         return Triple(*(mean_power ** (1 / power)).tolist())
@@ -106,23 +108,25 @@ def pool_errors(spreads: Sequence[ErrorStatistics]) -> ErrorStatistics:
     return ErrorStatistics(runs, missed, bias, rms, mean("bound", 2, equal_weights))
 
 
-def _statistics(
+def _compute_statistics(
     case: Case, method: Method, seeds: range, noise_mm: float
 ) -> tuple[ErrorStatistics, ...]:
     """Return the statistics of a method for each pipe of a case, one measurement for each seed."""
     measured = [measure_case(case, method, seed, noise_mm=noise_mm) for seed in seeds]
     bounds = case_bound(case, method, noise_mm=noise_mm)
     return tuple(
-        _pipe_statistics([estimates[pipe] for estimates in measured], case, pipe, bounds[pipe])
+        _compute_pipe_statistics(
+            [estimates[pipe] for estimates in measured], case, pipe, bounds[pipe]
+        )
         for pipe in range(len(case.rows))
     )
 
 
-def _pipe_statistics(
+def _compute_pipe_statistics(
     estimates: Sequence[Estimate | None], case: Case, pipe: int, bound: Triple
 ) -> ErrorStatistics:
     """Return statistics of the estimates of one pipe; None stands for a missed pipe."""
-    errors = [_numbers(case_errors(e, case, pipe)) for e in estimates if e is not None]
+    errors = [_list_numbers(compute_case_errors(e, case, pipe)) for e in estimates if e is not None]
     missed = len(estimates) - len(errors)
     if not errors:
         undetermined = Triple(np.nan, np.nan, np.nan)
@@ -133,6 +137,6 @@ def _pipe_statistics(
     return ErrorStatistics(len(estimates), missed, bias, rms, bound)
 
 
-def _numbers(triple: Triple) -> list[float]:
+def _list_numbers(triple: Triple) -> list[float]:
     """Return the three numbers of a triple, in the order of `QUANTITIES`."""
     return [getattr(triple, name) for name in QUANTITIES]

@@ -175,7 +175,7 @@ def _without_smoothing(arc: AblationArc) -> VariantFit:
     return _fit(arc.screened.points, arc.screened.ellipse)
 
 
-def _direct_fit(arc: AblationArc) -> VariantFit:
+def _fit_directly(arc: AblationArc) -> VariantFit:
     """Return OpenCV's algebraic fit, relative to the centroid (it computes in float32).
 
     The screened ellipse if OpenCV returns none with two positive axes.
@@ -190,23 +190,23 @@ def _direct_fit(arc: AblationArc) -> VariantFit:
     return VariantFit(Ellipse.from_axes(centre, first / 2, second / 2, math.radians(angle_deg)), 0)
 
 
-def _unweighted(points: Points, initial_guess: Ellipse) -> VariantFit:
+def _fit_unweighted(points: Points, initial_guess: Ellipse) -> VariantFit:
     """Return the fit of points (n, 2) in mm by orthogonal residuals of equal weight."""
     fit = fit_ellipse(points, initial_guess, settings=FITTING)
     return _with_evaluations(fit, initial_guess)
 
 
-def _radial(arc: AblationArc) -> VariantFit:
+def _fit_radial(arc: AblationArc) -> VariantFit:
     """Return the fit by the paper's radial residuals of equal weight, Eq. (4)."""
     fit = fit_ellipse(as_vectors(arc.inliers.z), arc.initial_guess, settings=FINAL_RADIAL_FITTING)
     return _with_evaluations(fit, arc.initial_guess)
 
 
-def _fixed_sensor_error(arc: AblationArc) -> VariantFit:
+def _fit_with_fixed_sensor_error(arc: AblationArc) -> VariantFit:
     """Return the fit after screening with one limit in mm (Figure 9), not the points' noise."""
     settings, indices = PaperSettings(), arc.arc.indices
     points: Points = arc.profile.points[indices]
-    end_points = settings.end_points(len(indices))
+    end_points = settings.count_end_points(len(indices))
     middle = fit_ellipse(
         points[end_points:-end_points], arc.arc.ellipse, settings=FINAL_RADIAL_FITTING
     ).ellipse
@@ -215,7 +215,7 @@ def _fixed_sensor_error(arc: AblationArc) -> VariantFit:
     return _fit_screened(arc.without_screening(IdentifiedArc(indices[inliers], middle)))
 
 
-def _smoothing_to_fit_of_paper(arc: AblationArc) -> VariantFit:
+def _run_smoothing_to_fit_of_paper(arc: AblationArc) -> VariantFit:
     """Return the fit by sections 3.3 and 2.3 as published, for an arc from lsvision's screening."""
     smooth = smooth_profile_paper(_order_by_x(as_vectors(arc.screened.points.z)))
     fit = fit_ellipse(
@@ -244,16 +244,17 @@ VARIANTS = (
     Variant(LEFT_OUT, "that sensor error and smoothing",
             lambda arc: _without_smoothing(arc.with_jumps)),
     Variant(LEFT_OUT, "homogenising", lambda arc: _fit(arc.inliers, arc.screened.ellipse)),
-    Variant(LEFT_OUT, "iterative fit: a direct algebraic one instead", _direct_fit),
-    Variant(AS_PAPER, "screening with one sensor error of 0.9 mm", _fixed_sensor_error),
+    Variant(LEFT_OUT, "iterative fit: a direct algebraic one instead", _fit_directly),
+    Variant(AS_PAPER, "screening with one sensor error of 0.9 mm", _fit_with_fixed_sensor_error),
     Variant(AS_PAPER, "smoothing y over x",
-            lambda arc: _unweighted(smooth_profile_paper(arc.ordered_inliers), arc.initial_guess)),
+            lambda arc: _fit_unweighted(smooth_profile_paper(arc.ordered_inliers),
+            arc.initial_guess)),
     Variant(AS_PAPER, "homogenising over x",
-            lambda arc: _unweighted(homogenise_profile_paper(arc.ordered_inliers),
+            lambda arc: _fit_unweighted(homogenise_profile_paper(arc.ordered_inliers),
                                     arc.initial_guess)),
     Variant(AS_PAPER, "all points of equal weight",
-            lambda arc: _unweighted(as_vectors(arc.inliers.z), arc.initial_guess)),
-    Variant(AS_PAPER, "equal weights and radial residuals, Eq. (4)", _radial),
-    Variant(AS_PAPER, "sections 3.3 and 2.3 to the letter", _smoothing_to_fit_of_paper),
+            lambda arc: _fit_unweighted(as_vectors(arc.inliers.z), arc.initial_guess)),
+    Variant(AS_PAPER, "equal weights and radial residuals, Eq. (4)", _fit_radial),
+    Variant(AS_PAPER, "sections 3.3 and 2.3 to the letter", _run_smoothing_to_fit_of_paper),
 )  # fmt: skip
 """All variants in the order of the report."""

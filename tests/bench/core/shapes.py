@@ -11,7 +11,7 @@ import numpy as np
 from lsvision.profile import Profile
 from lsvision.sensors.profile_sensor import ProfileSensor
 from lsvision.simulate import Scene, SectionSettings, simulate_section
-from lsvision.simulate.clutter import ground, place_outline
+from lsvision.simulate.clutter import build_ground, place_outline
 
 RANGE = 400.0
 FIELD = 140.0
@@ -45,7 +45,7 @@ def look_at(outline, rng, *, pitch, noise, tilt=0.0, floor=None, settings=None):
     at = (rng.uniform(-15.0, 15.0), -RANGE + rng.uniform(-15.0, 15.0))
     objects = [place_outline(outline, at, tilt)]
     if floor is not None:
-        objects.append(ground(400.0, (0.0, at[1] - floor), rng.uniform(-0.03, 0.03)))
+        objects.append(build_ground(400.0, (0.0, at[1] - floor), rng.uniform(-0.03, 0.03)))
     settings = settings or SectionSettings(lost_fraction=0.0, jump_fraction=0.0)
     return simulate_section(Scene(tuple(objects)), sensor_of(pitch, noise), settings, rng=rng)
 

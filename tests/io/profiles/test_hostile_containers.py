@@ -12,7 +12,7 @@ import pyarrow.parquet
 import pytest
 
 from lsvision.errors import UnreadableFile
-from lsvision.files.limited_reading import size_limit
+from lsvision.files.limited_reading import limit_file_size
 from lsvision.io.profiles import read_profile, read_profiles
 
 POINTS = np.column_stack([np.arange(200.0), -400 - np.arange(200.0) ** 0.5])
@@ -75,7 +75,7 @@ def test_a_header_that_promises_too_much_is_rejected(write, content, message):
 @pytest.mark.parametrize("content", [npz(**{"a.npy": bytes(10**6)}), parquet_of_many_values()])
 def test_what_unpacks_to_more_than_the_limit_is_rejected(write, content):
     assert len(content) < 100_000
-    with size_limit(500_000), pytest.raises(UnreadableFile, match=r"--max-size"):
+    with limit_file_size(500_000), pytest.raises(UnreadableFile, match=r"--max-size"):
         read_profiles(write(content))
 
 

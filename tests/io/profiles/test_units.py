@@ -8,7 +8,7 @@ from lsvision.errors import UnreadableFile
 from lsvision.io.profiles import ReadSettings, inspect_profiles, read_profile
 from lsvision.io.profiles.reading import require_plausible_units
 from lsvision.io.profiles.unit_statements import find_unit_statements
-from lsvision.io.profiles.units import mm_per_unit, parse_unit, split_label
+from lsvision.io.profiles.units import find_mm_per_unit, parse_unit, split_label
 
 
 @pytest.mark.parametrize(
@@ -42,10 +42,10 @@ from lsvision.io.profiles.units import mm_per_unit, parse_unit, split_label
     ],
 )
 def test_a_unit_is_understood_however_it_is_written(text, mm):
-    assert mm_per_unit(text) == pytest.approx(mm, rel=1e-12)
+    assert find_mm_per_unit(text) == pytest.approx(mm, rel=1e-12)
     name = parse_unit(text)
     assert name is not None
-    assert mm_per_unit(name) == pytest.approx(mm, rel=1e-9)
+    assert find_mm_per_unit(name) == pytest.approx(mm, rel=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -54,7 +54,7 @@ def test_a_unit_is_understood_however_it_is_written(text, mm):
 def test_what_is_no_unit_of_length_is_none(text):
     assert parse_unit(text) is None
     with pytest.raises(ValueError, match="expected a unit of length"):
-        mm_per_unit(text)
+        find_mm_per_unit(text)
 
 
 @pytest.mark.parametrize(

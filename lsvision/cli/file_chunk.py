@@ -30,7 +30,7 @@ to this distance, above which a warning is given."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class PartOptions:
+class FileOptions:
     """Options for reading and measuring files; can be pickled for another process.
 
     `measure_function` has its options filled in, also the noise of `sensor`. Without `imaging`, the
@@ -50,13 +50,13 @@ class PartOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class FilePart:
-    """Consecutive profiles of a file: `file` has only those of this part.
+class FileChunk:
+    """Consecutive profiles of a file: `file` has only those of this chunk.
 
-    `first` is the index, from 0, of the first profile of the part in the whole file. If the whole
+    `first` is the index, from 0, of the first profile of the chunk in the whole file. If the whole
     file has `several` profiles, each is printed with its number. The lines of the header, a summary
     and notes, are printed before the results. `flanges` are ``base_from_flange`` of each profile of
-    the part, `pictures` the files into which they are drawn; None draws none.
+    the chunk, `pictures` the files into which they are drawn; None draws none.
     """
 
     file: "ProfileFile | ImageFile"
@@ -69,10 +69,10 @@ class FilePart:
     def __len__(self) -> int:
         return len(self.file.profiles)
 
-    def split(self, count: int) -> "Iterator[FilePart]":
-        """Yield consecutive parts of at most `count` profiles, of which the first has the header.
+    def split(self, count: int) -> "Iterator[FileChunk]":
+        """Yield consecutive chunks of at most `count` profiles, of which the first has the header.
 
-        A part without profiles yields itself, so that its header is printed.
+        A chunk without profiles yields itself, so that its header is printed.
         """
         for start in range(0, max(len(self), 1), count):
             indices = slice(start, start + count)
@@ -86,10 +86,10 @@ class FilePart:
             )
 
 
-def read_parts(source: Path | LiveCamera, options: PartOptions) -> Iterator[FilePart]:
-    """Yield the profiles of a file in parts, so that a large one is not in memory as a whole.
+def read_chunks(source: Path | LiveCamera, options: FileOptions) -> Iterator[FileChunk]:
+    """Yield the profiles of a file in chunks, so that a large one is not in memory as a whole.
 
-    Images, and the frames of a video or camera, are one part.
+    Images, and the frames of a video or camera, are one chunk.
 
     Raises
     ------
@@ -100,35 +100,37 @@ def read_parts(source: Path | LiveCamera, options: PartOptions) -> Iterator[File
         yield _read_images(source, options)
         return
     # The source is a path here; converting it only tells the type checker so.
-    for part in iterate_source(Path(str(source)), options.reading):
-        several = part.first > 0 or len(part.file.profiles) > 1
-        header = _build_header(options, part.file, part.first)
-        yield FilePart(part.file, part.first, several=several, header=header)
+    for chunk in iterate_source(Path(str(source)), options.reading):
+        several = chunk.first > 0 or len(chunk.file.profiles) > 1
+        header = _build_header(options, chunk.file, chunk.first)
+        yield FileChunk(chunk.file, chunk.first, several=several, header=header)
 
 
-def read_whole(source: Path | LiveCamera, options: PartOptions) -> FilePart:
-    """Return all profiles of a file as one part; see `read_parts`."""
+def read_whole(source: Path | LiveCamera, options: FileOptions) -> FileChunk:
+    """Return all profiles of a file as one chunk; see `read_chunks`."""
     if is_image_source(source, options):
         return _read_images(source, options)
     file = read_source(Path(str(source)), options.reading)
-    return FilePart(file, several=len(file.profiles) > 1, header=_build_header(options, file))
+    return FileChunk(file, several=len(file.profiles) > 1, header=_build_header(options, file))
 
 
-def is_image_source(source: Path | LiveCamera, options: PartOptions) -> bool:
+def is_image_source(source: Path | LiveCamera, options: FileOptions) -> bool:
     """Return whether a source is a camera, or a file that is read as images."""
     return isinstance(source, LiveCamera) or holds_images(source, options.imaging, options.reading)
 
 
-def _read_images(source: Path | LiveCamera, options: PartOptions) -> FilePart:
-    """Return the profiles of an image, a video or a camera as one part."""
+def _read_images(source: Path | LiveCamera, options: FileOptions) -> FileChunk:
+    """Return the profiles of an image, a video or a camera as one chunk."""
     images = read_image_source(source, options.imaging)
-    return FilePart(images, several=len(images.profiles) > 1, header=_build_header(options, images))
+    return FileChunk(
+        images, several=len(images.profiles) > 1, header=_build_header(options, images)
+    )
 
 
 def _build_header(
-    options: PartOptions, file: "ProfileFile | ImageFile", first: int = 0
+    options: FileOptions, file: "ProfileFile | ImageFile", first: int = 0
 ) -> list[str]:
-    """Return the lines above the results: a summary of the file or part, and notes."""
+    """Return the lines above the results: a summary of the file or chunk, and notes."""
     valid = (profile for profile in file.profiles if profile.lost < len(profile))
     warnings = filter(None, (_find_range_warning(profile, options.sensor) for profile in valid))
     # One warning for all profiles: those of others differ only in the distance that they state.

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lsvision import Profile, Rejection, measure_cylinders
-from lsvision.cli.part_results import format_measurement_lines
+from lsvision.cli.chunk_results import format_measurement_lines
 from lsvision.measure import Measurement
 from lsvision.profile import Arc
 
