@@ -22,6 +22,9 @@ MIN_NOTED_SECOND_LINE_FRACTION = 0.2
 """Fraction of columns with a second line above which a note is printed."""
 MIN_NOTED_SATURATED_FRACTION = 0.2
 """Fraction of saturated points of the line above which a note is printed."""
+MIN_UNNOTED_WIDTH_PX = 0.4
+"""Median width of a line below which a note says that it is thinner than a pixel: up to there the
+correction of its sampling holds. Units: px."""
 MAX_GREY_DIFFERENCE = 4
 """Largest difference of a pixel's channels in a grey video, by the rounding of its codec: 2 in
 motion JPEG, 3 in MPEG-4. Units: DN of 8 bit."""
@@ -316,7 +319,7 @@ def _summarise_lines(lines: "list[LaserLine]", frames: int) -> str:
 
 
 def _list_warnings(lines: "list[LaserLine]", frames: int) -> "list[str]":
-    """Return notes on frames without a line, a second line and saturated points."""
+    """Return notes on frames without a line, a second line, saturated points and thin lines."""
     import numpy as np
 
     notes = []
@@ -331,4 +334,10 @@ def _list_warnings(lines: "list[LaserLine]", frames: int) -> "list[str]":
     saturated = float(np.mean([line.saturated.mean() for line in lines]))
     if saturated > MIN_NOTED_SATURATED_FRACTION:
         notes.append(f"{saturated:.0%} of the line is at full scale: shorten the exposure")
+    width = min(float(np.nanmedian(line.width)) for line in lines)
+    if width < MIN_UNNOTED_WIDTH_PX:
+        notes.append(
+            f"the line is {width:.2g} px wide (one sigma), thinner than a pixel, which leaves its "
+            "place between two pixels uncertain: defocus the lens until it is 0.6 px"
+        )
     return notes

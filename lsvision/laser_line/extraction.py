@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.errors import NoLaserLine
-from lsvision.geometry import BoolArray, FloatArray, IntArray, Points
+from lsvision.geometry import BoolArray, FloatArray, IntArray
 from lsvision.laser_line.coarse_colours import estimate_coarse_colour_std, select_sharper_line
 from lsvision.laser_line.detection import DetectedLine, find_direction, find_line
 from lsvision.laser_line.gaussian_fit import locate_by_gaussian_fit
@@ -26,9 +26,13 @@ from lsvision.laser_line.line_image import (
     split_colour_planes,
 )
 from lsvision.laser_line.noise import (
-    SLOPE_SPAN_PX,
     estimate_block_excess_variance,
     estimate_excess_variance,
+)
+from lsvision.laser_line.pixel_sampling import correct_pixel_sampling, correct_ridge_sampling
+from lsvision.laser_line.ridge_smoothing import (
+    correct_ridge_smoothing,
+    interpolate_rows_at_columns,
 )
 from lsvision.laser_line.settings import LineSettings
 from lsvision.laser_line.stripe_windows import Stripes, cut_windows
@@ -161,23 +165,12 @@ def _extract_from_mosaic(
 def _convert_to_sensor_pixels(line: LaserLine, row: int, column: int) -> LaserLine:
     """Return a line of every second row and column, converted to pixels of the sensor.
 
-    Such pixels undersample a thin line: 0.13 of them is its error for a line of sigma 0.4, 0.01 for
-    one of 0.7.
-
-    Derivation: the filter of sigma s is solved for F(m) = sum h(k - m) = 0. For a stripe of sigma q
-    h(x) = x exp(-x^2 / 2 p^2) near the zero crossing, with 1 / p^2 = 1 / q^2 + 1 / s^2. By
-    Poisson's formula the sum over whole k adds to the integral the Fourier transform of h at the
-    frequencies 1 and -1: a sine of the amplitude 2 sqrt(2 pi) p^3 2 pi exp(-2 pi^2 p^2). Over
-    F' = -sqrt(2 pi) p (1 - p^2 / s^2) = -sqrt(2 pi) p^3 / q^2 this is a shift of up to
-    4 pi q^2 exp(-2 pi^2 p^2).
+    `correct_pixel_sampling` has corrected a thin line, which such pixels undersample.
     """
-    q_squared = float(np.nanmedian(line.width)) ** 2
-    p_squared = 1 / (1 / q_squared + 1 / line.filter_sigma**2)
-    alias = 4 * math.pi * q_squared * math.exp(-2 * (math.pi**2) * p_squared)
     return replace(
         line,
         pixels=2 * line.pixels + np.array([column, row]),
-        std=2 * np.hypot(line.std, alias / math.sqrt(2)),  # rms of a sine
+        std=2 * line.std,
         width=2 * line.width,
         skew_shift=line.skew_shift / 4,
         filter_sigma=2 * line.filter_sigma,
@@ -219,13 +212,16 @@ def _check_exposure(image: LineImage) -> None:
 
 def _locate_stripes(image: LineImage, detected: DetectedLine, settings: LineSettings) -> Stripes:
     """Locate the stripes by the method of the settings; `detected` has those of "derivative"."""
+    windows, sigma = detected.windows, detected.sigma
+    stripes = correct_pixel_sampling(windows, detected.stripes, sigma)
     if settings.method == "gaussian":
-        return locate_by_gaussian_fit(detected.windows, detected.stripes, detected.variances)
+        return locate_by_gaussian_fit(windows, stripes, detected.variances)
     if settings.method == "steger":
-        return locate_by_steger(
-            image.signal, detected.windows, detected.stripes, detected.variances, detected.sigma
+        ridge = locate_by_steger(image.signal, windows, stripes, detected.variances, sigma)
+        return correct_ridge_smoothing(
+            windows.columns, correct_ridge_sampling(windows, ridge, sigma), sigma
         )
-    return _relocate_saturated(image, detected)
+    return _relocate_saturated(image, replace(detected, stripes=stripes))
 
 
 def _relocate_saturated(image: LineImage, detected: DetectedLine) -> Stripes:
@@ -297,36 +293,45 @@ def _build_line(
             f"with a filter of sigma {detected.sigma:g} px",
             "choose a larger sigma or another method",
         )
-    columns = detected.windows.columns[good]
-    rows, noise_std, lag = stripes.pixels[good, 1], stripes.std[good], None
-    if settings.method == "steger":
-        rows = _interpolate_rows_at_columns(stripes.pixels[good], columns)
-        # The smoothing along the line correlates the errors of neighbours.
-        lag = math.ceil(STEGER_CORRELATION_SIGMAS * detected.sigma)
-    excess = estimate_excess_variance(columns, rows, noise_std, lag)
-    if detected.blocks is not None:
-        first = detected.blocks.column
-        of_blocks = estimate_block_excess_variance(columns, rows, noise_std, BLOCK_PX, first)
-        excess = np.maximum(excess, of_blocks)
+    columns, located = detected.windows.columns[good], stripes.select(good)
+    is_ridge = settings.method == "steger"
+    excess = _estimate_excess_variance(detected, columns, located, is_ridge=is_ridge)
     width = image.signal.shape[1]
     pixels = np.full((width, 2), np.nan)
-    pixels[columns] = stripes.pixels[good]
+    pixels[columns] = located.pixels
     std, heights, widths, skew_shift = np.full((4, width), np.nan)
-    std[columns] = np.sqrt(noise_std**2 + excess)
-    heights[columns] = stripes.heights[good]
-    widths[columns] = stripes.widths[good]
-    skew_shift[columns] = stripes.skew_shifts[good]
+    std[columns] = np.sqrt(located.std**2 + excess)
+    heights[columns] = located.heights
+    widths[columns] = located.widths
+    skew_shift[columns] = located.skew_shifts
     saturated = np.zeros(width, dtype=bool)
     saturated[columns] = detected.windows.saturated[good].any(axis=1)
-    second, sigma = detected.second_line_fraction, detected.sigma
-    return LaserLine(pixels, std, heights, widths, saturated, "columns", second, sigma, skew_shift)
+    return LaserLine(
+        pixels,
+        std,
+        heights,
+        widths,
+        saturated,
+        direction="columns",
+        second_line_fraction=detected.second_line_fraction,
+        filter_sigma=detected.sigma,
+        skew_shift=skew_shift,
+        is_ridge=is_ridge,
+    )
 
 
-def _interpolate_rows_at_columns(pixels: Points, columns: IntArray) -> FloatArray:
-    """Return the rows (n,) of the line at whole columns, from ridge points up to 1 px beside."""
-    index, last = np.arange(len(pixels)), len(pixels) - 1
-    before, after = np.maximum(index - SLOPE_SPAN_PX, 0), np.minimum(index + SLOPE_SPAN_PX, last)
-    du, dv = (pixels[after] - pixels[before]).T
-    slopes = np.divide(dv, du, out=np.zeros_like(dv), where=np.abs(du) > 1)
-    rows: FloatArray = pixels[:, 1] - slopes * (pixels[:, 0] - columns)
-    return rows
+def _estimate_excess_variance(
+    detected: DetectedLine, columns: IntArray, stripes: Stripes, *, is_ridge: bool
+) -> FloatArray:
+    """Return the variance (n,) of stripes in excess of their predicted noise, in px^2."""
+    rows, lag = stripes.pixels[:, 1], None
+    if is_ridge:
+        rows = interpolate_rows_at_columns(stripes.pixels, columns)
+        # The smoothing along the line correlates the errors of neighbours.
+        lag = math.ceil(STEGER_CORRELATION_SIGMAS * detected.sigma)
+    excess = estimate_excess_variance(columns, rows, stripes.std, lag)
+    if detected.blocks is None:
+        return excess
+    first = detected.blocks.column
+    of_blocks = estimate_block_excess_variance(columns, rows, stripes.std, BLOCK_PX, first)
+    return np.maximum(excess, of_blocks)

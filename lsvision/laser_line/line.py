@@ -43,6 +43,9 @@ class LaserLine(ComparedByValue):
         Shift of v (or u) by a skewness of the section, over its third cumulant; NaN, by default
         everywhere, for that of the derivative of Gaussian on an unsaturated section, and where no
         Gaussian fits a saturated one: its `width` is too large then. Units: 1 / px^2.
+    is_ridge : bool
+        Whether the points are those of a ridge, located across the line by Steger's method, and not
+        along v or u: blur that is equal in all directions shifts them by curvature only.
 
     Examples
     --------
@@ -62,6 +65,7 @@ class LaserLine(ComparedByValue):
     second_line_fraction: float
     filter_sigma: float
     skew_shift: FloatArray = field(default_factory=lambda: np.array(np.nan))
+    is_ridge: bool = False
 
     def __post_init__(self) -> None:
         freeze_arrays(self, pixels=("n", 2))

@@ -8,12 +8,15 @@ import numpy.typing as npt
 
 from lsvision.geometry import FloatArray, IntArray
 from lsvision.laser_line.line import LaserLine
-from lsvision.laser_line.line_shape import POLYNOMIAL_COLUMNS, LineShape, compute_line_shape
+from lsvision.laser_line.line_shape import (
+    POLYNOMIAL_COLUMNS,
+    LineShape,
+    compute_line_shape,
+    find_continuous_runs,
+)
 from lsvision.laser_line.line_spread import LineSpread, estimate_line_spread
 from lsvision.statistics.robust import median
 
-MAX_STEP_PX = 8.0
-"""Largest step between neighbouring columns of one surface. Units: px."""
 SECOND_ORDER_FACTOR = 2.0
 """Error of the first-order correction, as a multiple of (sum of its terms)^2 / width of the line:
 the largest value on noise-free images of pipes whose line becomes vertical."""
@@ -80,6 +83,9 @@ def correct_line_blur(
     fitted to a saturated line, it is 3 v'' (C_uv - v' C_uu)^2 times
     `LaserLine.skew_shift`: flanks are shifted to the other side than the middle.
 
+    A ridge is located across the line: for it the same holds in coordinates along and across the
+    line at each point, where the slope is 0 and blur that is equal in all directions has no C_uv.
+
     Derivation: blur displaces light by normal deviates d_u, d_v of covariance C. The light in
     column u comes from the column u - d_u and arrives in the row v(u - d_u) + d_v. Its mean row
     E[M(u - d_u) (v(u - d_u) + d_v)] / E[M(u - d_u)], with M and v expanded to the second order, has
@@ -99,7 +105,7 @@ def correct_line_blur(
     if blur is not None and not 0 <= blur < math.inf:
         raise ValueError(f"expected blur >= 0 px, got {blur}")
     across = 1 if line.direction == "columns" else 0
-    runs = _find_continuous_runs(line.pixels[:, across])
+    runs = find_continuous_runs(line.pixels[:, across])
     if blur == 0 or not runs:
         return line
     sheet = np.array([0.0, 1.0])  # along and across the line's columns
@@ -129,12 +135,35 @@ def correct_line_blur(
         second_order = np.where(
             line.saturated[run], SATURATED_SECOND_ORDER_FACTOR, SECOND_ORDER_FACTOR
         )
-        shift, shift_std = _compute_shift(
+        shift, shift_std = (_compute_ridge_shift if line.is_ridge else _compute_shift)(
             shape, spread, width, _find_skew_shift(line, run) * pitch**2, second_order
         )
         pixels[run, across] -= pitch * shift
         corrected_std[run] = pitch * np.hypot(std[run], shift_std)
     return replace(line, pixels=pixels, std=corrected_std)
+
+
+def _turn_to_line(shape: LineShape, spread: LineSpread) -> tuple[LineShape, LineSpread]:
+    """Return shape and blur of a run (n,) in coordinates along and across it at each point.
+
+    The slope is 0 there; `values` (3, n) and `covariance` (n, 3, 3) of the blur are those of each
+    point. Light per length of the line is that per column over sqrt(1 + slope^2).
+    """
+    m = shape.slope
+    squared = 1 + m**2
+    turn = np.stack(
+        [[np.ones_like(m), -2 * m, m**2], [m, 1 - m**2, -m], [m**2, 2 * m, np.ones_like(m)]]
+    )
+    turn = np.moveaxis(turn / squared, 2, 0)
+    turned = LineShape(
+        np.zeros_like(m),
+        shape.curvature / squared**1.5,
+        (shape.fade - m * shape.curvature / squared) / np.sqrt(squared),
+        shape.fade_std / np.sqrt(squared),
+        shape.edge,
+    )
+    covariance = turn @ spread.covariance @ turn.transpose(0, 2, 1)
+    return turned, LineSpread((turn @ spread.values).T, covariance)
 
 
 def _find_skew_shift(line: LaserLine, run: IntArray) -> FloatArray:
@@ -145,6 +174,20 @@ def _find_skew_shift(line: LaserLine, run: IntArray) -> FloatArray:
     return np.where(np.isnan(stated), -0.5 / (variance + line.filter_sigma**2), stated)
 
 
+def _compute_ridge_shift(
+    shape: LineShape,
+    spread: LineSpread,
+    width: FloatArray,
+    skew_shift: FloatArray,
+    second_order: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the result of `_compute_shift` (n,) for a ridge, which is located across the line."""
+    turned, turned_spread = _turn_to_line(shape, spread)
+    turn = np.sqrt(1 + shape.slope**2)
+    shift, std = _compute_shift(turned, turned_spread, width / turn, skew_shift, second_order)
+    return turn * shift, turn * std
+
+
 def _compute_shift(
     shape: LineShape,
     spread: LineSpread,
@@ -152,7 +195,10 @@ def _compute_shift(
     skew_shift: FloatArray,
     second_order: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the shift (n,) of a run by its blur, and its standard deviation. Units: px."""
+    """Return the shift (n,) of a run by its blur, and its standard deviation. Units: px.
+
+    The blur is that of the run, or of each point (`_turn_to_line`).
+    """
     c_vv, c_uv, c_uu = spread.values
     # Minus cov(x, d_u) in the notes of `correct_line_blur`.
     displacement_covariance = shape.slope * c_uu - c_uv
@@ -165,7 +211,7 @@ def _compute_shift(
     shift = bend + fade + skew
     size = np.abs(bend) + np.abs(fade) + np.abs(skew)
     shift_variance = (
-        (gradient @ spread.covariance[1:, 1:] * gradient).sum(axis=1)
+        ((gradient[:, None] @ spread.covariance[..., 1:, 1:])[:, 0] * gradient).sum(axis=1)
         + (displacement_covariance * shape.fade_std) ** 2
         + (second_order * size**2 / width) ** 2
     )
@@ -176,11 +222,3 @@ def _compute_shift(
     smeared = shape.edge & (width**2 > MAX_EDGE_VARIANCE_RATIO * expected)
     shift_variance += np.where(smeared, width**2 - expected, 0.0)
     return shift, np.sqrt(shift_variance)
-
-
-def _find_continuous_runs(rows: FloatArray) -> list[IntArray]:
-    """Return the indices of each run without lost points and jumps, at least a window long."""
-    valid = np.flatnonzero(np.isfinite(rows))
-    breaks = (np.diff(valid) > 1) | (np.abs(np.diff(rows[valid])) > MAX_STEP_PX)
-    runs = np.split(valid, np.flatnonzero(breaks) + 1)
-    return [run for run in runs if len(run) >= POLYNOMIAL_COLUMNS]

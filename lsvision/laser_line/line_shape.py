@@ -11,6 +11,8 @@ from lsvision.statistics.robust import mad_std
 POLYNOMIAL_COLUMNS = 11
 """Columns of a local polynomial: several times the blur, a fraction of a pipe. With 9 and 15
 columns the errors of corrected lines are the same within 4 %. Units: px."""
+MAX_STEP_PX = 8.0
+"""Largest step between neighbouring columns of one surface. Units: px."""
 ROW_DEGREE = 3
 """Degree of the local polynomial of a line's rows: the curvature changes along a flank. With
 degree 2 the random errors are the same, with degree 4 they are 4 % larger, 27 % at full scale."""
@@ -55,6 +57,14 @@ class LineShape:
         far: BoolArray = near < 0.5
         far[:distance] = far[max(len(far) - distance, 0) :] = False
         return far
+
+
+def find_continuous_runs(rows: FloatArray) -> list[IntArray]:
+    """Return the indices of each run without lost points and jumps, at least a window long."""
+    valid = np.flatnonzero(np.isfinite(rows))
+    breaks = (np.diff(valid) > 1) | (np.abs(np.diff(rows[valid])) > MAX_STEP_PX)
+    runs = np.split(valid, np.flatnonzero(breaks) + 1)
+    return [run for run in runs if len(run) >= POLYNOMIAL_COLUMNS]
 
 
 def compute_line_shape(rows: FloatArray, light: FloatArray, relative_std: FloatArray) -> LineShape:

@@ -23,8 +23,7 @@ class LineSettings(ShowsChanges):
         without colours is saturated, a Gaussian is fitted to the unsaturated pixels.
         "gaussian": such a fit to each column; four times slower, for overexposed lines of a
         coloured laser. "steger": ridge of the smoothed image, for lines that are steep in both
-        directions; its smoothing along the line biases curves inwards (a radius of 25 mm by -10 um
-        on the rig of the tests) and correlates the errors of neighbours.
+        directions; its smoothing along the line correlates the errors of neighbours.
     sigma : float
         Standard deviation of the filter: best at 1 to 1.5 times that of the line. For a wide line
         it is doubled, once to three times. Units: px.

@@ -5,9 +5,8 @@ Zero crossing of the derivative of Gaussian (the default)
     times the stripe's; no bias on a level or evenly curved line.
 Steger's ridge
     For lines that columns and rows both cut at grazing angles. Smooths along the line as well,
-    which shifts a curve inwards (on the rig of the tests a radius of 25 mm by 10 um, one of
-    10 mm by 21 um) and correlates the errors of neighbours: their residuals are half as large
-    although a fit to them is no better.
+    which shifts a curve inwards (`ridge_smoothing` corrects it) and correlates the errors of
+    neighbours: their residuals are half as large although a fit to them is no better.
 """
 
 import itertools

@@ -3,8 +3,8 @@
 Assumptions: the laser is a sheet of light with a Gaussian cross-section that diverges from a point
 in its plane; surfaces are Lambertian and opaque, without multiple reflections; a point is dark if
 an object is between it and the laser. The camera samples each column at its centre, three times
-per row, and blurs by a Gaussian. Speckle multiplies the line, stray light is added, the sensor
-adds noise, saturates and rounds.
+per row, and blurs by a Gaussian; by a narrow one before it averages the samples of a row. Speckle
+multiplies the line, stray light is added, the sensor adds noise, saturates and rounds.
 
 The true line is the intersection of the visible, illuminated surface with the middle of the sheet.
 It is independent of sheet thickness, blur, incidence and speckle, which shift the brightness.
@@ -34,6 +34,9 @@ SUB_ROWS = 3
 """Samples per row of the image."""
 CELL_PX = 4
 """Size of the cells in which the scene is first searched for illuminated pixels. Units: px."""
+MIN_SAMPLED_BLUR_PX = 0.6
+"""Smallest blur that is applied to whole pixels: sampled more coarsely, its kernel is no Gaussian,
+and a line that is blurred after its sampling is drawn to the centres of the pixels. Units: px."""
 SHEET_CUTOFF_SIGMAS = 5.0
 """Distance from the middle of the sheet, in its standard deviations, beyond which the light
 (4e-6 of the peak) is neglected."""
@@ -140,7 +143,7 @@ def simulate_image(
     """
     settings = settings or ImageSettings()
     light, truth_pixels = _render_sheet(scene, rig, settings.sheet_sigma)
-    line = _blur_and_scale(light, settings)
+    line = _blur_and_scale(light, rig.size, settings)
     if settings.speckle_looks:
         line = _multiply_speckle(line, settings, rng)
     if settings.glints:
@@ -154,8 +157,27 @@ def simulate_image(
     )
 
 
-def _render_sheet(scene: Scene, rig: ImagingRig, sheet_sigma: float) -> tuple[FloatArray, Points]:
-    """Return the light in each pixel before blur and the true line.
+@dataclass(frozen=True, eq=False)
+class _SampledLight:
+    """Light before blur in the k pixels that have any.
+
+    Parameters
+    ----------
+    rows, columns : (k,) ndarray of int
+        Pixels.
+    samples : (k, SUB_ROWS) ndarray
+        Light at the samples of each pixel, from its upper to its lower edge.
+    """
+
+    rows: IntArray
+    columns: IntArray
+    samples: FloatArray
+
+
+def _render_sheet(
+    scene: Scene, rig: ImagingRig, sheet_sigma: float
+) -> tuple[_SampledLight, Points]:
+    """Return the light before blur and the true line.
 
     The light is the sheet's Gaussian profile times the cosine of incidence, thus at most 1.
     """
@@ -175,13 +197,11 @@ def _render_sheet(scene: Scene, rig: ImagingRig, sheet_sigma: float) -> tuple[Fl
     light[in_sheet] = _compute_irradiance(scene, rig, points[in_sheet], hits.normals[in_sheet])
     truth = _find_crossings(u, v, np.where(light > 0, heights, np.nan), depth, labels)
     light *= np.exp(-0.5 * (heights / sheet_sigma) ** 2)
-    width, height = rig.size
-    image = np.zeros((height, width))
-    image[rows, columns] = light.reshape(-1, SUB_ROWS).mean(axis=1)
+    width = rig.size[0]
     pixels = np.column_stack([np.arange(width, dtype=np.float64), np.full(width, np.nan)])
     # Of several crossings in a column, the lowest in the image is written last and remains.
     pixels[truth[:, 0].astype(int), 1] = truth[:, 1]
-    return image, pixels
+    return _SampledLight(rows, columns, light.reshape(-1, SUB_ROWS)), pixels
 
 
 def _mask_illuminated_pixels(scene: Scene, rig: ImagingRig, sheet_sigma: float) -> BoolArray:
@@ -240,11 +260,24 @@ def _find_crossings(
     return np.column_stack([u[index], v[index] + fraction * (v[index + 1] - v[index])])
 
 
-def _blur_and_scale(light: FloatArray, settings: ImageSettings) -> FloatArray:
+def _blur_and_scale(
+    light: _SampledLight, size: tuple[int, int], settings: ImageSettings
+) -> FloatArray:
     """Return the light blurred by the lens, scaled to the peak of the settings. Units: DN."""
-    blurred = light
-    if settings.psf_sigma > 0:
-        blurred = cv2.GaussianBlur(light, (0, 0), settings.psf_sigma)
+    width, height = size
+    blur = settings.psf_sigma
+    if 0 < blur < MIN_SAMPLED_BLUR_PX:
+        fine = np.zeros((height, SUB_ROWS, width))
+        fine[light.rows, :, light.columns] = light.samples
+        spread = cv2.GaussianBlur(
+            fine.reshape(-1, width), (0, 0), sigmaX=blur, sigmaY=SUB_ROWS * blur
+        )
+        blurred: FloatArray = spread.reshape(height, SUB_ROWS, width).mean(axis=1)
+    else:
+        blurred = np.zeros((height, width))
+        blurred[light.rows, light.columns] = light.samples.mean(axis=1)
+        if blur > 0:
+            blurred = cv2.GaussianBlur(blurred, (0, 0), blur)
     brightest = blurred.max()
     return blurred * (settings.peak / brightest) if brightest > 0 else blurred
 

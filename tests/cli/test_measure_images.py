@@ -6,12 +6,14 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from scipy.special import erf
 
 from lsvision.calibration.board_in_plane import calibrate_board_in_plane
 from lsvision.calibration.target import Chessboard
 from lsvision.io import frames
 from lsvision.io.frames import read_frames
 from lsvision.io.images import read_image
+from lsvision.laser_line.extraction import extract_laser_line
 
 REPOSITORY = Path(__file__).parents[2]
 IMAGES = REPOSITORY / "fixtures" / "images"
@@ -106,6 +108,18 @@ def test_a_raw_mosaic_is_measured_by_the_lasers_pixels(run, rows, single, tmp_pa
     assert abs(radius - 25) < FOUR_SIGMA * sigma
     assert "400 columns" in run("line", file, "--laser", "red", "--bayer", "RGGB").stdout
     assert "name its pattern (--bayer RGGB)" in error_line(run("line", file, "--laser", "red"))
+
+
+def test_a_line_thinner_than_a_pixel_is_noted(run, single, tmp_path):
+    line = extract_laser_line(single)
+    places = np.nan_to_num(line.pixels[:, 1], nan=-99.0)
+    edges = np.arange(single.shape[0] + 1)[:, None] - 0.5 - places
+    notes = {}
+    for sigma in (0.1, 0.6):
+        light = np.diff(erf(edges / (np.sqrt(2) * sigma)), axis=0)
+        thin = saved(tmp_path / "thin.png", (10 + 180 * light / light.max()).astype(np.uint8))
+        notes[sigma] = "thinner than a pixel" in run("measure", thin, *RIG).stdout
+    assert notes == {0.1: True, 0.6: False}
 
 
 def test_sixteen_bits_are_measured_like_eight(run, rows, single, tmp_path):

@@ -10,8 +10,12 @@ from scipy.special import ive
 
 from lsvision.laser_line.extraction import LineSettings, extract_laser_line
 from lsvision.laser_line.line import LaserLine
-from lsvision.laser_line.line_blur import _find_continuous_runs, correct_line_blur
-from lsvision.laser_line.line_shape import POLYNOMIAL_COLUMNS, compute_line_shape
+from lsvision.laser_line.line_blur import correct_line_blur
+from lsvision.laser_line.line_shape import (
+    POLYNOMIAL_COLUMNS,
+    compute_line_shape,
+    find_continuous_runs,
+)
 from lsvision.laser_line.line_spread import estimate_line_spread
 from lsvision.measure import measure_cylinders
 from lsvision.sensors.camera import Camera
@@ -137,7 +141,7 @@ def test_a_pipe_is_corrected_within_what_is_said(name, stated):
 def test_the_blur_is_known_from_the_widths(blur, roll):
     picture = Picture(psf=blur, wall=None, roll=roll)
     line = extract_laser_line(photograph(picture.light(), np.random.default_rng(5)))
-    (run,) = _find_continuous_runs(line.pixels[:, 1])
+    (run,) = find_continuous_runs(line.pixels[:, 1])
     width = line.width[run]
     shape = compute_line_shape(
         line.pixels[run, 1], line.intensity[run] * width, line.std[run] / width
@@ -296,3 +300,34 @@ def test_a_lens_out_of_focus_is_told_by_the_std_of_the_radius():
             deviations.append((cylinder.radius - 14.0) / cylinder.radius_std)
     assert np.sqrt(np.mean(np.square(deviations))) < 2.0
     assert np.abs(deviations).max() < 3
+
+
+def test_blur_that_is_equal_in_all_directions_does_not_shift_a_straight_ridge():
+    # Located down its columns, the line is shifted towards its bright end.
+    rows, columns = np.mgrid[:240.0, :400.0]
+    along, across = (columns + rows) / np.sqrt(2), (rows - columns + 80) / np.sqrt(2)
+    image = 800 + 2e4 * np.exp(-along / 120 - 0.5 * (across / 1.4) ** 2)
+    moved = {}
+    for method in ("derivative", "steger"):
+        settings = LineSettings(method=method, direction="columns")
+        line = extract_laser_line(image.round().astype(np.uint16), settings)
+        errors = ((line.pixels[:, 1] - line.pixels[:, 0] + 80) / np.sqrt(2))[100:-140]
+        corrected = correct_line_blur(line, 1.4, (0.0, 0.0))
+        moved[method] = np.nanmean(corrected.pixels[100:-140, 1] - line.pixels[100:-140, 1])
+        assert line.is_ridge == (method == "steger")
+        if line.is_ridge:
+            assert abs(np.nanmean(errors)) < 1e-3
+    assert abs(moved["derivative"]) > 5e-3
+    assert abs(moved["steger"]) < 5e-4
+
+
+@pytest.mark.parametrize("tilt", [(0.0, 0.0), (15.0, 15.0), (20.0, -10.0)])
+def test_the_radius_of_a_pipe_by_its_ridge_is_unbiased(tilt):
+    picture = Picture(psf=0.8, radius=20.0, tilt=tilt, wall=None, cut=0.15)
+    section, errors = picture.light_section(), []
+    for seed in range(3):
+        image = photograph(picture.light(), np.random.default_rng(seed))
+        profile = section.profile(image, LineSettings(method="steger"))
+        (cylinder,) = measure_cylinders(profile).cylinders
+        errors.append(cylinder.radius - 20.0)
+    assert abs(np.mean(errors)) < 0.02

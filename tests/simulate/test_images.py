@@ -5,6 +5,7 @@ import math
 import cv2
 import numpy as np
 import pytest
+from scipy.special import erf
 
 from lsvision.geometry import Pose
 from lsvision.simulate.image_effects import ImageSensor, StrayLight, expose, simulate_speckle_field
@@ -189,3 +190,20 @@ def test_no_pixel_has_a_negative_sensitivity(rng):
     sensitivity = sensor.draw_sensitivity((200, 200), rng)
     assert sensitivity.min() == 0
     assert expose(np.full((200, 200), 100.0), sensitivity, sensor, rng).min() == 0
+
+
+@pytest.mark.parametrize("blur", [0.35, 0.5])
+def test_a_narrow_blur_precedes_the_sampling_by_the_pixels(blur):
+    """The section in a column is a Gaussian that each pixel integrates, at any place in a pixel."""
+    settings = {"sheet_sigma": 0.04, "psf_sigma": blur, "sensor": QUIET, "stray": DARK}
+    simulated = rendered(plank(), peak=200.0, **settings)
+    sheet = 0.04 * 2264 / (300 * math.cos(math.radians(30)))
+    rows = np.arange(simulated.image.shape[0])
+    deviations = []
+    for column in range(400, 440):
+        place = simulated.truth_pixels[column, 1]
+        section = simulated.image[:, column] / simulated.image[:, column].sum()
+        sigma = math.hypot(sheet, blur)
+        edges = (np.append(rows, rows[-1] + 1) - 0.5 - place) / (math.sqrt(2) * sigma)
+        deviations.append(np.abs(section - 0.5 * np.diff(erf(edges))).max())
+    assert max(deviations) < 0.02
