@@ -15,7 +15,7 @@ import numpy.typing as npt
 from lsvision.calibration.board_pose import (
     DEFAULT_FOCAL_RATIO,
     estimate_board_pose,
-    guess_camera_from_board,
+    guess_board_pose,
 )
 from lsvision.calibration.target import Target, TargetView, find_target, fit_board_homography
 from lsvision.calibration.views import require_size, rms_distance
@@ -140,7 +140,12 @@ def calibrate_board_in_plane(
 
 
 def _solve_equivalent_pinhole_camera(view: TargetView) -> tuple[Camera, Pose]:
-    """Return a pinhole camera and ``camera_from_board`` that reproduce the board's homography."""
+    """Return a pinhole camera and ``camera_from_board`` that reproduce the board's homography.
+
+    With any centre of the camera beside the board's plane, K R reproduces it exactly. The centre is
+    that of a camera with square pixels whose axis meets the image's middle; K may still have a skew
+    and another principal point.
+    """
     homography = fit_board_homography(view)
     centre = _compute_camera_centre(homography, view)
     a, b, h = centre
@@ -173,7 +178,7 @@ def _compute_camera_centre(homography: FloatArray, view: TargetView) -> FloatArr
     if 1 / MAX_FOCAL_LENGTH_FACTOR < estimate / focal < MAX_FOCAL_LENGTH_FACTOR:
         focal = estimate
     normalised = (view.pixels - (np.array([width, height]) - 1) / 2) / focal
-    pose = guess_camera_from_board(view, np.column_stack([normalised, np.ones(len(normalised))]))
+    pose = guess_board_pose(view, np.column_stack([normalised, np.ones(len(normalised))]))
     return pose.inverse().translation
 
 

@@ -39,7 +39,7 @@ class BoardObservations:
     origins : (n, 3) ndarray
         Origin of the board in the camera frame. Units: mm.
     covariances : (n, 6, 6) ndarray
-        Covariance of origin (mm) and left-hand rotation (rad).
+        Covariance of origin (mm) and left perturbation (rad).
     flanges : FlangePoses
         Flange pose of each observation.
     groups : (n,) ndarray
@@ -93,7 +93,7 @@ class BoardObservations:
         )
 
     def update_targets(self, targets: FloatArray, steps: FloatArray) -> FloatArray:
-        """Return the boards after steps of translation (mm) and left-hand rotation (rad)."""
+        """Return the boards after steps of translation (mm) and left perturbation (rad)."""
         board = targets[..., 3:].reshape(*targets.shape[:-1], 3, 3)
         rotated = find_nearest_rotations(rotations_from_vectors(steps[..., 3:]) @ board)
         flat = rotated.reshape(*targets.shape[:-1], 9)

@@ -48,7 +48,7 @@ class BoardPoseEstimate:
     camera_from_board : Pose
         Estimated pose.
     covariance : (6, 6) array_like
-        Covariance of the board's origin (mm) and of its left-hand rotation (rad), a vector w in
+        Covariance of the board's origin (mm) and of its left perturbation (rad), a vector w in
         R -> exp([w]x) R; both along the axes of the camera frame.
     """
 
@@ -115,7 +115,7 @@ class _Minimum:
     chi2 : float
         Sum of squared residuals. Units: px^2.
     jacobian : (2n, 6) ndarray
-        Derivatives of the projected corners by translation (mm) and left-hand rotation (rad).
+        Derivatives of the projected corners by translation (mm) and left perturbation (rad).
     """
 
     pose: Pose
@@ -191,12 +191,12 @@ def _mirror(camera_from_board: Pose, points: FloatArray) -> Pose:
 
 
 def compute_pose_difference(pose: Pose, reference: Pose) -> FloatArray:
-    """Return the difference (6,) of two poses: origin (mm) and left-hand rotation (rad)."""
+    """Return the difference (6,) of two poses: origin (mm) and left perturbation (rad)."""
     rotation = vectors_from_rotations((pose.rotation @ reference.rotation.T)[None])[0]
     return np.append(pose.translation - reference.translation, rotation)
 
 
-def guess_camera_from_board(view: TargetView, rays: Points) -> Pose:
+def guess_board_pose(view: TargetView, rays: Points) -> Pose:
     """Return ``camera_from_board`` from the rays through a view's points, in closed form.
 
     An initial guess for a refinement in pixels. The rays (n, 3) are in the camera frame, with z =

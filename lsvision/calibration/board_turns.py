@@ -68,7 +68,7 @@ class TurnedBoards:
     poses : tuple of Pose
         ``camera_from_board`` of each view.
     jacobians : (n, 6, 6) ndarray
-        Derivatives of `poses` by the original poses: origin (mm), left-hand rotation (rad).
+        Derivatives of `poses` by the original poses: origin (mm), left perturbation (rad).
     turned : tuple of int
         Indices of the views that were numbered from another end than most.
     """

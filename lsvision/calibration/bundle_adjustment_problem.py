@@ -127,8 +127,8 @@ class BundleAdjustmentProblem:
     """Residuals and Jacobian of all views as functions of increments to an initial guess.
 
     The vector has the refined ones (`free`) of the parameters that all views share, in the order
-    `FOCAL_AND_CENTRE`, `DISTORTION`, `TILT`, `DISTANCE`, `BOW`, then six for each pose: left-hand
-    rotation (rad) and translation (mm).
+    `FOCAL_AND_CENTRE`, `DISTORTION`, `TILT`, `DISTANCE`, `BOW`, then six for each pose: left
+    perturbation (rad) and translation (mm).
 
     Parameters
     ----------

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.calibration.board_pose import DEFAULT_FOCAL_RATIO, guess_camera_from_board
+from lsvision.calibration.board_pose import DEFAULT_FOCAL_RATIO, guess_board_pose
 from lsvision.calibration.camera_warnings import CELLS_PER_SIDE, find_covered_cells
 from lsvision.calibration.laser_line_on_board import LineOnBoardSettings, find_laser_view
 from lsvision.calibration.lens_blur import estimate_blur_from_views
@@ -242,7 +242,7 @@ def list_missing_views(views: Sequence[TargetView], pairs: int) -> tuple[str, ..
     if areas := _find_empty_areas(views):
         missing.append(f"board into the image's {', '.join(areas)}")
     camera = guess_camera(views[0].size)
-    poses = [guess_camera_from_board(view, camera.rays(view.pixels)) for view in views]
+    poses = [guess_board_pose(view, camera.rays(view.pixels)) for view in views]
     sides = [
         name
         for name, axis, sign in _SIDES

@@ -4,7 +4,6 @@ The error of the robot is part of the covariance of each pose (`robot_std`). Wit
 covariance of the result is several times too small.
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -78,13 +77,16 @@ class ErrorsInVariablesFit:
 
     @property
     def robot_std_scales(self) -> FloatArray:
-        """Estimated scales (2,) of the robot's standard deviations."""
+        """Scales (2,) of the robot's standard deviations of position and orientation.
+
+        Relative to those that were stated, or to the nominal ones; 1 for stated ones.
+        """
         return self.posterior.mean_scales
 
     @property
     def robot_std_is_estimated(self) -> bool:
         """Whether the robot's standard deviations were estimated from the residuals."""
-        return math.isfinite(self.posterior.covariance_dof)
+        return self.posterior.is_estimated
 
     @property
     def covariance(self) -> FloatArray:
@@ -96,14 +98,17 @@ class ErrorsInVariablesFit:
 
     @property
     def prediction_covariances(self) -> FloatArray:
-        """Covariances J Q J' (n, m, m) of the predicted observations, without variance factor."""
+        """Covariances J Q J' (n, m, m) of the predicted whitened observations of each pose.
+
+        Without the variance factor.
+        """
         return self.jacobian @ self.cofactors @ np.swapaxes(self.jacobian, -1, -2)
 
     @property
     def redundancy(self) -> FloatArray:
         """Redundancy matrices (n, m, m) of the poses: 1 - J Q J', 1 where not used.
 
-        They map the error of an observation to its residual.
+        They map the whitened error of a pose's observation to its whitened residual.
         """
         eye = np.eye(self.residuals.shape[1])
         return eye - self.mask[:, None, None] * self.prediction_covariances
@@ -111,8 +116,9 @@ class ErrorsInVariablesFit:
     def propagate_shifts(self, shifts: FloatArray) -> FloatArray:
         """Return the change (k, p) of the solution by shifts (k, n, m) of the observations.
 
-        The first six of the p numbers are translation (mm) and left-hand rotation (rad) of the
-        sensor, the others the step coordinates of the targets.
+        The first six of the p numbers are translation (mm) and left perturbation (rad) of the
+        sensor, the others local coordinates of the targets, see
+        `Observations.update_targets`.
         """
         used = self.mask[:, None, None] * self.jacobian
         gradients = np.einsum("nrp,nrm,knm->kp", used, self.whitening, shifts)
@@ -178,8 +184,7 @@ def _build_fit(
         raise FitFailed(SINGULAR) from error
     chi2 = float((residuals[0] ** 2 * mask[:, None]).sum() + (prior_residuals**2).sum())
     dof = _count_degrees_of_freedom(observations, mask, prior[0], cofactors)
-    estimated = math.isfinite(posterior.covariance_dof)
-    variance_factor = 1.0 if estimated else max(1.0, chi2 / max(dof, 1))
+    variance_factor = 1.0 if posterior.is_estimated else max(1.0, chi2 / max(dof, 1))
     return ErrorsInVariablesFit(
         states=states,
         mask=mask,
@@ -199,9 +204,10 @@ def count_degrees_of_freedom(
 ) -> float:
     """Return the number of observations minus the number of unknowns that they determine.
 
-    An unknown counts by the fraction of its information that is not from its prior: a prior that is
-    wide beside the observations leaves no residual, one that is narrow leaves no unknown. All count
-    if the observations do not determine them.
+    It is n - p + trace(P Q P') for n observations, p unknowns with the cofactors Q, and whitened
+    rows P of their priors: an unknown counts by the fraction of its information that is from the
+    observations. The priors' own residuals, which are part of `chi2`, are not counted. All unknowns
+    count if the observations do not determine them.
     """
     jacobian, _ = whitened_jacobian_and_residuals(observations, states, whitening)
     prior, _ = prior_jacobian_and_residuals(observations, states)
@@ -241,14 +247,15 @@ def find_least_determined_direction(
     )
     jacobian, _ = whitened_jacobian_and_residuals(observations, fit.states, whitening)
     rows = jacobian.reshape(-1, jacobian.shape[-1])
-    mount, target = rows[:, :6] / ([1.0] * 3 + [MM_PER_RADIAN] * 3), rows[:, 6:]
-    prior = np.diag(1 / np.tile(observations.target_prior[1], fit.states.targets.shape[1]))
+    sensor, target = rows[:, :6] / ([1.0] * 3 + [MM_PER_RADIAN] * 3), rows[:, 6:]
+    _, prior_stds = observations.target_prior
+    prior = np.diag(1 / np.tile(prior_stds, fit.states.targets.shape[1]))
     target = np.concatenate([target, prior])
-    mount = np.concatenate([mount, np.zeros((len(prior), 6))])
-    # Project the columns of the target out of those of the mount.
+    sensor = np.concatenate([sensor, np.zeros((len(prior), 6))])
+    # Project the columns of the target out of those of the sensor's pose in its mount.
     basis, singular_values, _ = np.linalg.svd(target, full_matrices=False)
     basis = basis[:, singular_values > RANK_TOLERANCE * singular_values[0]]
-    projected = mount - basis @ (basis.T @ mount)
+    projected = sensor - basis @ (basis.T @ sensor)
     _, singular_values, directions = np.linalg.svd(projected, full_matrices=False)
     std = float("inf") if singular_values[-1] < RANK_TOLERANCE else float(1 / singular_values[-1])
     return std, _describe_direction(directions[-1], fit.states.rotations[0])

@@ -232,11 +232,11 @@ def calibrate_hand_eye_board(
     base_from_flanges : sequence of Pose or (4, 4) array_like
         Flange pose at each observation.
     covariances : (n, 6, 6) array_like, optional
-        Covariances of the boards' origins (mm) and left-hand rotations (rad; vectors w in
+        Covariances of the boards' origins (mm) and left perturbations (rad; vectors w in
         R -> exp([w]x) R) in the camera frame, from `estimate_board_pose`. Without them all errors
         are attributed to the robot.
     camera_modes : (m, n, 6) array_like, optional
-        Shifts of the boards' origins (mm) and left-hand rotations (rad) by each of m independent
+        Shifts of the boards' origins (mm) and left perturbations (rad) by each of m independent
         errors of the camera, one standard deviation each, from `compute_board_pose_modes`. Without
         them the camera is taken as exact.
     mounting, settings

@@ -97,7 +97,7 @@ class BoardScale:
     factor, std : float
         Estimate and its standard deviation.
     step : (6,) ndarray
-        Change of the sensor's translation (mm) and left-hand rotation (rad) by which the solution
+        Change of the sensor's translation (mm) and left perturbation (rad) by which the solution
         would differ if the factor were applied.
     """
 
@@ -128,7 +128,7 @@ def estimate_board_scale(
     `origins` (n, 3) are those of the board in the camera frame, in each of the n poses, as the fit
     predicts it: the noise of the observed ones would look like an error of the scale. So do the
     errors of the camera: `camera_modes` (m, n, 6) are the shifts of the board's poses, origin (mm)
-    and left-hand rotation (rad), by m independent errors, one standard deviation each. A standard
+    and left perturbation (rad), by m independent errors, one standard deviation each. A standard
     deviation of the robot that is not stated but estimated contains the effect of a wrong size;
     then the noise is estimated from the residuals without that effect.
 

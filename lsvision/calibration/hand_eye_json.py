@@ -29,7 +29,11 @@ MAX_VALUE = 1e9
 """Largest number of a hand-eye file: 1000 km, in mm; larger ones overflow later."""
 MIN_DEGREES_OF_FREEDOM = 2.0
 """Degrees of freedom up to which Student's t has no variance."""
-UNITS = {"length": "mm", "angle": "rad", "covariance": "translation mm, left-hand rotation rad"}
+UNITS = {
+    "length": "mm",
+    "angle": "rad",
+    "covariance": "translation mm, left perturbation rad",
+}
 """Units of the file's numbers, written into it."""
 
 

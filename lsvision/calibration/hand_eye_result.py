@@ -103,7 +103,7 @@ class HandEye(Result):
         `base_from_section`, `flange_from_camera`, `base_from_camera`.
     covariance : (6, 6) array_like
         Covariance of translation (mm) and rotation (rad), both along the mount's axes; the rotation
-        is a left-hand one, R -> exp([w]x) R, about the sensor's origin.
+        is a left perturbation, R -> exp([w]x) R, about the sensor's origin.
     residuals : (n,) array_like
         Norm of each pose's residual, observed minus predicted; NaN where the target was not found.
         Units: mm.

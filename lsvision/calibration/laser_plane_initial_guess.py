@@ -5,7 +5,7 @@ from itertools import combinations
 
 import numpy as np
 
-from lsvision.calibration.board_pose import guess_camera_from_board
+from lsvision.calibration.board_pose import guess_board_pose
 from lsvision.calibration.bundle_adjustment_problem import LaserView
 from lsvision.calibration.target import TargetView
 from lsvision.errors import CalibrationFailed, DegenerateGeometry
@@ -77,7 +77,7 @@ def guess_board_poses(camera: Camera, views: Sequence[LaserView]) -> tuple[Pose,
                 "image, or with fewer radial terms"
             )
         board = TargetView(view.points, view.pixels, camera.size)
-        poses.append(guess_camera_from_board(board, rays[: len(view.pixels)]))
+        poses.append(guess_board_pose(board, rays[: len(view.pixels)]))
     return tuple(poses)
 
 

@@ -87,7 +87,7 @@ class FlangePoses:
     origins : (n, 3) ndarray
         Origin of the mount in that frame. Units: mm.
     covariances : (n, 2, 6, 6) ndarray
-        Covariances of translation (mm) and left-hand rotation (rad): first that by the robot's
+        Covariances of translation (mm) and left perturbation (rad): first that by the robot's
         errors of position, then that by its errors of orientation, for its stated or nominal
         standard uncertainty.
     """
@@ -139,11 +139,11 @@ class Linearisation:
     residuals : (s, n, m) ndarray
         Observed minus predicted values, in the units of the observation.
     mount_jacobian : (s, n, m, 6) ndarray
-        Derivatives by translation (mm) and left-hand rotation (rad) of the sensor in the mount.
+        Derivatives by translation (mm) and left perturbation (rad) of the sensor in the mount.
     target_jacobian : (s, n, m, d) ndarray
         Derivatives by the d step coordinates of `Observations.update_targets`.
     flange_jacobian : (s, n, m, 6) ndarray
-        Derivatives by translation (mm) and left-hand rotation (rad) of the flange.
+        Derivatives by translation (mm) and left perturbation (rad) of the flange.
     """
 
     residuals: FloatArray
@@ -227,7 +227,7 @@ def stack_flange_poses(
     if mounting == "eye_in_hand":
         return FlangePoses(R, t, covariances)
     inverse = np.swapaxes(R, -1, -2)
-    # A left-hand error (dt, w) changes the inverse pose to t' = -R't - R'dt + R'(w x t) and
+    # A left perturbation (dt, w) changes the inverse pose to t' = -R't - R'dt + R'(w x t) and
     # (1 - [R'w]x) R'.
     inverse_jacobian = np.zeros((len(t), 1, 6, 6))
     inverse_jacobian[:, 0, :3, :3], inverse_jacobian[:, 0, 3:, 3:] = -inverse, -inverse
@@ -280,7 +280,7 @@ def transform_to_sensor_frame(
         Points in the sensor frame. Units: mm.
     mount_jacobian, point_jacobian, flange_jacobian : ndarray
         Derivatives by the sensor pose (s, n, 3, 6), the point (s, n, 3, 3) and the flange pose
-        (s, n, 3, 6); poses by translation (mm) and left-hand rotation (rad).
+        (s, n, 3, 6); poses by translation (mm) and left perturbation (rad).
     """
     to_mount = np.swapaxes(flanges.rotations, -1, -2)
     to_sensor = np.swapaxes(states.rotations, -1, -2)[:, None]

@@ -63,6 +63,11 @@ class RobotStdPosterior:
     covariance_dof: float
 
     @property
+    def is_estimated(self) -> bool:
+        """Whether the standard deviations were estimated from the residuals, not stated."""
+        return math.isfinite(self.covariance_dof)
+
+    @property
     def mean_scales(self) -> FloatArray:
         """Roots (2,) of the mean squares of the scales.
 

@@ -2,8 +2,8 @@
 
 Scipy's `Rotation`, with which the conversions are made, takes a single leading axis.
 
-Small changes of a rotation R from frame b to frame a, and their covariances, are left-hand
-rotations in this package: vectors w (rad) along the axes of frame a, R -> exp([w]x) R.
+Small changes of a rotation R from frame b to frame a, and their covariances, are left perturbations
+in this package: vectors w (rad) along the axes of frame a, R -> exp([w]x) R.
 """
 
 from itertools import product
@@ -44,7 +44,7 @@ def vectors_from_rotations(rotations: FloatArray) -> FloatArray:
 
 
 def rotation_vector_jacobian(vector: FloatArray) -> FloatArray:
-    """Return the derivative (3, 3) of a rotation vector (3,) by a left-hand rotation.
+    """Return the derivative (3, 3) of a rotation vector (3,) by a left perturbation.
 
     This is the inverse of the left Jacobian of SO(3); the angle must be below 2 pi. Units: rad.
     """

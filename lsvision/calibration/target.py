@@ -267,8 +267,8 @@ class CircleGrid(PrintedTarget):
         Number of discs in a row, and number of rows. An asymmetric grid needs 5, 7, ... rows: with
         an even number it looks the same after half a turn.
     spacing : float
-        Distance of neighbouring discs and of neighbouring rows; in an asymmetric grid neighbours in
-        a row are two spacings apart. Units: mm.
+        Distance of neighbouring rows, and in a symmetric grid of neighbouring discs in a row; in an
+        asymmetric grid these are two spacings apart, and the nearest discs sqrt(2). Units: mm.
     diameter : float
         Diameter of a disc. Units: mm.
     asymmetric : bool
@@ -302,7 +302,7 @@ class CircleGrid(PrintedTarget):
 
     def __str__(self) -> str:
         kind = "asymmetric" if self.asymmetric else "symmetric"
-        return f"{kind} grid of {self.columns} x {self.rows} discs {self.spacing:g} mm apart"
+        return f"{kind} grid of {self.columns} x {self.rows} discs, rows {self.spacing:g} mm apart"
 
     @property
     def points(self) -> Points:

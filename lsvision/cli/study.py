@@ -240,7 +240,7 @@ def _read_crossed(path: Path, value: str, part: str, operator: str) -> "FloatArr
 
 
 def _format_names(parts: Sequence[str], operators: Sequence[str]) -> str:
-    """Return the names of parts and operators, by which one that is written in two ways shows."""
+    """Return the names of parts and operators, so that one spelled in two ways is noticed."""
     return f"parts {_format_first_names(parts)}; operators {_format_first_names(operators)}"
 
 

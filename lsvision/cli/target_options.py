@@ -44,7 +44,8 @@ class TargetOptions:
         float | None,
         typer.Option(
             metavar="MM",
-            help="Edge of a square or spacing of discs, as measured on the print [15].",
+            help="Edge of a square or spacing of discs, as measured on the print [15]; of an "
+            "asymmetric grid the spacing of its rows, half that of the discs in a row.",
         ),
     ] = None
     marker: Annotated[

@@ -62,7 +62,8 @@ class Seed(NamedTuple):
     candidate : Candidate
         First points of the arc.
     free : (f,) int ndarray
-        Ascending indices of the points that the arc may contain: those in no other arc.
+        Ascending indices of the points that the arc may contain: those outside of the spans of
+        accepted arcs.
     """
 
     profile: PreparedProfile
@@ -94,8 +95,8 @@ class _GrowingArc:
         Position of the first point of the last window among the free points.
     normals : (w,) complex ndarray
         Outward unit normals of the ellipse at the points of that window.
-    span : (int, int)
-        First and last inlier in the last window.
+    ends : (int, int)
+        Positions of the first and the last inlier in the last window among the free points.
     grown : GrownArc or None
         Result; None as long as the arc has not finished.
     """
@@ -108,7 +109,7 @@ class _GrowingArc:
         self.max_noise_factor = profile.max_noise_factor(candidate.radius)
         self.inliers: IntArray = in_candidate[free].nonzero()[0]
         self.start, self.normals = 0, self.points.z[:0]  # before the first window
-        self.span = -1, -1
+        self.ends = -1, -1
         self.grown: GrownArc | None = None
 
     def move_window(self) -> NoisyPoints:
@@ -132,11 +133,11 @@ class _GrowingArc:
             Outward unit normals of the ellipse at the points of the window.
         """
         self.inliers, self.normals = self.start + inliers, normals
-        previous, self.span = self.span, (int(self.inliers[0]), int(self.inliers[-1]))
-        return self.span == previous
+        previous, self.ends = self.ends, (int(self.inliers[0]), int(self.inliers[-1]))
+        return self.ends == previous
 
     def finish(self, parameters: FloatArray) -> None:
-        """Set the result: the arc with the ellipse of these parameters (5,), in mm."""
+        """Set the result: the arc with the ellipse of (centre x, y, m, p, q), in mm."""
         arc = IdentifiedArc(self.seed.free[self.inliers], ellipse_from_parameters(parameters))
         self.grown = GrownArc(arc, self.normals[self.inliers - self.start])
 
@@ -162,7 +163,7 @@ class _SearchedProfile:
         self._free = np.ones(len(profile.points), dtype=bool)
 
     def select_next_seeds(self) -> list[Seed]:
-        """Return the candidates that overlap neither an earlier arc nor a better candidate."""
+        """Return the unexplained candidates, without those with a point of a better one."""
         free, taken = self._free.nonzero()[0], np.zeros(len(self._free), dtype=bool)
         self._candidates = [c for c in self._candidates if not self._is_explained(c)]
         seeds = list[Seed]()
@@ -173,7 +174,9 @@ class _SearchedProfile:
         return seeds
 
     def add(self, seed: Seed, grown: GrownArc | None, settings: AcceptanceSettings) -> None:
-        """Add an arc, or its rejection if its shape is not that of a cylinder; mark its points.
+        """Add an arc, or its rejection if its shape is not that of a cylinder.
+
+        An added arc takes all points of its span; a rejected one only explains candidates.
 
         An arc that has points in common with a better one, which has grown at the same time, is
         not added; its candidate grows again.
@@ -198,10 +201,10 @@ class _SearchedProfile:
         return join_divided_arcs(self._profile, *arcs, self._radius_range, settings)
 
     def _is_explained(self, candidate: Candidate) -> bool:
-        """Return whether a candidate overlaps an earlier arc.
+        """Return whether an earlier arc spans more than `MAX_OVERLAP` of a candidate's points.
 
-        Its overlaps with several arcs are not added: noise larger than the pitch makes short arcs
-        along a whole candidate, which are rejected.
+        The largest overlap with one arc counts, not the sum: where the noise is larger than the
+        pitch, short rejected arcs may cover a good candidate together.
         """
         if not self._spans:
             return False

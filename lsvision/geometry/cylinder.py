@@ -45,7 +45,10 @@ class WithCylinder:
 
     @property
     def tangent_basis(self) -> FloatArray:
-        """Unit vectors e_phi and e_theta (2, 3) normal to the axis; see `build_tangent_frame`."""
+        """Unit vectors e_phi and e_theta (2, 3) normal to the axis; see `build_tangent_frame`.
+
+        They are tangents of the sphere of all directions, not of the cylinder.
+        """
         return build_tangent_frame(self.direction)[:2]
 
 

@@ -5,7 +5,7 @@ import cv2
 import numpy as np
 import pytest
 
-from lsvision.calibration.board_pose import guess_camera_from_board
+from lsvision.calibration.board_pose import guess_board_pose
 from lsvision.calibration.target import (
     ChArUco,
     Chessboard,
@@ -165,7 +165,7 @@ def test_pose_of_a_board_follows_from_its_rays():
     board = Chessboard(9, 6, 10.0).points
     seen = truth.apply(board)
     view = TargetView(board, np.zeros((54, 2)), (9, 9))
-    found = guess_camera_from_board(view, seen / seen[:, 2:])
+    found = guess_board_pose(view, seen / seen[:, 2:])
     np.testing.assert_allclose(found.matrix, truth.matrix, rtol=0, atol=START)
 
 

@@ -4,7 +4,7 @@
 def test_the_whole_chain_is_nearly_efficient_and_smoothing_over_x_is_not(ablation):
     costs = {cost.name: cost for cost in ablation}
     whole = costs["every step, as lsvision does it"]
-    literal = costs["smoothing y over x"]
+    literal = costs["smoothing y over x, equal weights"]
     assert whole.failed == 0
     assert max(whole.typical) < 2  # a dozen pipes: a median right to 40 %
     assert literal.typical[0] > 3  # radius
@@ -15,8 +15,8 @@ def test_smoothing_finds_the_jumps_inside_an_arc(ablation):
     """One point in twenty jumps: left in, they spoil the fit; smoothing leaves them out."""
     costs = {cost.name: cost for cost in ablation}
     whole = costs["every step, as lsvision does it"]
-    found = costs["sensor error of rough identification inside the arc"]
-    left_in = costs["that sensor error and smoothing"]
+    found = costs["rejection of points inside the arc by rough identification"]
+    left_in = costs["that rejection and smoothing"]
     assert found.failed == 0
     assert max(found.typical) < 1.3 * max(whole.typical)
     assert min(left_in.worst) > 3 * max(found.worst)

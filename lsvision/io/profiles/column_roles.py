@@ -52,7 +52,7 @@ def find_role(name: str) -> str:
     ('x', 'scan', 'scan')
     >>> find_role("posición x"), find_role("distance to the sensor"), find_role("高度")
     ('x', 'range', 'height')
-    >>> column_role("-z"), column_role("y_down")
+    >>> find_role("-z"), find_role("y_down")
     ('range', 'range')
     """
     folded = fold_accents(name)

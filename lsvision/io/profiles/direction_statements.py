@@ -111,8 +111,8 @@ def note_unclear_direction(lines: Iterable[str]) -> tuple[str, ...]:
 
     Examples
     --------
-    >>> note_unclear_direction(["z is flipped?", "z axis inverted"])[0][:40]
-    "the line 'z axis inverted' may state the"
+    >>> note_unclear_direction(["z is flipped?", "z axis inverted"])[0][:38]
+    "the line 'z is flipped?' may state the"
     """
     short = _list_short_lines(lines)
     if any(map(_find_direction, short)):

@@ -2,7 +2,7 @@
 
 A marker far from all heights is found by its distance (`lsvision.statistics.lost_markers`); one
 within their range, such as 0 in heights relative to the middle of the sensor's range, is not. There
-it is recognised by the surface, which goes on behind it as if it were not there.
+it is recognised by the surface, which continues after it as if it were not there.
 """
 
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ import numpy as np
 from lsvision.geometry import BoolArray, FloatArray, IntArray
 
 MIN_INTERRUPTIONS = 3
-"""Smallest number of places at which a value interrupts a surface that goes on behind it, from
+"""Smallest number of places at which a value interrupts a surface that continues after it, from
 which on it marks lost points: hardly an object has so many slots with a floor at one height."""
 MAX_INTERRUPTION_POINTS = 3
 """Largest number of points of such a place: between two pipes, more points lie on a floor."""
@@ -21,7 +21,7 @@ MAX_STEP_RATIO = 0.25
 MIN_DISTANCE_RATIO = 10.0
 """Smallest distance of the surface from the value, in steps between neighbouring points."""
 MIN_SPIKE_RATIO = 5.0
-"""Smallest step before and behind a spike, in small steps."""
+"""Smallest step before and after a spike, relative to the 20 % quantile of all steps."""
 MAX_CANDIDATES = 3
 """Largest number of values of a file that are examined."""
 MIN_INTERRUPTION_FRACTION = 0.9
@@ -30,6 +30,8 @@ slots scatter."""
 MIN_REPEATS, MIN_REPEATS_RATIO = 10, 4.0
 """Smallest number of repetitions of a value that is noted, also relative to the next most frequent
 one: the heights of a plane scatter."""
+MIN_VALUES = 10
+"""Smallest number of different values among which one may be noted."""
 
 
 def find_interrupting_values(profiles: Sequence[FloatArray]) -> dict[float, list[bool]]:
@@ -63,8 +65,9 @@ def find_interrupting_values(profiles: Sequence[FloatArray]) -> dict[float, list
 def _find_candidates(heights: FloatArray) -> list[float]:
     """Return the most frequent heights of spikes: points, or runs of equal points, between steps.
 
-    The steps before and behind a spike have opposite signs, and are large: of all steps between
-    different heights at least a fifth is small, as half of the points may be lost.
+    The steps before and after a spike have opposite signs, and are large compared with the 20 %
+    quantile of all steps: if half of the points are lost at random, a third of the steps between
+    different heights are those of the surface.
     """
     starts = _run_starts(heights)
     values, lengths = heights[starts], np.diff(starts, append=len(heights))
@@ -89,7 +92,7 @@ def _run_starts(heights: FloatArray) -> IntArray:
 
 
 def _interrupts(heights: FloatArray, value: float) -> bool:
-    """Return whether the surface goes on behind a value in several places, and is far from it."""
+    """Return whether the surface continues after a value in several places, and is far from it."""
     others_at = np.flatnonzero(heights != value)
     if len(others_at) > len(heights) - MIN_INTERRUPTIONS:
         return False
@@ -139,7 +142,7 @@ def find_repeated_value(heights: FloatArray) -> float | None:
 
 def _find_most_frequent(values: FloatArray, counts: IntArray) -> float | None:
     """Return the value whose count is much larger than that of all others, or None."""
-    if len(values) < MIN_REPEATS:
+    if len(values) < MIN_VALUES:
         return None
     next_most, most = np.argsort(counts, kind="stable")[-2:]
     enough = max(MIN_REPEATS, MIN_REPEATS_RATIO * counts[next_most])

@@ -7,9 +7,10 @@ import numpy as np
 from lsvision.geometry import FloatArray, IntArray
 
 MIN_POINTS_PER_PROFILE = 5
-"""Smallest mean number of points of the profiles of a key: fewer do not determine an ellipse."""
+"""Smallest number of points of a profile, the mean one where a column numbers the profiles: fewer
+do not determine an ellipse."""
 _MIN_SWEEP_FRACTION = 0.8
-"""Smallest fraction of the width that a profile measured back and forth has in each direction."""
+"""Smallest fraction of the range of x that a sweep covers."""
 _MIN_SWEEPS = 3
 """Smallest number of sweeps that are noted: a closed section goes back and forth once."""
 _MAX_ORDERED_STEP_FRACTION = 0.05
@@ -47,7 +48,8 @@ def note_order(sections: Sequence[FloatArray]) -> tuple[str, ...]:
 def find_restarts(x: FloatArray) -> IntArray:
     """Return the indices at which x, without NaN, has jumped back by half its range.
 
-    None if two of them are less than `MIN_POINTS_PER_PROFILE` points apart.
+    Empty if two of them, or one and the first or last point, are less than
+    `MIN_POINTS_PER_PROFILE` points apart.
     """
     if len(x) <= 2 * MIN_POINTS_PER_PROFILE:
         return np.array([], dtype=np.intp)

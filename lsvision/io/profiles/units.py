@@ -147,7 +147,7 @@ def find_mm_per_unit(unit: str) -> float:
 
     Examples
     --------
-    >>> mm_per_unit("um"), mm_per_unit("0.1 mm")
+    >>> find_mm_per_unit("um"), find_mm_per_unit("0.1 mm")
     (0.001, 0.1)
     """
     name = parse_unit(unit)

@@ -76,7 +76,8 @@ def _classify_name(name: str) -> tuple[str, bool]:
 
     Examples
     --------
-    >>> _kind("Is_Valid"), _kind("point status"), _kind("ok"), _kind("date of validation")
+    >>> names = "Is_Valid", "point status", "ok", "date of validation"
+    >>> tuple(map(_classify_name, names))
     (('valid', False), ('flag', True), ('valid', True), ('', False))
     """
     match = _NAME.fullmatch(re.sub(r"[\W\d_]+", "", fold_accents(name.lower())))
@@ -92,7 +93,7 @@ def note_unused_flags(labels: Iterable[str]) -> tuple[str, ...]:
 
     Examples
     --------
-    >>> [note[:37] for note in note_unused_flags(["valid_indices", "roi"])]
+    >>> [note[:38] for note in note_unused_flags(["valid_indices", "roi"])]
     ['valid_indices is not used: if it marks']
     """
     return tuple(f"{label} is not used: {_REMEDY}" for label in labels if _classify_name(label)[0])

@@ -1,4 +1,9 @@
-"""Variants of the pipeline: one step left out, or done as in the paper's text, on a given arc."""
+"""Variants of the pipeline: one step left out, or done as in the paper's text, on a given arc.
+
+In lsvision, smoothing and homogenising give the inliers and the initial guess of a weighted fit to
+the measured points. As in the paper, the fit is one of equal weights to the smoothed or homogenised
+points themselves, from lsvision's initial guess.
+"""
 
 import math
 from collections.abc import Callable
@@ -43,7 +48,8 @@ class VariantFit:
     ellipse : Ellipse
         Fitted ellipse. Units: mm, rad.
     evaluations : int
-        Number of evaluations of the residuals in the iterative fit; 0 without one.
+        Number of evaluations of the residuals in one iterative fit with the final weights,
+        without reweighting; 0 without an iterative fit.
     """
 
     ellipse: Ellipse
@@ -60,13 +66,13 @@ class AblationArc:
         Profile of the section.
     arc : IdentifiedArc
         Result of rough identification.
-    seed : IdentifiedArc
+    first_candidate : IdentifiedArc
         First candidate on the same pipe, from which rough identification may have started.
     """
 
     profile: PreparedProfile
     arc: IdentifiedArc
-    seed: IdentifiedArc
+    first_candidate: IdentifiedArc
 
     @cached_property
     def screened(self) -> ScreenedArc:
@@ -106,7 +112,7 @@ class AblationArc:
         valid = self.profile.valid_indices
         in_span = (valid >= self.arc.arc.start) & (valid < self.arc.arc.stop)
         arc_with_jumps = IdentifiedArc(valid[in_span], self.arc.ellipse)
-        return AblationArc(self.profile, arc_with_jumps, self.seed)
+        return AblationArc(self.profile, arc_with_jumps, self.first_candidate)
 
     def without_screening(self, arc: IdentifiedArc) -> ScreenedArc:
         """Return an arc unchanged in the form of a screened arc."""
@@ -159,7 +165,7 @@ def _fit(points: NoisyPoints, initial_guess: Ellipse) -> VariantFit:
 
 
 def _with_evaluations(fit: EllipseFit, initial_guess: Ellipse) -> VariantFit:
-    """Return a fit with the number of its evaluations, counted by repeating it with its weights.
+    """Return a fit with its number of evaluations, counted in a fit with its final weights.
 
     Raises FitFailed if it has not converged.
     """
@@ -235,26 +241,26 @@ LEFT_OUT, AS_PAPER = "left out", "as in the paper"
 VARIANTS = (
     Variant("as it is", "every step, as lsvision does it", lambda arc: _fit_screened(arc.screened)),
     Variant(LEFT_OUT, "rough identification: the first candidate is the arc",
-            lambda arc: _fit_screened(arc.screen(arc.seed))),
+            lambda arc: _fit_screened(arc.screen(arc.first_candidate))),
     Variant(LEFT_OUT, "accurate screening",
             lambda arc: _fit_screened(arc.without_screening(arc.arc))),
     Variant(LEFT_OUT, "smoothing", _without_smoothing),
-    Variant(LEFT_OUT, "sensor error of rough identification inside the arc",
+    Variant(LEFT_OUT, "rejection of points inside the arc by rough identification",
             lambda arc: _fit_screened(arc.with_jumps.screened)),
-    Variant(LEFT_OUT, "that sensor error and smoothing",
+    Variant(LEFT_OUT, "that rejection and smoothing",
             lambda arc: _without_smoothing(arc.with_jumps)),
     Variant(LEFT_OUT, "homogenising", lambda arc: _fit(arc.inliers, arc.screened.ellipse)),
     Variant(LEFT_OUT, "iterative fit: a direct algebraic one instead", _fit_directly),
     Variant(AS_PAPER, "screening with one sensor error of 0.9 mm", _fit_with_fixed_sensor_error),
-    Variant(AS_PAPER, "smoothing y over x",
+    Variant(AS_PAPER, "smoothing y over x, equal weights",
             lambda arc: _fit_unweighted(smooth_profile_paper(arc.ordered_inliers),
             arc.initial_guess)),
-    Variant(AS_PAPER, "homogenising over x",
+    Variant(AS_PAPER, "homogenising over x, equal weights",
             lambda arc: _fit_unweighted(homogenise_profile_paper(arc.ordered_inliers),
                                     arc.initial_guess)),
     Variant(AS_PAPER, "all points of equal weight",
             lambda arc: _fit_unweighted(as_vectors(arc.inliers.z), arc.initial_guess)),
     Variant(AS_PAPER, "equal weights and radial residuals, Eq. (4)", _fit_radial),
-    Variant(AS_PAPER, "sections 3.3 and 2.3 to the letter", _run_smoothing_to_fit_of_paper),
+    Variant(AS_PAPER, "sections 3.3 and 2.3 as published", _run_smoothing_to_fit_of_paper),
 )  # fmt: skip
 """All variants in the order of the report."""
