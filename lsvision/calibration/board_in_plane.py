@@ -1,7 +1,7 @@
-"""Light section from one image of a board in the laser plane.
+"""Camera and laser plane (a `LightSection`) from one image of a board in the laser plane.
 
-For simple rigs: the board is moved into the plane until the laser line covers its face. The camera
-need not be calibrated; the result is valid within the laser plane.
+For simple rigs: the board is moved into the plane until the laser light grazes its whole face. The
+camera need not be calibrated; the result is valid within the laser plane.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ a board parallel to the image, it is taken as not determined."""
 
 @dataclass(frozen=True, eq=False, repr=False)
 class BoardInPlane(Result):
-    """Light section from one board, with residuals.
+    """Camera and laser plane from one board, with residuals.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ class BoardInPlane(Result):
 def calibrate_board_in_plane(
     image: npt.ArrayLike, target: Target, camera: Camera | None = None
 ) -> BoardInPlane:
-    """Calibrate a light section from one image of a board whose face lies in the laser plane.
+    """Calibrate a `LightSection` from one image of a board whose face lies in the laser plane.
 
     Parameters
     ----------
@@ -142,9 +142,9 @@ def calibrate_board_in_plane(
 def _solve_equivalent_pinhole_camera(view: TargetView) -> tuple[Camera, Pose]:
     """Return a pinhole camera and ``camera_from_board`` that reproduce the board's homography.
 
-    With any centre of the camera beside the board's plane, K R reproduces it exactly. The centre is
-    that of a camera with square pixels whose axis meets the image's middle; K may still have a skew
-    and another principal point.
+    For any centre of the camera outside of the board's plane there are K and R that reproduce the
+    homography exactly. The centre is that of a camera with square pixels whose axis meets the
+    image's middle; K may still have a skew and another principal point.
     """
     homography = fit_board_homography(view)
     centre = _compute_camera_centre(homography, view)

@@ -1,7 +1,8 @@
 """Hand-eye solution with noisy robot poses (errors in variables).
 
-The error of the robot is part of the covariance of each pose (`robot_std`). Without this term the
-covariance of the result is several times too small.
+The error of the robot is propagated to the covariance of the observation in each pose (module
+`robot_std`); the robot's poses are no unknowns of the fit. Without this term the covariance of the
+result is several times too small.
 """
 
 from dataclasses import dataclass
@@ -25,8 +26,8 @@ from lsvision.geometry import FloatArray
 from lsvision.statistics.normal_matrix import invert_normal_matrix
 
 MAX_ITERATIONS, STEPS_PER_ITERATION = 6, 8
-"""Largest number of whitenings, each at the solution with the one before, and largest number of
-steps with each."""
+"""Largest number of times that the whitening is computed again at the latest solution, and of
+Levenberg-Marquardt steps with each whitening."""
 CONVERGED_MM = 1e-7
 """Change of the sensor's position below which the solution has converged. Units: mm."""
 RANK_TOLERANCE = 1e-12
@@ -79,7 +80,7 @@ class ErrorsInVariablesFit:
     def robot_std_scales(self) -> FloatArray:
         """Scales (2,) of the robot's standard deviations of position and orientation.
 
-        Relative to those that were stated, or to the nominal ones; 1 for stated ones.
+        1 if they were stated, else relative to `NOMINAL_ROBOT_STD`.
         """
         return self.posterior.mean_scales
 
@@ -204,10 +205,11 @@ def count_degrees_of_freedom(
 ) -> float:
     """Return the number of observations minus the number of unknowns that they determine.
 
-    It is n - p + trace(P Q P') for n observations, p unknowns with the cofactors Q, and whitened
+    It is N - p + trace(P Q P') for N observed numbers, p unknowns with cofactors Q, and whitened
     rows P of their priors: an unknown counts by the fraction of its information that is from the
-    observations. The priors' own residuals, which are part of `chi2`, are not counted. All unknowns
-    count if the observations do not determine them.
+    observations. The priors' own residuals, which are part of `chi2`, are not counted, at most
+    one for each: chi^2 over its degrees of freedom is then rather too large. If the normal matrix
+    is singular, the result is N - p.
     """
     jacobian, _ = whitened_jacobian_and_residuals(observations, states, whitening)
     prior, _ = prior_jacobian_and_residuals(observations, states)

@@ -204,7 +204,9 @@ def _report_other_cylinders(radii: dict[str, float]) -> None:
 
 
 def _read_crossed(path: Path, value: str, part: str, operator: str) -> "FloatArray":
-    """Return the values of a balanced study, (parts, operators, trials); names are of columns.
+    """Return the values of a balanced study, (parts, operators, trials).
+
+    `value`, `part` and `operator` are the names of their columns.
 
     Raises
     ------

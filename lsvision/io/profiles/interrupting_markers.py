@@ -28,10 +28,10 @@ MIN_INTERRUPTION_FRACTION = 0.9
 """Smallest fraction of the interruptions near a value that are at the value itself: the floors of
 slots scatter."""
 MIN_REPEATS, MIN_REPEATS_RATIO = 10, 4.0
-"""Smallest number of repetitions of a value that is noted, also relative to the next most frequent
-one: the heights of a plane scatter."""
+"""Smallest number of repetitions of a value that `find_repeated_value` returns for a note, also
+relative to the next most frequent one: the heights of a plane scatter."""
 MIN_VALUES = 10
-"""Smallest number of different values among which one may be noted."""
+"""Smallest number of different values, or of runs of equal points, among which one may be noted."""
 
 
 def find_interrupting_values(profiles: Sequence[FloatArray]) -> dict[float, list[bool]]:
@@ -111,7 +111,7 @@ def _interrupts(heights: FloatArray, value: float) -> bool:
 
 
 def _compute_typical_step(heights: FloatArray) -> float:
-    """Return the median step between neighbours, at least the smallest step; inf without any."""
+    """Return the median step between neighbours, at least the smallest above 0; inf without any."""
     with np.errstate(over="ignore", invalid="ignore"):
         steps = np.abs(np.diff(heights))
         moving = steps[steps > 0]
@@ -129,8 +129,8 @@ def _count_excursions(heights: FloatArray, value: float, distance: float) -> int
 def find_repeated_value(heights: FloatArray) -> float | None:
     """Return a height that occurs much more often than all others; None without one.
 
-    In total, or one after the other. Noise makes the points of a plane differ: such a value may
-    mark lost points.
+    Its count is compared in total and, if none stands out, in one run of consecutive points. Noise
+    makes the points of a plane differ: such a value may mark lost points.
     """
     finite = heights[np.isfinite(heights)]
     values, counts = np.unique(finite, return_counts=True)
@@ -141,7 +141,10 @@ def find_repeated_value(heights: FloatArray) -> float | None:
 
 
 def _find_most_frequent(values: FloatArray, counts: IntArray) -> float | None:
-    """Return the value whose count is much larger than that of all others, or None."""
+    """Return the value whose count is much larger than that of all others, or None.
+
+    The values may also be those of runs of points, with the lengths of the runs as counts.
+    """
     if len(values) < MIN_VALUES:
         return None
     next_most, most = np.argsort(counts, kind="stable")[-2:]

@@ -7,8 +7,8 @@ import numpy as np
 from lsvision.geometry import FloatArray, IntArray
 
 MIN_POINTS_PER_PROFILE = 5
-"""Smallest number of points of a profile, the mean one where a column numbers the profiles: fewer
-do not determine an ellipse."""
+"""Smallest number of points of a profile, on average where a column numbers the profiles: fewer do
+not determine an ellipse."""
 _MIN_SWEEP_FRACTION = 0.8
 """Smallest fraction of the range of x that a sweep covers."""
 _MIN_SWEEPS = 3

@@ -1,8 +1,8 @@
 """Variants of the pipeline: one step left out, or done as in the paper's text, on a given arc.
 
 In lsvision, smoothing and homogenising give the inliers and the initial guess of a weighted fit to
-the measured points. As in the paper, the fit is one of equal weights to the smoothed or homogenised
-points themselves, from lsvision's initial guess.
+the measured points. The variants that smooth or homogenise as in the paper fit the smoothed or
+homogenised points themselves, with equal weights, from lsvision's initial guess.
 """
 
 import math
@@ -34,9 +34,10 @@ from lsvision.studies.chen_liu_2016.paper_pipeline import (
 )
 
 FITTING = Settings().fitting
-"""Settings of the final fit in every variant: those of `measure_cylinders`."""
-FINAL_RADIAL_FITTING = replace(FITTING, residual="radial")
-"""As `FITTING`, with the paper's radial residuals."""
+"""Settings of the iterative fits but the radial ones: those of `measure_cylinders` by default,
+without its limit of the axis ratio."""
+RADIAL_FITTING = replace(FITTING, residual="radial")
+"""As `FITTING`, with the paper's radial residuals, for screening and the final fit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,17 +205,17 @@ def _fit_unweighted(points: Points, initial_guess: Ellipse) -> VariantFit:
 
 def _fit_radial(arc: AblationArc) -> VariantFit:
     """Return the fit by the paper's radial residuals of equal weight, Eq. (4)."""
-    fit = fit_ellipse(as_vectors(arc.inliers.z), arc.initial_guess, settings=FINAL_RADIAL_FITTING)
+    fit = fit_ellipse(as_vectors(arc.inliers.z), arc.initial_guess, settings=RADIAL_FITTING)
     return _with_evaluations(fit, arc.initial_guess)
 
 
 def _fit_with_fixed_sensor_error(arc: AblationArc) -> VariantFit:
-    """Return the fit after screening with one limit in mm (Figure 9), not the points' noise."""
+    """Return the fit after screening with one limit in mm (Figure 9) for all points."""
     settings, indices = PaperSettings(), arc.arc.indices
     points: Points = arc.profile.points[indices]
     end_points = settings.count_end_points(len(indices))
     middle = fit_ellipse(
-        points[end_points:-end_points], arc.arc.ellipse, settings=FINAL_RADIAL_FITTING
+        points[end_points:-end_points], arc.arc.ellipse, settings=RADIAL_FITTING
     ).ellipse
     inliers = np.abs(radial_residuals(points, middle)) < settings.sensor_error_mm
     inliers[end_points:-end_points] = True
@@ -224,9 +225,7 @@ def _fit_with_fixed_sensor_error(arc: AblationArc) -> VariantFit:
 def _run_smoothing_to_fit_of_paper(arc: AblationArc) -> VariantFit:
     """Return the fit by sections 3.3 and 2.3 as published, for an arc from lsvision's screening."""
     smooth = smooth_profile_paper(_order_by_x(as_vectors(arc.screened.points.z)))
-    fit = fit_ellipse(
-        homogenise_profile_paper(smooth), arc.initial_guess, settings=FINAL_RADIAL_FITTING
-    )
+    fit = fit_ellipse(homogenise_profile_paper(smooth), arc.initial_guess, settings=RADIAL_FITTING)
     return _with_evaluations(fit, arc.initial_guess)
 
 
