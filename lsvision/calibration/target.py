@@ -301,8 +301,10 @@ class CircleGrid(PrintedTarget):
             raise ValueError(f"expected 0 < diameter < {limit:g} mm, got {self.diameter:g}")
 
     def __str__(self) -> str:
-        kind = "asymmetric" if self.asymmetric else "symmetric"
-        return f"{kind} grid of {self.columns} x {self.rows} discs, rows {self.spacing:g} mm apart"
+        counts, spacing = f"{self.columns} x {self.rows}", f"{self.spacing:g} mm apart"
+        if self.asymmetric:
+            return f"asymmetric grid of {counts} discs, rows {spacing}"
+        return f"symmetric grid of {counts} discs {spacing}"
 
     @property
     def points(self) -> Points:

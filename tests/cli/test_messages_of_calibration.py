@@ -102,7 +102,7 @@ PYTHON = re.compile(
     [
         (ChArUco(), "ChArUco board of 11 x 8 squares of 15 mm (markers of 11 mm, DICT_4X4_100)"),
         (Chessboard(7, 6, 25.5), "chessboard of 7 x 6 inner corners 25.5 mm apart"),
-        (CircleGrid(), "asymmetric grid of 4 x 11 discs 15 mm apart"),
+        (CircleGrid(), "asymmetric grid of 4 x 11 discs, rows 15 mm apart"),
         (
             CircleGrid(9, 6, 20.0, 8.0, asymmetric=False),
             "symmetric grid of 9 x 6 discs 20 mm apart",
