@@ -301,10 +301,8 @@ class CircleGrid(PrintedTarget):
             raise ValueError(f"expected 0 < diameter < {limit:g} mm, got {self.diameter:g}")
 
     def __str__(self) -> str:
-        counts, spacing = f"{self.columns} x {self.rows}", f"{self.spacing:g} mm apart"
-        if self.asymmetric:
-            return f"asymmetric grid of {counts} discs, rows {spacing}"
-        return f"symmetric grid of {counts} discs {spacing}"
+        kind, which = ("asymmetric", ", rows") if self.asymmetric else ("symmetric", "")
+        return f"{kind} grid of {self.columns} x {self.rows} discs{which} {self.spacing:g} mm apart"
 
     @property
     def points(self) -> Points:
