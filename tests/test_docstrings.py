@@ -4,14 +4,18 @@ The format is checked by numpydoc; the examples are run as doctests (``--doctest
 pyproject.toml). A property needs no example of its own: it is a value, described in words and unit.
 """
 
+import importlib
 import inspect
 import re
 from functools import cached_property
+from pathlib import Path
 
 from numpydoc.docscrape import get_doc_object
 from numpydoc.validate import validate
 
 import lsvision
+
+ROOT = Path(lsvision.__file__).parent
 
 IGNORED = {
     "ES01",  # the first line may be enough
@@ -109,3 +113,33 @@ def test_the_check_finds_what_is_missing():
         "RT01: No Returns section found",
     ]
     assert not example(silent)
+
+
+MODULES = {
+    ".".join(path.relative_to(ROOT.parent).with_suffix("").parts).removesuffix(".__init__")
+    for path in ROOT.rglob("*.py")
+}
+
+
+def exists(reference):
+    """Whether a dotted name is a module of the package, or something in one."""
+    parts = reference.split(".")
+    for count in range(len(parts), 0, -1):
+        if (module := ".".join(parts[:count])) in MODULES:
+            thing = importlib.import_module(module)
+            for part in parts[count:]:
+                thing = getattr(thing, part, None)
+            return thing is not None
+    return False
+
+
+def test_modules_that_docstrings_and_comments_name_exist():
+    """A renamed module or function is renamed in the texts that refer to it, too."""
+    references = {
+        (path.name, reference)
+        for path in ROOT.rglob("*.py")
+        for reference in re.findall(r"`(lsvision\.[\w.]+)`", path.read_text(encoding="utf-8"))
+    }
+    assert len(references) > 50
+    assert [pair for pair in sorted(references) if not exists(pair[1])] == []
+    assert not exists("lsvision.detection.count_end_points")

@@ -33,7 +33,7 @@ VERBS = {
     "rotate", "round", "run", "sample", "save", "scale", "score", "screen", "search", "select",
     "separate", "set", "shorten", "show", "shrink", "simulate", "smooth", "solve", "sort",
     "space", "split", "stack", "start", "step", "strip", "study", "subtract", "suggest", "sum",
-    "summarise", "suppress", "surround", "tabulate", "take", "terminate", "test", "tilt",
+    "summarise", "suppress", "tabulate", "take", "terminate", "test", "tilt",
     "time", "transform", "translate", "transpose", "triangulate", "turn", "undistort", "unpack",
     "unwrap", "update", "validate", "wait", "warn", "whiten", "widen", "write",
 }  # fmt: skip

@@ -26,8 +26,8 @@ from lsvision.geometry import FloatArray
 from lsvision.statistics.normal_matrix import invert_normal_matrix
 
 MAX_ITERATIONS, STEPS_PER_ITERATION = 6, 8
-"""Largest number of times that the whitening is computed again at the latest solution, and of
-Levenberg-Marquardt steps with each whitening."""
+"""Largest number of times that the whitening is computed, at the initial guess and then at the
+latest solution, and of Levenberg-Marquardt steps with each whitening."""
 CONVERGED_MM = 1e-7
 """Change of the sensor's position below which the solution has converged. Units: mm."""
 RANK_TOLERANCE = 1e-12
@@ -207,9 +207,10 @@ def count_degrees_of_freedom(
 
     It is N - p + trace(P Q P') for N observed numbers, p unknowns with cofactors Q, and whitened
     rows P of their priors: an unknown counts by the fraction of its information that is from the
-    observations. The priors' own residuals, which are part of `chi2`, are not counted, at most
-    one for each: chi^2 over its degrees of freedom is then rather too large. If the normal matrix
-    is singular, the result is N - p.
+    observations. The squared
+    residuals of the priors are part of `chi2`, but their degrees of freedom, 1 minus the diagonal
+    element of P Q P' for each, are not counted: chi^2 over its degrees of freedom is then rather
+    too large. If the normal matrix is singular, the result is N - p.
     """
     jacobian, _ = whitened_jacobian_and_residuals(observations, states, whitening)
     prior, _ = prior_jacobian_and_residuals(observations, states)

@@ -23,7 +23,7 @@ three of 1345 pipes are lost; with 0.98 points of the surfaces beside a pipe are
 93.3 instead of 93.8 % of the 95 % intervals contain the radius."""
 MAX_END_POINTS = 100
 """Largest number of the arc's points at an end: the computing time of the Kalman filter (see
-`lsvision.detection.count_end_points`) increases with the cube of this number."""
+`lsvision.detection.end_points`) increases with the cube of this number."""
 
 
 class SplitArc(NamedTuple):

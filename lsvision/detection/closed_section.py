@@ -61,13 +61,16 @@ def complete_closed_section(profile: PreparedProfile, arc: IdentifiedArc) -> Scr
     scale = max(upper_mad_std(np.sqrt(extrapolated.normalised_squares[in_arc])), 1.0)
     evaluated = ellipse_residuals(points, parameters)
     inliers = evaluated.normalised_squares < (SENSOR_ERROR_SIGMAS * scale) ** 2
-    if not (_surround(evaluated.normals[inliers]) and _are_one(points[inliers], parameters)):
+    if not (
+        _has_only_small_gaps(evaluated.normals[inliers])
+        and _is_one_ellipse(points[inliers], parameters)
+    ):
         return None
     indices = inliers.nonzero()[0]
     return ScreenedArc(indices, points[indices], ellipse_from_parameters(parameters), scale**2)
 
 
-def _are_one(points: NoisyPoints, parameters: FloatArray) -> bool:
+def _is_one_ellipse(points: NoisyPoints, parameters: FloatArray) -> bool:
     """Return whether one ellipse fits both sides of a closed section (n,) as well as two.
 
     The side that faces the sensor is not the arc, which has lost points that do not agree with it.
@@ -96,7 +99,7 @@ def _has_points_beyond_centre(z: ComplexArray, ellipse: Ellipse) -> bool:
     return bool(beyond.any())
 
 
-def _surround(normals: ComplexArray) -> bool:
+def _has_only_small_gaps(normals: ComplexArray) -> bool:
     """Return whether unit normals (n,) have no gap above `MAX_GAP_DEG` all around."""
     angles_deg = np.sort(np.degrees(np.angle(normals)))
     gaps_deg = np.diff(angles_deg, append=angles_deg[:1] + 360.0)

@@ -42,8 +42,8 @@ from lsvision.statistics.robust import MAD_TO_STD
 
 SENSOR_ERROR_SIGMAS = 4.0
 """Counterpart of the paper's sensor error of 0.9 mm: largest distance of an inlier from the
-ellipse, in standard deviations of a point along the normal, times the robust scatter of the arc
-where that exceeds 1. Screening follows, so that the limit matters little: with 2.8 one pipe
+ellipse, in standard deviations of a point along the normal, times the ratio of the arc's robust
+scatter to the noise, limited to 1 to `PreparedProfile.max_noise_factor`. Screening follows, so that the limit matters little: with 2.8 one pipe
 more of 1350 (750 simulated scenes) is found, with 5.6 the same."""
 MAX_GAP_FRACTION = 0.5
 """Longest interruption between two runs of inliers that is bridged, as a fraction of the arc's
@@ -167,9 +167,9 @@ class _SearchedProfile:
         self._free = np.ones(len(profile.points), dtype=bool)
 
     def select_next_seeds(self) -> list[Seed]:
-        """Return the candidates that no arc explains and that share no point with a better one.
+        """Return the unexplained candidates that share no point with a better one in the result.
 
-        Better candidates come first; see `_is_explained`.
+        They are ordered, the better ones first; `_is_explained` states which arcs explain one.
         """
         free, taken = self._free.nonzero()[0], np.zeros(len(self._free), dtype=bool)
         self._candidates = [c for c in self._candidates if not self._is_explained(c)]

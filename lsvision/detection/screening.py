@@ -1,11 +1,11 @@
 """Accurate screening: which points at the ends of an arc lie on its ellipse (section 3.2.2).
 
 As in the paper, an ellipse is fitted to the middle part of the arc and the points at both ends are
-compared with it. Here the comparison is a posterior probability
-(`lsvision.detection.count_end_points`). It is repeated with the inliers of the other end in the
-fit, so that both ends are treated in the same way and reversing the order of the points does not
-change the result. The arcs of one or more profiles are screened together as a stack: k arcs with up
-to n points each.
+compared with it. Here the comparison is a posterior probability (`lsvision.detection.end_points`).
+It is repeated with the inliers of the other end in the fit, so that both ends are treated in the
+same way and reversing the order of the points does not change the result. The arcs of one or more
+profiles are screened together as a stack: k arcs with up to n points each. A closed section has no
+ends, and keeps all its points (`lsvision.detection.closed_section`).
 """
 
 from collections.abc import Iterator, Sequence
@@ -110,7 +110,8 @@ def screen_arcs(
     -------
     list of ScreenedArc or None
         None where no ellipse fits the middle part, alone or with inliers of the ends. An arc with
-        too few points for screening keeps the inliers of its identification.
+        too few points for screening keeps the inliers of its identification; a closed section has
+        all points around its ellipse.
     """
     screened: list[ScreenedArc | None] = [None] * len(arcs)
     remaining = dict(enumerate(arcs))

@@ -107,7 +107,7 @@ def find_contradicting_tilt(fit: EllipseFit, known: PhiPrior | None) -> TiltOfPo
     if fit.problem.known_phi is None:
         free: _FreeFit | None = _FreeFit(fit.parameters, fit.parameter_covariance)
         max_sigmas = CONTRADICTION_SIGMAS * math.sqrt(fit.correlation.autocorrelation_time)
-    else:
+    else:  # the likelihood ratio decides, instead of the standard deviations
         prior, _ = known.residuals_and_jacobian(fit.parameters)
         free = _fit_contradicting(fit, replace(fit.problem, known_phi=None), float(prior @ prior))
         max_sigmas = 0.0

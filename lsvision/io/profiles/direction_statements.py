@@ -107,7 +107,7 @@ def states_away(lines: Iterable[str]) -> bool:
 def note_unclear_direction(lines: Iterable[str]) -> tuple[str, ...]:
     """Return a note on the first line that may state the direction of heights in other words.
 
-    None if a line states it in words that `states_away` understands.
+    Empty if a line states it in words that `states_away` understands.
 
     Examples
     --------
