@@ -43,8 +43,9 @@ from lsvision.statistics.robust import MAD_TO_STD
 SENSOR_ERROR_SIGMAS = 4.0
 """Counterpart of the paper's sensor error of 0.9 mm: largest distance of an inlier from the
 ellipse, in standard deviations of a point along the normal, times the ratio of the arc's robust
-scatter to the noise, limited to 1 to `PreparedProfile.max_noise_factor`. Screening follows, so that the limit matters little: with 2.8 one pipe
-more of 1350 (750 simulated scenes) is found, with 5.6 the same."""
+scatter to the noise, limited to 1 to `PreparedProfile.max_noise_factor`. Screening follows, so that
+the limit matters little: with 2.8 one pipe more of 1350 (750 simulated scenes) is found, with 5.6
+the same."""
 MAX_GAP_FRACTION = 0.5
 """Longest interruption between two runs of inliers that is bridged, as a fraction of the arc's
 central run; the run beyond it must also be longer than the interruption. Without both conditions,
